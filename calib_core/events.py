@@ -1,0 +1,75 @@
+"""Typed progress events: what a long computation tells whoever watches it.
+
+The same models go over the worker's pipe, to the browser as server-sent events, and to stderr with `--log-json`
+(one JSON object a line). Times in seconds, angles in degrees: these are for people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Stage = Literal["read", "inspect", "planes", "track", "initialise", "associate", "solve", "observability", "deskew", "write"]
+
+
+class _Event(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class StageEvent(_Event):
+    """Progress within a stage. `fraction` is of this stage, 0..1."""
+
+    event: Literal["stage"] = "stage"
+    stage: Stage
+    fraction: float
+    text: str = ""
+
+
+class PlaneResidual(_Event):
+    """Root mean square distance of a plane's points, now."""
+
+    name: str
+    rms_m: float
+    points: int
+
+
+class IterationEvent(_Event):
+    """One accepted step of the joint solve."""
+
+    event: Literal["iteration"] = "iteration"
+    iteration: int
+    round: int
+    cost: float
+    matrix: list[list[float]]
+    translation_m: list[float]
+    euler_xyz_deg: list[float]
+    time_offset_s: float
+    rotation_std_deg: list[float]
+    translation_std_m: list[float]
+    time_offset_std_s: float
+    planes: list[PlaneResidual]
+
+
+class LogEvent(_Event):
+    """A sentence for a person."""
+
+    event: Literal["log"] = "log"
+    level: Literal["info", "warning", "error"]
+    code: str
+    text: str
+
+
+Event = Annotated[StageEvent | IterationEvent | LogEvent, Field(discriminator="event")]
+OnEvent = Callable[[StageEvent | IterationEvent | LogEvent], None]
+ShouldCancel = Callable[[], bool]
+
+
+def ignore_event(event: StageEvent | IterationEvent | LogEvent) -> None:
+    """The listener for callers who do not listen."""
+
+
+def never_cancel() -> bool:
+    """The cancel poll for callers who never cancel."""
+    return False

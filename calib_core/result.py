@@ -1,0 +1,111 @@
+"""The result document, schema unsweep.calibration/1, exactly as other programs read it.
+
+Frames: `T_imu_lidar` takes homogeneous lidar coordinates to IMU coordinates. `time_offset_s` is added to an IMU stamp
+to express it in the lidar clock. Covariance: R_imu_lidar Exp(r) on the right [rad, lidar axes], translation added
+[m, IMU axes], time offset [s], in `covariance_order`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+COVARIANCE_ORDER: tuple[str, ...] = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
+Status = Literal["calibrated", "weak", "refused"]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Message(_Model):
+    code: str
+    level: Literal["info", "warning", "error"]
+    text: str
+
+
+class Transform(_Model):
+    matrix: list[list[float]]
+    translation_m: list[float]
+    quaternion_xyzw: list[float]
+    euler_xyz_deg: list[float]
+
+
+class Uncertainty(_Model):
+    rotation_std_deg: list[float]
+    translation_std_m: list[float]
+    time_offset_std_s: float
+    gravity_std_m_s2: float
+    covariance_order: list[str] = Field(default_factory=lambda: list(COVARIANCE_ORDER))
+    covariance: list[list[float]]
+
+
+class WeakDirection(_Model):
+    label: str | None
+    vector: list[float]
+    std_scaled: float
+    text: str
+
+
+class Observability(_Model):
+    weak_directions: list[WeakDirection] = Field(default_factory=list)
+    advice: list[str] = Field(default_factory=list)
+
+
+class PlaneQuality(_Model):
+    name: str
+    normal: list[float]
+    offset_m: float
+    points: int
+    rms_m: float
+
+
+class Quality(_Model):
+    point_to_plane_rms_m: float
+    points_used: int
+    scans_used: int
+    scans_total: int
+    planes: list[PlaneQuality]
+    iterations: int
+    duration_s: float
+
+
+class RecordingProvenance(_Model):
+    name: str
+    sha256: str
+    duration_s: float
+    lidar_topic: str
+    imu_topic: str
+    lidar_frame_id: str
+    imu_frame_id: str
+
+
+class Provenance(_Model):
+    recording: RecordingProvenance
+    settings: dict[str, object]
+    software: dict[str, str]
+
+
+class CalibrationResult(_Model):
+    """The whole document. Where `status` is refused the answer's fields are None and `messages` has the reasons."""
+
+    schema_: Literal["unsweep.calibration/1"] = Field(default="unsweep.calibration/1", alias="schema")
+    status: Status
+    messages: list[Message]
+    T_imu_lidar: Transform | None
+    time_offset_s: float | None
+    time_offset_ns: int | None
+    gyroscope_bias_rad_s: list[float] | None
+    accelerometer_bias_m_s2: list[float] | None
+    gravity_m_s2: float | None
+    uncertainty: Uncertainty | None
+    observability: Observability
+    quality: Quality
+    provenance: Provenance
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+
+    def to_json(self) -> str:
+        """The document as indented JSON text, ending in a newline."""
+        return self.model_dump_json(by_alias=True, indent=2) + "\n"

@@ -1,0 +1,73 @@
+"""Every choice of a calibration, grouped by stage, frozen, with units in the names. Unknown keys are refused."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ReadSettings(_Settings):
+    """How the recording is read. None means: detect, and say what was detected with its evidence."""
+
+    lidar_topic: str | None = None
+    imu_topic: str | None = None
+    start_s: float | None = Field(default=None, description="seconds after the recording's start")
+    end_s: float | None = None
+    point_time_field: str | None = None
+    point_time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    point_time_reference: Literal["header-first", "header-last", "absolute"] | None = None
+    synthesise_point_time: bool = False
+    accelerometer_unit: Literal["m_s2", "g"] | None = None
+    gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
+    stamps: Literal["header", "receive"] = "header"
+    range_min_m: float = 0.3
+    range_max_m: float = 200.0
+
+
+class ImuNoise(_Settings):
+    """Continuous-time noise densities; the keys of the contract's noise file."""
+
+    gyroscope_noise_density_rad_s_sqrt_hz: float = Field(gt=0)
+    accelerometer_noise_density_m_s2_sqrt_hz: float = Field(gt=0)
+    gyroscope_random_walk: float = Field(default=1e-5, ge=0)
+    accelerometer_random_walk: float = Field(default=1e-4, ge=0)
+    range_std_m: float | None = Field(default=None, gt=0)
+
+
+class Gravity(_Settings):
+    """Gravity's magnitude: a prior mean and standard deviation; std 0 fixes it."""
+
+    magnitude_m_s2: float = 9.807
+    std_m_s2: float = Field(default=0.02, ge=0)
+
+
+class Prior(_Settings):
+    """A prior on one axis of the calibration, in the contract's covariance order and units (rad, m, s).
+
+    Rotation axes (rx ry rz) are small turns about the lidar's axes away from the initial guess's rotation.
+    """
+
+    axis: Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+    value: float
+    std: float = Field(gt=0)
+
+
+class CalibrateSettings(_Settings):
+    """How the calibration is solved."""
+
+    method: Literal["full", "paper"] = "full"
+    points_per_plane_per_scan: int | None = Field(default=None, gt=0, description="None: all points")
+    field_of_view_deg: float | None = Field(default=None, gt=0, le=180, description="keep azimuth within +-A; None: all")
+    gravity: Gravity = Gravity()
+    imu_noise: ImuNoise | str | None = Field(default=None, description="a preset's name, or densities; None: measured")
+    estimate_time_offset: bool = True
+    estimate_planes: bool = True
+    bias_model: Literal["constant", "random-walk"] = "random-walk"
+    priors: tuple[Prior, ...] = ()
+    random_seed: int = 0
+    max_rounds: int = Field(default=12, gt=0)

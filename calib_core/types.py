@@ -1,0 +1,174 @@
+"""Records that travel through the estimator: what one recording is made of, in the order it is read.
+
+Frames, signs and units are those of CONVENTIONS.md. Stamps are integer nanoseconds; float seconds appear after
+one subtraction (`relative_s`) of the recording's own epoch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+#: One valid lidar return. `xyz` metres in the lidar frame; `offset_ns` after the scan's `stamp_ns` (>= 0).
+POINT_DTYPE = np.dtype(
+    [("xyz", "<f4", (3,)), ("intensity", "<f4"), ("offset_ns", "<i4"), ("ring", "<u2"), ("reserved", "<u2")]
+)
+PointArray = NDArray[np.void]
+
+Level = Literal["info", "warning", "error"]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """One number behind a finding."""
+
+    name: str
+    value: float | int | str
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something detected about a recording: what, how sure, what follows, how to override it.
+
+    code: stable and dotted, e.g. "points.time_field".   confidence: 0..1.
+    override: the `calibrate` flag that replaces the detection, e.g. "--point-time-unit ns"; "" if none.
+    """
+
+    code: str
+    level: Level
+    text: str
+    evidence: tuple[Evidence, ...] = ()
+    confidence: float = 1.0
+    consequence: str = ""
+    override: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ImuData:
+    """Readings of one IMU in SI units, sorted by stamp, duplicates removed.
+
+    stamps_ns: (Q,) int64, IMU clock.   gyro_rad_s, accel_m_s2: (Q, 3), IMU frame; specific force, +g up at rest.
+    """
+
+    stamps_ns: IntArray
+    gyro_rad_s: FloatArray
+    accel_m_s2: FloatArray
+    topic: str = ""
+    frame_id: str = ""
+
+    def __post_init__(self) -> None:
+        n = self.stamps_ns.shape[0]
+        if self.gyro_rad_s.shape != (n, 3) or self.accel_m_s2.shape != (n, 3):
+            raise ValueError(f"IMU arrays disagree: {n} stamps, {self.gyro_rad_s.shape}, {self.accel_m_s2.shape}")
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """One sweep: only valid returns, each with its own time.
+
+    index: the message's place in its topic.   stamp_ns: time of the first point, lidar clock.
+    points: (N,) POINT_DTYPE.
+    """
+
+    index: int
+    stamp_ns: int
+    points: PointArray
+
+
+@dataclass(frozen=True, slots=True)
+class LidarInfo:
+    """What is known of the lidar. `model` is a preset's name or "" where the sensor was not identified."""
+
+    topic: str = ""
+    frame_id: str = ""
+    layout: str = ""
+    model: str = ""
+    period_s: float = 0.1
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One lidar and one IMU over one time span, decoded.
+
+    scans: any sequence (a list, or one backed by a file on disk).
+    coarse_offset_ns: seconds-scale guess of the contract's time offset from receive times where the two header clocks
+    have different epochs; 0 where they share one. To be ADDED to IMU stamps to express them in the lidar clock.
+    """
+
+    name: str
+    imu: ImuData
+    scans: Sequence[Scan]
+    lidar: LidarInfo = field(default_factory=LidarInfo)
+    sha256: str = ""
+    duration_s: float = 0.0
+    coarse_offset_ns: int = 0
+    scans_total: int = 0
+    findings: tuple[Finding, ...] = ()
+    imu_model: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """A plane n . x + w = 0 in the map frame. normal: (3,) unit."""
+
+    name: str
+    normal: FloatArray
+    offset_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlanePatch:
+    """A detected plane with what a person needs to judge it.
+
+    outline_m: (K, 3) corners of its seen extent, map frame, in order.   rms_m: of its points' distances.
+    n_points: inliers.   confirmed: part of the set that the solve will use.
+    """
+
+    plane: Plane
+    outline_m: FloatArray
+    n_points: int
+    rms_m: float
+    area_m2: float
+    confirmed: bool = True
+
+
+@dataclass(frozen=True)
+class PlaneProposals:
+    """Planes detected in the reference cloud, and that cloud.
+
+    cloud_m: (N, 3) float32, map frame.   cloud_patch: (N,) int16, index into patches, -1 for none.
+    cloud_intensity: (N,) float32.   reference_scans: the scans (positions in Recording.scans) merged into the cloud;
+    the map frame is the lidar frame at the first of them, and the platform stood still during all of them where `static`.
+    """
+
+    patches: tuple[PlanePatch, ...]
+    cloud_m: Float32Array
+    cloud_patch: NDArray[np.int16]
+    cloud_intensity: Float32Array
+    reference_scans: tuple[int, ...]
+    static: bool
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The solved motion, dense enough to interpolate (constant twist between knots).
+
+    epoch_ns: subtracted from lidar stamps to get times_s.   times_s: (K,) lidar clock.
+    R_map_lidar: (K, 3, 3), p_map_lidar: (K, 3) [m].   valid: (K,) False where nothing supports the pose (bridged gap).
+    """
+
+    epoch_ns: int
+    times_s: FloatArray
+    R_map_lidar: FloatArray
+    p_map_lidar: FloatArray
+    valid: BoolArray
