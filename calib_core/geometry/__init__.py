@@ -1,0 +1,13 @@
+"""Rotations and rigid transforms; knows NumPy only."""
+
+from calib_core.geometry.so3 import (
+    exp,
+    hat,
+    log,
+    mean_rotation,
+    nearest_rotation,
+    right_jacobian,
+    right_jacobian_inverse,
+)
+
+__all__ = ["exp", "hat", "log", "mean_rotation", "nearest_rotation", "right_jacobian", "right_jacobian_inverse"]
