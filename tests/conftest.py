@@ -1,0 +1,33 @@
+"""What every test shares: one numerical thread, real recordings where the machine has them, browser tests in a row."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+# Before NumPy is first imported: parallel test processes with several threads each only slow one another down.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
+ROOT = Path(__file__).resolve().parent.parent
+END_TO_END = Path(__file__).resolve().parent / "e2e"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the browser tests first and on one worker: they are the longest chain, and browsers disturb each other."""
+    for item in items:
+        if END_TO_END in item.path.parents:
+            item.add_marker(pytest.mark.e2e)
+            item.add_marker(pytest.mark.xdist_group("browser"))
+    items.sort(key=lambda item: END_TO_END not in item.path.parents)
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Folder of recordings of real sensors: UNSWEEP_REAL_DATA, or ../shared/data beside the repository."""
+    folder = Path(os.environ.get("UNSWEEP_REAL_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no recordings of real sensors at {folder}; set UNSWEEP_REAL_DATA")
+    return folder
