@@ -61,7 +61,7 @@ def install(packages):
     sys.stderr.flush()
     steps = (
         ["apt-get", "-qq", "update"],
-        ["apt-get", "-qq", "-y", "-o", "Dpkg::Use-Pty=0", "install", "--no-install-recommends"] + packages,
+        ["apt-get", "-qq", "-y", "-o", "Dpkg::Use-Pty=0", "install", "--no-install-recommends", *packages],
     )
     # The update may fail on one broken source while the packages are still to be had: only the install decides.
     return [subprocess.call(step, env=environment, stdout=sys.stderr) for step in steps][-1] == 0
