@@ -159,6 +159,18 @@ class PlaneProposals:
     static: bool
 
 
+@dataclass(frozen=True, slots=True)
+class InitialGuess:
+    """Where a solve starts; what is left out (None) is found from the recording.
+
+    R_imu_lidar: (3, 3).   p_imu_lidar: (3,) [m].   time_offset_ns: added to IMU stamps, exact across clock epochs.
+    """
+
+    R_imu_lidar: FloatArray | None = None
+    p_imu_lidar: FloatArray | None = None
+    time_offset_ns: int | None = None
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """The solved motion, dense enough to interpolate (constant twist between knots).
