@@ -1,0 +1,48 @@
+"""Results of solves: the document, other programs' formats, wall thickness, a report to print, and the history."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+from fastapi.responses import HTMLResponse, PlainTextResponse
+
+from app.deps import JobDep, RecordingDep, ServicesDep
+from app.schemas.results import Runs, Thickness
+from calib_core.result import CalibrationResult
+
+router = APIRouter(prefix="/api", tags=["results"])
+
+
+@router.get("/results/{job_id}")
+def read_result(services: ServicesDep, job: JobDep) -> CalibrationResult:
+    """The result document, schema unsweep.calibration/1. 409 until the job is done."""
+    return services.results.document(job)
+
+
+@router.get("/results/{job_id}/download")
+def download_result(services: ServicesDep, job: JobDep) -> Response:
+    """The result document as a file, byte for byte what `unsweep calibrate --output` writes."""
+    return services.results.download(job)
+
+
+@router.get("/results/{job_id}/export/{format_name}", response_class=PlainTextResponse)
+def export_result(services: ServicesDep, job: JobDep, format_name: str) -> str:
+    """The same extrinsic as another program wants it; names as in GET /api/info."""
+    return services.results.export(job, format_name)
+
+
+@router.get("/results/{job_id}/thickness")
+def read_thickness(services: ServicesDep, job: JobDep) -> Thickness:
+    """Wall thickness per plane before and after. 409 where the job gave no answer."""
+    return services.results.thickness(job)
+
+
+@router.get("/results/{job_id}/report", response_class=HTMLResponse)
+def read_report(services: ServicesDep, job: JobDep) -> str:
+    """The result as one self-contained page for people, to keep or print."""
+    return services.results.report_page(job)
+
+
+@router.get("/recordings/{recording_id}/runs")
+def list_runs(services: ServicesDep, recording: RecordingDep) -> Runs:
+    """All solves of this recording, newest first, and how their answers differ from the latest."""
+    return services.results.runs(recording.id)

@@ -1,0 +1,18 @@
+"""Resumable uploads by the tus protocol, for browsers. An upload's id is its recording's id."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from app.deps import RecordingDep
+from app.schemas.recordings import UploadTarget
+
+router = APIRouter(prefix="/api/uploads", tags=["uploads"])
+
+
+@router.get("/{recording_id}/recording")
+def read_upload_target(recording: RecordingDep) -> UploadTarget:
+    """Which recording an upload becomes (the last part of its tus address), and how much has arrived."""
+    return UploadTarget(
+        recording_id=recording.id, state=recording.state, received_bytes=recording.received_bytes
+    )

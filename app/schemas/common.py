@@ -1,0 +1,38 @@
+"""What every wire model shares: the strict base, the one error body, and times."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class WireModel(BaseModel):
+    """Base of everything that crosses HTTP. Unknown keys are refused: a misspelt option must not be ignored."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+#: Names of recordings, jobs and uploads: 128 random bits in hexadecimal, never anything a user typed.
+RecordId = Annotated[str, Field(pattern="^[0-9a-f]{32}$", examples=["5f0c6c9be0b24d9f8c1be9ad0a2f1f0e"])]
+
+
+class ErrorDetails(WireModel):
+    """What a program may want to know beyond the sentence; every field is present, unused ones are empty."""
+
+    candidates: list[str] = Field(default_factory=list, description="what could have been meant, e.g. topics that fit")
+    fields: list[str] = Field(default_factory=list, description="the request's fields at fault, as dotted paths")
+
+
+class ErrorFacts(WireModel):
+    """A stable dotted code and one sentence for a person."""
+
+    code: str = Field(examples=["recording.not_found"])
+    text: str = Field(examples=["No recording has the id 5f0c...; open the list of recordings and pick one."])
+    details: ErrorDetails | None = None
+
+
+class ErrorBody(WireModel):
+    """The body of every answer whose status is 400 or above."""
+
+    error: ErrorFacts

@@ -1,0 +1,120 @@
+"""Planes of a recording on the wire, and the operations that edit them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from app.schemas.common import WireModel
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+PatchIndex = Annotated[int, Field(ge=0, description="position in the list of patches at `expected_revision`")]
+
+
+class Patch(WireModel):
+    """A detected plane, map frame: n . x + offset_m = 0."""
+
+    index: int
+    name: str
+    normal: Vector
+    offset_m: float
+    area_m2: float
+    n_points: int
+    rms_m: float
+    tilt_deg: float = Field(description="angle between the normal and the map's z axis, 0..90")
+    confirmed: bool
+    color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
+
+
+class Determinacy(WireModel):
+    """Whether the confirmed planes fix all three directions of space."""
+
+    ok: bool
+    text: str
+    smallest_eigenvalue: float = Field(
+        description="of the mean of n n^T over distinct confirmed directions: 1/3 is best, 0 leaves a direction free"
+    )
+
+
+class Planes(WireModel):
+    """The recording's planes as every browser sees them."""
+
+    patches: list[Patch]
+    determinacy: Determinacy
+    static: bool
+    can_undo: bool
+    can_redo: bool
+    revision: int
+
+
+class _Operation(WireModel):
+    expected_revision: int | None = Field(
+        default=None, description="refuse with 409 if the planes have changed since; None: apply to whatever is there"
+    )
+
+
+class Confirm(_Operation):
+    """Use the patch in the solve."""
+
+    op: Literal["confirm"]
+    index: PatchIndex
+
+
+class Drop(_Operation):
+    """Do not use the patch."""
+
+    op: Literal["drop"]
+    index: PatchIndex
+
+
+class Toggle(_Operation):
+    """Confirm the patch if it was dropped, drop it otherwise."""
+
+    op: Literal["toggle"]
+    index: PatchIndex
+
+
+class Rename(_Operation):
+    """Give the patch a name no other has."""
+
+    op: Literal["rename"]
+    index: PatchIndex
+    name: str = Field(min_length=1, max_length=60)
+
+
+class Merge(_Operation):
+    """One patch out of two or more that lie in one plane; it takes the first one's place and name."""
+
+    op: Literal["merge"]
+    indices: list[PatchIndex] = Field(min_length=2)
+
+
+class Grow(_Operation):
+    """A new, confirmed patch around a point of the cloud."""
+
+    op: Literal["grow"]
+    seed_m: Vector = Field(description="map frame, metres")
+
+
+class UseSuggestion(_Operation):
+    """Back to the planes as detected."""
+
+    op: Literal["use-suggestion"]
+
+
+class Undo(_Operation):
+    """Take back the last change."""
+
+    op: Literal["undo"]
+
+
+class Redo(_Operation):
+    """Make the change again that was taken back."""
+
+    op: Literal["redo"]
+
+
+Operation = Annotated[
+    Confirm | Drop | Toggle | Rename | Merge | Grow | UseSuggestion | Undo | Redo, Field(discriminator="op")
+]

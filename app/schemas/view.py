@@ -1,0 +1,111 @@
+"""What the 3D scene of a recording shows, shared by all browsers that look at it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from app.schemas.common import RecordId, WireModel
+from app.schemas.jobs import Job
+
+Mode = Literal["planes", "solve", "inspect"]
+Show = Literal["raw", "deskewed", "both", "map"]
+ColorBy = Literal["plane", "time", "residual", "intensity"]
+Click = Literal["toggle", "grow"]
+
+
+class Nudge(WireModel):
+    """A deliberate error of the answer: turn about the lidar's axes, shift along the IMU's axes, shift of the clock."""
+
+    rx_deg: float = Field(default=0.0, ge=-30, le=30)
+    ry_deg: float = Field(default=0.0, ge=-30, le=30)
+    rz_deg: float = Field(default=0.0, ge=-30, le=30)
+    tx_m: float = Field(default=0.0, ge=-2, le=2)
+    ty_m: float = Field(default=0.0, ge=-2, le=2)
+    tz_m: float = Field(default=0.0, ge=-2, le=2)
+    dt_s: float = Field(default=0.0, ge=-0.5, le=0.5)
+
+
+class ViewState(WireModel):
+    """The wish: what to show. Survives restarts."""
+
+    mode: Mode = "planes"
+    job_id: RecordId | None = Field(default=None, description="whose result; None: the latest that has one")
+    scan: int = Field(default=0, ge=0, description="position among the recording's scans")
+    show: Show = "deskewed"
+    color_by: ColorBy = "plane"
+    nudge: Nudge | None = None
+    click: Click = Field(default="toggle", description="what a click on the canvas does in mode planes")
+    dark: bool = False
+
+
+class ChangeView(WireModel):
+    """Fields left out stay as they are; `nudge: null` takes the nudge away."""
+
+    mode: Mode = "planes"
+    job_id: RecordId | None = None
+    scan: int = Field(default=0, ge=0)
+    show: Show = "deskewed"
+    color_by: ColorBy = "plane"
+    nudge: Nudge | None = None
+    click: Click = "toggle"
+    dark: bool = False
+
+
+class WallBlur(WireModel):
+    """Root mean square distance of the same points to their planes: the answer as solved, and nudged."""
+
+    solved_rms_m: float
+    nudged_rms_m: float
+
+
+class View(ViewState):
+    """What is shown: the wish, within what there is."""
+
+    scene_url: str
+    n_scans: int = Field(description="0 until the recording has been read")
+    scan_t_s: float | None = Field(description="the shown scan's time after the first scan")
+    points_shown: int
+    legend: str = Field(description="what the colours mean, with units")
+    blur: WallBlur | None = Field(default=None, description="the cost of being wrong; only with a nudge")
+    note: str = Field(default="", description="why the scene is empty or shows something else than asked; '' if not")
+
+
+class PlanesChanged(WireModel):
+    """Fetch the planes again."""
+
+    event: Literal["planes-changed"] = "planes-changed"
+    revision: int
+
+
+class JobChanged(WireModel):
+    """A job of this recording entered a state."""
+
+    event: Literal["job-changed"] = "job-changed"
+    job: Job
+
+
+class ViewChanged(WireModel):
+    """Somebody changed what the scene shows."""
+
+    event: Literal["view-changed"] = "view-changed"
+    view: View
+
+
+class RecordingChanged(WireModel):
+    """Fetch the recording again; `deleted` when there is nothing left to fetch."""
+
+    event: Literal["recording-changed"] = "recording-changed"
+    deleted: bool = False
+
+
+class Resync(WireModel):
+    """Messages were missed (a restart, a long pause): fetch everything again."""
+
+    event: Literal["resync"] = "resync"
+
+
+RecordingMessage = Annotated[
+    PlanesChanged | JobChanged | ViewChanged | RecordingChanged | Resync, Field(discriminator="event")
+]

@@ -1,0 +1,52 @@
+"""Settings of the server, from the command line or from environment variables named UNSWEEP_..."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from pathlib import Path
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+GIB = 1024**3
+
+
+def default_data_dir() -> Path:
+    """The folder for records and files where none is named: the user's own data folder."""
+    base = os.environ.get("XDG_DATA_HOME")
+    return (Path(base) if base else Path.home() / ".local" / "share") / "unsweep"
+
+
+class AppSettings(BaseSettings):
+    """Every choice of the server, frozen, with units in the names."""
+
+    model_config = SettingsConfigDict(env_prefix="UNSWEEP_", frozen=True, extra="forbid")
+
+    host: str = Field(default="127.0.0.1", description="address to listen on; any but loopback needs a token")
+    port: int = Field(default=8080, ge=0, le=65535, description="port to listen on; 0: any free one")
+    data_dir: Path = Field(default_factory=default_data_dir, description="records, uploads, caches and results")
+    recordings_dir: Path | None = Field(default=None, description="the server's own recordings, opened in place")
+    token: str | None = Field(default=None, min_length=8, description="what every request must show; None: loopback only")
+    database_url: str | None = Field(default=None, description="SQLAlchemy URL; None: SQLite in the data directory")
+    allowed_origins: tuple[str, ...] = Field(
+        default=(), description="origins accepted besides the server's own, e.g. https://calib.example.org behind a proxy"
+    )
+    max_upload_bytes: int = Field(default=64 * GIB, gt=0, description="the largest recording accepted")
+    min_free_bytes: int = Field(default=GIB, ge=0, description="disk space that must stay free after an upload")
+    max_body_bytes: int = Field(default=2**20, gt=0, description="the largest body of any other request")
+    concurrent_jobs: int = Field(default=2, ge=1, description="jobs that run at once; more are queued")
+    cancel_grace_s: float = Field(default=2.0, ge=0, description="time a cancelled job has before it is terminated")
+    max_scenes: int = Field(default=16, ge=1, description="3D scenes open at once; the longest unused one closes")
+    scene_idle_s: float = Field(default=900.0, gt=0, description="a scene nobody looks at closes after this time")
+    displayed_points: int = Field(default=60_000, ge=1000, description="points of a cloud sent to the browser")
+    upload_expiry_days: int = Field(default=5, ge=1, description="an upload that does not go on is removed after this")
+
+    def is_loopback(self) -> bool:
+        """Whether only programs on this machine can connect."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
