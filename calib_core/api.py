@@ -1,0 +1,187 @@
+"""The library's entry points: what the command line and the web application call, and what a script may.
+
+    recording = api.load(Path("room.bag"))
+    calibration = api.calibrate(recording)
+    calibration.result.status, calibration.result.T_imu_lidar
+    text = api.export(calibration.result, "fast-lio")
+
+Each function imports what it needs when it is called: SciPy and Open3D take their time, and `unsweep --help` needs
+neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calib_core.documents import read_imu_noise, read_initial_guess, read_planes, read_result
+from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.result import CalibrationResult
+from calib_core.settings import CalibrateSettings, ReadSettings
+from calib_core.types import (
+    Float32Array,
+    FloatArray,
+    InitialGuess,
+    Plane,
+    PlanePatch,
+    PlaneProposals,
+    Recording,
+    Scan,
+    Trajectory,
+)
+
+if TYPE_CHECKING:
+    from calib_core.pipeline.calibrate import Calibration
+    from calib_core.pipeline.doctor import DoctorReport
+    from calib_core.simulate import Mounting
+
+__all__ = [
+    "calibrate",
+    "deskew_points",
+    "export",
+    "export_names",
+    "grow_plane",
+    "inspect",
+    "load",
+    "map_points",
+    "propose_planes",
+    "read_imu_noise",
+    "read_initial_guess",
+    "read_planes",
+    "read_result",
+    "scenarios",
+    "simulate",
+]
+
+
+def inspect(
+    path: Path,
+    settings: ReadSettings | None = None,
+    *,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> DoctorReport:
+    """Everything needed to know whether the recording at `path` can be calibrated, with a verdict."""
+    from calib_core.pipeline import doctor
+
+    return doctor.inspect(path, settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
+
+
+def load(
+    path: Path,
+    settings: ReadSettings | None = None,
+    *,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> Recording:
+    """The lidar and the IMU of the recording at `path`, decoded, in SI units, each point with its own time."""
+    from calib_core import readers
+
+    return readers.load(path, settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
+
+
+def propose_planes(
+    recording: Recording,
+    settings: CalibrateSettings | None = None,
+    *,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> PlaneProposals:
+    """The planes seen while the platform stood still, as patches in the map frame, with the cloud they are in."""
+    from calib_core.pipeline import propose
+
+    return propose.propose_planes(
+        recording, settings or CalibrateSettings(), on_event=on_event, should_cancel=should_cancel
+    )
+
+
+def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | None:
+    """The plane around a point of the cloud; None where there is none.   seed_m: (3,), map frame."""
+    from calib_core.pipeline import propose
+
+    return propose.grow_plane(proposals, seed_m)
+
+
+def calibrate(
+    recording: Recording,
+    settings: CalibrateSettings | None = None,
+    *,
+    planes: Sequence[Plane] | None = None,
+    initial_guess: InitialGuess | None = None,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> Calibration:
+    """The answer and, unless it was refused, the motion. Without `planes` and `initial_guess` both are found."""
+    from calib_core.pipeline import calibrate as pipeline
+
+    return pipeline.calibrate(
+        recording,
+        settings or CalibrateSettings(),
+        planes=planes,
+        initial_guess=initial_guess,
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+
+
+def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
+    """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
+    from calib_core.pipeline import deskew
+
+    return deskew.deskew_points(scan, trajectory)
+
+
+def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
+    """(N, 3) [m]: the scan's points in the map frame."""
+    from calib_core.pipeline import deskew
+
+    return deskew.map_points(scan, trajectory)
+
+
+def export(result: CalibrationResult, name: str) -> str:
+    """The extrinsic as the program called `name` wants it: text of one of its own files or command lines."""
+    from calib_core import exporters
+
+    return exporters.export(result, name)
+
+
+def export_names() -> tuple[str, ...]:
+    """The names that `export` knows."""
+    from calib_core import exporters
+
+    return exporters.NAMES
+
+
+def scenarios() -> dict[str, str]:
+    """What `simulate` can make: slug and one sentence of each scenario."""
+    from calib_core import simulate as simulator
+
+    return {slug: scenario.text for slug, scenario in simulator.SCENARIOS.items()}
+
+
+def simulate(
+    scenario: str,
+    out: Path,
+    *,
+    seed: int = 0,
+    mounting: Mounting | None = None,
+    time_offset_s: float | None = None,
+    duration_s: float | None = None,
+    noise: bool = True,
+) -> Path:
+    """Write a recording with known truth to `out`; the path of the truth beside it.
+
+    mounting, time_offset_s, duration_s: None for the scenario's own.
+    """
+    from calib_core import simulate as simulator
+
+    return simulator.simulate(
+        scenario,
+        out,
+        seed=seed,
+        mounting=mounting,
+        time_offset_s=time_offset_s,
+        duration_s=duration_s,
+        noise=noise,
+    )

@@ -1,0 +1,150 @@
+"""The contract's small files: results, planes, initial guesses and noise, read and checked.
+
+Each reader says in one sentence what it expected, what it found and in which file; nothing is repaired in silence.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from calib_core.errors import SettingsError
+from calib_core.result import CalibrationResult
+from calib_core.settings import ImuNoise
+from calib_core.types import FloatArray, InitialGuess, Plane
+
+#: A rotation typed to three digits is still meant as a rotation; more than this is a mistake.
+ROTATION_TOLERANCE = 1e-2
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+class _PlaneEntry(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    name: str
+    normal: list[float] = Field(min_length=3, max_length=3)
+    offset_m: float
+
+
+class _PlanesFile(BaseModel):
+    schema_: Literal["unsweep.planes/1"] = Field(alias="schema")
+    planes: list[_PlaneEntry] = Field(min_length=1)
+
+
+class _GuessTransform(BaseModel):
+    """Any subset of the result's four forms; the matrix comes first, then quaternion, then Euler angles."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    matrix: list[list[float]] | None = None
+    translation_m: list[float] | None = Field(default=None, min_length=3, max_length=3)
+    quaternion_xyzw: list[float] | None = Field(default=None, min_length=4, max_length=4)
+    euler_xyz_deg: list[float] | None = Field(default=None, min_length=3, max_length=3)
+
+
+class _GuessFile(BaseModel):
+    """A result document serves as it is: other keys are ignored."""
+
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    T_imu_lidar: _GuessTransform | None = None
+    time_offset_s: float | None = None
+    time_offset_ns: int | None = None
+
+
+def read_result(path: Path) -> CalibrationResult:
+    """The result document in `path`."""
+    return _read(path, CalibrationResult, "a result of `unsweep calibrate` (schema unsweep.calibration/1)")
+
+
+def read_planes(path: Path) -> tuple[Plane, ...]:
+    """The planes in `path`, map frame, normals made unit length."""
+    entries = _read(path, _PlanesFile, 'planes ({"schema": "unsweep.planes/1", "planes": [...]})').planes
+    return tuple(_plane(entry, path) for entry in entries)
+
+
+def read_imu_noise(path: Path) -> ImuNoise:
+    """The noise densities in `path`."""
+    return _read(path, ImuNoise, "noise densities (gyroscope_noise_density_rad_s_sqrt_hz and the others)")
+
+
+def read_initial_guess(path: Path) -> InitialGuess:
+    """The start values in `path`: any subset of a result's `T_imu_lidar` and `time_offset_s`."""
+    expected = "an initial guess (any of T_imu_lidar and time_offset_s, as in a result)"
+    guess = _read(path, _GuessFile, expected)
+    offset_ns = guess.time_offset_ns
+    if offset_ns is None and guess.time_offset_s is not None:
+        offset_ns = round(guess.time_offset_s * 1e9)
+    transform = guess.T_imu_lidar or _GuessTransform()
+    rotation, translation = _rotation(transform, path), _translation(transform, path)
+    if rotation is None and translation is None and offset_ns is None:
+        raise SettingsError(f"Expected {expected} in {path}, but it holds neither; add one, or leave the file out.")
+    return InitialGuess(R_imu_lidar=rotation, p_imu_lidar=translation, time_offset_ns=offset_ns)
+
+
+def _read(path: Path, model: type[_Model], expected: str) -> _Model:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
+        raise SettingsError(f"Expected {expected} in {path}, but it cannot be read ({reason}); check the name.") from error
+    try:
+        return model.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise SettingsError(
+            f"Expected {expected} in {path}, but at {where}: {first['msg']}; correct the file."
+        ) from error
+
+
+def _plane(entry: _PlaneEntry, path: Path) -> Plane:
+    normal = np.array(entry.normal, dtype=np.float64)
+    length = float(np.linalg.norm(normal))
+    if not np.isfinite(length) or abs(length - 1.0) > ROTATION_TOLERANCE:
+        raise SettingsError(
+            f"Expected a unit normal for plane {entry.name} in {path}, but its length is {length:.4g}; correct the file."
+        )
+    return Plane(name=entry.name, normal=normal / length, offset_m=entry.offset_m / length)
+
+
+def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:
+    from scipy.spatial.transform import Rotation
+
+    if transform.matrix is not None:
+        return _nearest_rotation(_matrix(transform.matrix, path)[:3, :3], path)
+    if transform.quaternion_xyzw is not None:
+        quat_xyzw = np.array(transform.quaternion_xyzw)
+        if not abs(float(np.linalg.norm(quat_xyzw)) - 1.0) < ROTATION_TOLERANCE:
+            raise SettingsError(f"Expected a unit quaternion in {path}, but found {transform.quaternion_xyzw}; correct it.")
+        return np.asarray(Rotation.from_quat(quat_xyzw).as_matrix(), dtype=np.float64)
+    if transform.euler_xyz_deg is not None:
+        return np.asarray(Rotation.from_euler("xyz", transform.euler_xyz_deg, degrees=True).as_matrix(), dtype=np.float64)
+    return None
+
+
+def _translation(transform: _GuessTransform, path: Path) -> FloatArray | None:
+    if transform.matrix is not None:
+        return _matrix(transform.matrix, path)[:3, 3].copy()
+    if transform.translation_m is not None:
+        return np.array(transform.translation_m, dtype=np.float64)
+    return None
+
+
+def _matrix(rows: list[list[float]], path: Path) -> FloatArray:
+    if len(rows) != 4 or any(len(row) != 4 for row in rows) or rows[3] != [0, 0, 0, 1]:
+        raise SettingsError(f"Expected 4 rows of 4 numbers, the last 0 0 0 1, as T_imu_lidar in {path}; correct the matrix.")
+    return np.array(rows, dtype=np.float64)
+
+
+def _nearest_rotation(matrix: FloatArray, path: Path) -> FloatArray:
+    """The rotation nearest to a matrix that is one up to the digits it was written with."""
+    left, _, right = np.linalg.svd(matrix)
+    rotation: FloatArray = left @ right
+    if np.linalg.det(rotation) < 0 or np.abs(rotation - matrix).max() > ROTATION_TOLERANCE:
+        raise SettingsError(
+            f"Expected a rotation in T_imu_lidar in {path}, but its columns are not orthonormal and right-handed; "
+            "correct the matrix."
+        )
+    return rotation
