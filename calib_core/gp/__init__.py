@@ -1,4 +1,4 @@
-"""Gaussian-process regression over time: kernels, posterior in windows, training, noise level. Knows nothing of IMUs."""
+"""Gaussian-process regression over time: kernels, posterior in windows, training, noise level. No IMU in here."""
 
 from calib_core.gp.kernels import Smoothness
 from calib_core.gp.noise import high_frequency_noise

@@ -1,9 +1,9 @@
 """White-noise level of sampled signals, from what no smooth motion can explain.
 
-The k-th divided difference over k + 1 consecutive stamps, sum_j c_j y_j with c_j = 1 / prod_{i != j} (t_j - t_i), is zero for
-every polynomial below degree k whatever the spacing. Scaled to unit length of c it has exactly the readings' standard
-deviation if they are white. A sine of frequency f sampled at interval h passes with gain (2 sin(pi f h))^k / |binomials|:
-k = 6, f = 3 Hz, h = 10 ms gives 1.4e-6.
+The k-th divided difference over k + 1 consecutive stamps, sum_j c_j y_j with c_j = 1 / prod_{i != j} (t_j - t_i), is
+zero for every polynomial below degree k whatever the spacing. Scaled to unit length of c it has exactly the readings'
+standard deviation if they are white. A sine of frequency f sampled at interval h passes with the gain
+(2 sin(pi f h))^k / |binomials|: k = 6, f = 3 Hz, h = 10 ms gives 1.4e-6.
 """
 
 from __future__ import annotations
@@ -38,4 +38,5 @@ def high_frequency_noise(stamps_s: FloatArray, values: FloatArray) -> FloatArray
     coefficients = 1.0 / np.prod(gaps, axis=2)
     coefficients /= np.linalg.norm(coefficients, axis=1, keepdims=True)
     differences = np.einsum("nk,nkc->nc", coefficients, values[stack[kept]])
-    return _MAD_TO_STD * np.median(np.abs(differences), axis=0)
+    typical: FloatArray = np.median(np.abs(differences), axis=0)
+    return _MAD_TO_STD * typical

@@ -5,7 +5,7 @@ K = signal_std^2 rho(t, t) + noise_std^2 I and k the covariances of a query with
 
     mu    = 1' K^-1 y / 1' K^-1 1               the constant mean of maximum likelihood
     mean  = mu + k' K^-1 (y - mu 1)
-    var   = signal_std^2 - k' K^-1 k            of f, not of a new reading; mu's own uncertainty is left out, as is usual
+    var   = signal_std^2 - k' K^-1 k            of f, not of a new reading; mu's own uncertainty is left out
 
 A Matern process forgets: a sample a dozen samples away adds nothing that the nearer ones have not told. So queries are
 split into blocks of `block` samples and each block is conditioned on its samples and `margin` more either side. At the
@@ -29,13 +29,13 @@ from calib_core.types import FloatArray, IntArray
 
 #: Smallest noise variance, relative to the signal's, that a Cholesky factor of a window survives in double precision.
 NOISE_FLOOR = 1e-12
-#: Windows solved at once: bounds memory to some tens of megabytes.
-_WINDOWS_AT_ONCE = 256
+#: Windows solved at once: bounds memory to a few megabytes.
+_WINDOWS_AT_ONCE = 64
 
 
 @dataclass(frozen=True, slots=True)
 class Hyper:
-    """What a GP assumes of each channel. All (C,) or (): length scale [s], signal and noise deviations [channel's unit]."""
+    """What a GP assumes of each channel. Each (C,) or (): length scale [s], standard deviations."""
 
     length_scale_s: FloatArray
     signal_std: FloatArray
@@ -48,7 +48,7 @@ def windowed_posterior(
 ) -> tuple[FloatArray, FloatArray]:
     """Posterior mean and variance of every channel at every query.
 
-    stamps_s: (Q,) increasing.   values: (Q, C).   query_s: (N,) any order; outside the samples it falls back to the mean.
+    stamps_s: (Q,) increasing.   values: (Q, C).   query_s: (N,) any order; far outside the samples: the mean.
     margin, block: samples; see the module's derivation.   Returns mean (N, C), var (N, C) of the noise-free signal.
     """
     size = min(block + 2 * margin, stamps_s.shape[0])
@@ -96,36 +96,39 @@ def posterior_of_windows(
         slot = start[low:high, None] + np.minimum(column, np.maximum(counts[:, None] - 1, 0))
         queries = order[np.minimum(slot, order.size - 1)]
         filled = column < counts[:, None]
+        between = np.abs(stamps_s[low:high, :, None] - stamps_s[low:high, None, :])
+        across = np.abs(stamps_s[low:high, :, None] - query_s[queries][:, None, :])
         for channel in range(n_channels):
             scales = (each[low:high, channel] for each in (hyper.length_scale_s, hyper.signal_std, hyper.noise_std))
-            some = _solve_windows(stamps_s[low:high], values[low:high, :, channel], query_s[queries], rho, *scales)
+            some = _solve_windows(between, across, values[low:high, :, channel], rho, *scales)
             mean[queries[filled], channel], var[queries[filled], channel] = some[0][filled], some[1][filled]
     return mean, var
 
 
 def _solve_windows(
-    stamps_s: FloatArray,
+    between_s: FloatArray,
+    across_s: FloatArray,
     values: FloatArray,
-    query_s: FloatArray,
     rho: Correlation,
     length_scale_s: FloatArray,
     signal_std: FloatArray,
     noise_std: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Posterior of one channel: stamps_s, values (B, W), query_s (B, n), hyper-parameters (B,). Returns (B, n) twice."""
-    length = length_scale_s[:, None, None]
-    ratio = np.maximum((noise_std / signal_std) ** 2, NOISE_FLOOR)
-    gram = rho(np.abs(stamps_s[:, :, None] - stamps_s[:, None, :]) / length)
-    diagonal = np.arange(stamps_s.shape[1])
-    gram[:, diagonal, diagonal] += ratio[:, None]
-    cross = rho(np.abs(stamps_s[:, :, None] - query_s[:, None, :]) / length)
-    ones = np.ones_like(values)
-    # One factor for all: columns are y, 1 and the queries' covariances, each whitened by L^-1.
-    white = np.linalg.solve(
-        np.linalg.cholesky(gram), np.concatenate([values[..., None], ones[..., None], cross], axis=2)
-    )
-    y, one, cross = white[..., 0], white[..., 1], white[..., 2:]
+    """Posterior of one channel of B windows. Returns mean (B, n), var (B, n).
+
+    between_s: (B, W, W) distances of samples [s].   across_s: (B, W, n) of samples and queries.   values: (B, W).
+    length_scale_s, signal_std, noise_std: (B,).
+    """
+    per_length = (1.0 / length_scale_s)[:, None, None]
+    gram = rho(between_s * per_length)
+    diagonal = np.arange(gram.shape[1])
+    gram[:, diagonal, diagonal] += np.maximum((noise_std / signal_std) ** 2, NOISE_FLOOR)[:, None]
+    # All columns (y, 1 and the queries' covariances) are whitened by one L^-1. The inverse of a Cholesky factor is
+    # safe, its condition is the root of the matrix's; numpy has no stacked triangular solve.
+    whitener = np.linalg.inv(np.linalg.cholesky(gram))
+    cross = whitener @ rho(across_s * per_length)
+    y, one = (whitener @ values[..., None])[..., 0], whitener.sum(axis=2)
     mu = np.sum(one * y, axis=1) / np.sum(one * one, axis=1)
-    mean = mu[:, None] + np.einsum("bwn,bw->bn", cross, y - mu[:, None] * one)
-    explained = np.einsum("bwn,bwn->bn", cross, cross)
-    return mean, (signal_std**2)[:, None] * np.maximum(1.0 - explained, 0.0)
+    mean = mu[:, None] + ((y - mu[:, None] * one)[:, None, :] @ cross)[:, 0]
+    np.square(cross, out=cross)
+    return mean, (signal_std**2)[:, None] * np.maximum(1.0 - cross.sum(axis=1), 0.0)

@@ -1,17 +1,19 @@
 """Hyper-parameters by maximum marginal likelihood, on a grid shared by all windows and channels.
 
-With rho(t, t) = U diag(d) U', noise^2 = r signal^2 and z = U'(y - mu 1), minus twice the log likelihood of n readings is
+With rho(t, t) = U diag(d) U', noise^2 = r signal^2 and z = U'(y - mu 1), minus twice the log likelihood of n readings
+is
 
     n log s^2 + sum_j log(d_j + r) + sum_j z_j^2 / (d_j + r) / s^2,          s = signal_std
 
 so that one eigendecomposition per window and length scale serves every channel and every ratio r. Free noise: s^2 is
-sum_j z_j^2 / (d_j + r) / n, in closed form. Noise known: s^2 = noise^2 / r. mu is the constant mean of maximum likelihood for
-each r. Windows are pooled by adding their terms; the paper's form is one window to a pool. A grid and not a descent:
-the likelihood of a short window has several optima, and the best of a grid is the same on every machine.
+sum_j z_j^2 / (d_j + r) / n, in closed form. Noise known: s^2 = noise^2 / r. mu is the constant mean of maximum
+likelihood for each r. Windows are pooled by adding their terms; the paper's form is one window to a pool. A grid and
+not a descent: the likelihood of a short window has several optima, and the best of a grid is the same on every machine.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,10 +22,10 @@ from calib_core.gp.kernels import Smoothness, correlation
 from calib_core.gp.regression import NOISE_FLOOR, Hyper
 from calib_core.types import FloatArray
 
-#: Steps of the coarse grid, as ratios of neighbours. The refined grid of `fit_hyper` is this fraction of it.
+#: Steps of the coarse grid, as ratios of neighbours. `fit_hyper` then refines them by this factor.
 _LENGTH_STEP = 1.5
 _RATIO_STEP = 2.0
-_REFINEMENT = 5
+_REFINEMENT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +57,23 @@ def fit_hyper(
     stamps, readings = stamps_s[pick], values[pick]
     lengths, ratios = _coarse_grid(stamps)
     coarse = _evaluate(stamps, readings, lengths, ratios, noise_std, smoothness, pooled=True)
-    n_channels = values.shape[1]
-    best = Hyper(*(np.empty(n_channels) for _ in range(3)), smoothness)
-    for c in range(n_channels):
+    step = np.arange(-_REFINEMENT, _REFINEMENT + 1) / _REFINEMENT
+    channels = []
+    for c in range(values.shape[1]):
         at_length, at_ratio = np.unravel_index(np.argmin(coarse.cost[0, c]), coarse.cost.shape[2:])
-        step = np.arange(-_REFINEMENT, _REFINEMENT + 1) / _REFINEMENT
         near_lengths = lengths[at_length] * _LENGTH_STEP**step
         near_ratios = np.maximum(ratios[at_ratio] * _RATIO_STEP**step, NOISE_FLOOR)
         known = None if noise_std is None else noise_std[c : c + 1]
         fine = _evaluate(stamps, readings[..., c : c + 1], near_lengths, near_ratios, known, smoothness, pooled=True)
-        one = _best(fine, near_lengths, near_ratios, smoothness)
-        for target, source in zip(_arrays(best), _arrays(one), strict=True):
-            target[c] = source[0, 0]
-    return best
+        channels.append(_best(fine, near_lengths, near_ratios, smoothness))
+    pooled = _concatenate(channels, axis=1)
+    return Hyper(pooled.length_scale_s[0], pooled.signal_std[0], pooled.noise_std[0], smoothness)
 
 
 def train_windows(stamps_s: FloatArray, values: FloatArray, *, smoothness: Smoothness = "5/2") -> Hyper:
     """Hyper-parameters of each channel of each window on its own, as the paper trains them (II-C, III-C).
 
-    stamps_s: (B, W) [s].   values: (B, W, C).   Returns arrays (B, C), resolved to the grid's step of 1.5 in length scale.
+    stamps_s: (B, W) [s].   values: (B, W, C).   Returns arrays (B, C), resolved to the coarse grid.
     """
     lengths, ratios = _coarse_grid(stamps_s)
     parts = []
@@ -81,12 +81,17 @@ def train_windows(stamps_s: FloatArray, values: FloatArray, *, smoothness: Smoot
         part = slice(low, low + 64)
         evaluated = _evaluate(stamps_s[part], values[part], lengths, ratios, None, smoothness, pooled=False)
         parts.append(_best(evaluated, lengths, ratios, smoothness))
-    joined = (np.concatenate(each) for each in zip(*(_arrays(part) for part in parts), strict=True))
-    return Hyper(*joined, smoothness)
+    return _concatenate(parts, axis=0)
 
 
-def _arrays(hyper: Hyper) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return hyper.length_scale_s, hyper.signal_std, hyper.noise_std
+def _concatenate(parts: Sequence[Hyper], axis: int) -> Hyper:
+    """Hyper-parameters of several pools (axis 0) or channels (axis 1) as one record of arrays (P, C)."""
+    return Hyper(
+        np.concatenate([part.length_scale_s for part in parts], axis=axis),
+        np.concatenate([part.signal_std for part in parts], axis=axis),
+        np.concatenate([part.noise_std for part in parts], axis=axis),
+        parts[0].smoothness,
+    )
 
 
 def _coarse_grid(stamps_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -95,7 +100,9 @@ def _coarse_grid(stamps_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     longest = 5.0 * float(np.max(stamps_s[:, -1] - stamps_s[:, 0]))
     n_lengths = 1 + int(np.ceil(np.log(max(longest / interval, 1.0)) / np.log(_LENGTH_STEP)))
     n_ratios = 1 + int(np.ceil(np.log(1e2 / NOISE_FLOOR) / np.log(_RATIO_STEP)))
-    return interval * _LENGTH_STEP ** np.arange(n_lengths), NOISE_FLOOR * _RATIO_STEP ** np.arange(n_ratios)
+    lengths: FloatArray = interval * _LENGTH_STEP ** np.arange(n_lengths, dtype=np.float64)
+    ratios: FloatArray = NOISE_FLOOR * _RATIO_STEP ** np.arange(n_ratios, dtype=np.float64)
+    return lengths, ratios
 
 
 def _evaluate(
