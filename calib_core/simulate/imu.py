@@ -1,0 +1,106 @@
+"""Readings of an IMU: exact specific force and angular rate at the sample instants, then noise, bias and faults.
+
+    f = R_world_imu^T (a - g) + b_f + noise,     w = w_imu + b_w + noise,     g = (0, 0, -g) in the world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.simulate.motion import Kinematics
+from calib_core.simulate.sensors import Imu, ImuFaults
+from calib_core.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class ImuMessages:
+    """Readings in the order they are sent.
+
+    true_ns: (Q,) when each was taken, lidar clock after the simulation's zero.   stamp_error_ns: (Q,) added to its stamp.
+    gyro_rad_s, accel_m_s2: (Q, 3).   gyro_bias_rad_s, accel_bias_m_s2: (Q, 3), what of it is bias.
+    """
+
+    true_ns: IntArray
+    stamp_error_ns: IntArray
+    gyro_rad_s: FloatArray
+    accel_m_s2: FloatArray
+    gyro_bias_rad_s: FloatArray
+    accel_bias_m_s2: FloatArray
+
+    def take(self, order: IntArray) -> ImuMessages:
+        """The messages at these indices, in this order."""
+        return ImuMessages(
+            self.true_ns[order],
+            self.stamp_error_ns[order],
+            self.gyro_rad_s[order],
+            self.accel_m_s2[order],
+            self.gyro_bias_rad_s[order],
+            self.accel_bias_m_s2[order],
+        )
+
+
+def sample_instants_ns(imu: Imu, start_s: float, end_s: float) -> IntArray:
+    """Instants of all samples in [start, end], whole nanoseconds after the simulation's zero."""
+    first = int(np.ceil((start_s - imu.phase_s) * imu.rate_hz))
+    last = int(np.floor((end_s - imu.phase_s) * imu.rate_hz))
+    instants = (np.arange(first, last + 1) / imu.rate_hz + imu.phase_s) * 1e9
+    return np.rint(instants).astype(np.int64)
+
+
+def exact_readings(imu_motion: Kinematics, gravity_m_s2: float) -> tuple[FloatArray, FloatArray]:
+    """Angular rate and specific force, (Q, 3) each, IMU axes."""
+    pull = imu_motion.a_m_s2 + np.array([0.0, 0.0, gravity_m_s2])
+    return imu_motion.omega_rad_s, np.einsum("nji,nj->ni", imu_motion.R_world, pull)
+
+
+def measure(
+    imu: Imu,
+    instants_ns: IntArray,
+    imu_motion: Kinematics,
+    gravity_m_s2: float,
+    biases: tuple[FloatArray, FloatArray],
+    rng: np.random.Generator,
+) -> ImuMessages:
+    """Readings with white noise of density x sqrt(rate) and biases that walk. biases: gyroscope, accelerometer, (3,) each."""
+    gyro, accel = exact_readings(imu_motion, gravity_m_s2)
+    n = instants_ns.shape[0]
+    white = rng.standard_normal((2, n, 3))
+    steps = rng.standard_normal((2, n, 3)) / np.sqrt(imu.rate_hz)
+    walk = np.cumsum(steps, axis=1) - steps[:, :1]
+    gyro_bias = biases[0] + imu.gyroscope_random_walk * walk[0]
+    accel_bias = biases[1] + imu.accelerometer_random_walk * walk[1]
+    return ImuMessages(
+        instants_ns,
+        np.zeros(n, dtype=np.int64),
+        gyro + gyro_bias + imu.gyroscope_std_rad_s * white[0],
+        accel + accel_bias + imu.accelerometer_std_m_s2 * white[1],
+        gyro_bias,
+        accel_bias,
+    )
+
+
+def spoil(messages: ImuMessages, faults: ImuFaults, rng: np.random.Generator) -> ImuMessages:
+    """The messages after gaps, losses, jitter, duplicates and swaps, in the order they are sent."""
+    n = messages.true_ns.shape[0]
+    jitter = np.clip(rng.standard_normal(n), -4.0, 4.0) * faults.jitter_s
+    kept = rng.random(n) >= faults.missing
+    twice = rng.random(n) < faults.duplicated
+    late = rng.random(n) < faults.swapped
+    t_s = messages.true_ns * 1e-9
+    for start, length in faults.gaps_s:
+        kept &= (t_s < start) | (t_s >= start + length)
+    rank = np.arange(n, dtype=np.float64) + np.where(late, 1.5, 0.0)
+    order = np.flatnonzero(kept)
+    order = np.repeat(order, np.where(twice[order], 2, 1))
+    order = order[np.argsort(rank[order], kind="stable")]
+    spoiled = ImuMessages(
+        messages.true_ns,
+        np.rint(jitter * 1e9).astype(np.int64),
+        messages.gyro_rad_s,
+        messages.accel_m_s2,
+        messages.gyro_bias_rad_s,
+        messages.accel_bias_m_s2,
+    )
+    return spoiled.take(order)

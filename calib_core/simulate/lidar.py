@@ -1,0 +1,165 @@
+"""Sweeps of a lidar that moves: every point cast at its own time from its own pose.
+
+The motion is evaluated exactly at each column's instant. Within a column (at most some 50 microseconds) the pose follows from
+the column's own exact derivatives,
+
+    p(t + h) = p + h v + h^2/2 a,      R(t + h) = R Exp(h w + h^2/2 b),
+
+whose remainder h^3/6 times the third derivative is below 1e-11 m and rad for any motion a hand can make.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.simulate.motion import Kinematics
+from calib_core.simulate.scene import Hits, Rays, Scene
+from calib_core.simulate.sensors import Firings, Lidar
+from calib_core.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Outliers:
+    """Returns that are plainly wrong: a fraction of the points gets a range drawn uniformly from `range_m`."""
+
+    fraction: float
+    range_m: tuple[float, float] = (0.5, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """One sweep, before any driver rounds it.
+
+    time_ns: (C, K) int64 after the simulation's zero.   xyz_m: (C, K, 3), lidar frame at the point's own time, zero
+    where `valid` is False.   surface: (C, K) what was hit, -1 where nothing or an outlier.   ring: (K,).
+    lost: (C,) columns whose packet never arrived.   intensity: (C, K), 0..255.
+    """
+
+    index: int
+    time_ns: IntArray
+    xyz_m: FloatArray
+    intensity: FloatArray
+    ring: NDArray[np.uint16]
+    valid: BoolArray
+    surface: NDArray[np.int16]
+    lost: BoolArray
+
+
+def firings_rays(firings: Firings, columns: Kinematics, home_m: FloatArray) -> Rays:
+    """World rays of a sweep, flattened (column, channel).
+
+    columns: kinematics of the lidar at the columns' instants.   home_m: (3,) where the lidar was at first.
+    """
+    h = (firings.channel_ns * 1e-9)[None, :]
+    d = firings.directions
+    origin = firings.origin_m
+    if firings.channel_ns.any():
+        turned = [columns.omega_rad_s[:, i, None] * h + columns.alpha_rad_s2[:, i, None] * (0.5 * h * h) for i in range(3)]
+        d = _turn_slightly(turned, d)
+        origin = None if origin is None else _turn_slightly(turned, origin)
+    R = columns.R_world
+    directions = np.stack([sum_of(R[:, i, 0, None] * d[0], R[:, i, 1, None] * d[1], R[:, i, 2, None] * d[2]) for i in range(3)])
+    position = np.stack(
+        [
+            columns.p_m[:, i, None] + columns.v_m_s[:, i, None] * h + columns.a_m_s2[:, i, None] * (0.5 * h * h)
+            for i in range(3)
+        ]
+    )
+    start = position
+    if origin is not None:
+        start = position + np.stack(
+            [
+                sum_of(R[:, i, 0, None] * origin[0], R[:, i, 1, None] * origin[1], R[:, i, 2, None] * origin[2])
+                for i in range(3)
+            ]
+        )
+    t_s = (firings.column_ns[:, None] * 1e-9 + h).reshape(-1)
+    return Rays(
+        np.ascontiguousarray(start).reshape(3, -1),
+        directions.reshape(3, -1),
+        t_s,
+        position.reshape(3, -1) - home_m[:, None],
+    )
+
+
+def sum_of(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """a + b + c, reusing the first array."""
+    a += b
+    a += c
+    return a
+
+
+def _turn_slightly(angle: list[FloatArray], d: FloatArray) -> FloatArray:
+    """Exp(angle) d to second order: d + angle x d + angle x (angle x d) / 2, for angles below 1e-3 rad."""
+    once = _cross(angle, d)
+    twice = _cross(angle, once)
+    twice *= 0.5
+    twice += once
+    twice += d
+    return twice
+
+
+def _cross(a: list[FloatArray], d: FloatArray) -> FloatArray:
+    return np.stack([a[1] * d[2] - a[2] * d[1], a[2] * d[0] - a[0] * d[2], a[0] * d[1] - a[1] * d[0]])
+
+
+def measure(
+    lidar: Lidar,
+    scene: Scene,
+    firings: Firings,
+    rays: Rays,
+    index: int,
+    rng: np.random.Generator,
+    outliers: Outliers | None = None,
+) -> Sweep:
+    """What the lidar reports for these rays: range noise along the ray, lost and wrong returns.
+
+    Every random number is drawn whether or not it is used, so that two scenarios that differ in one fault share the noise.
+    """
+    shape = firings.directions.shape[1:]
+    n = rays.t_s.shape[0]
+    noise = rng.standard_normal(n)
+    hits = scene.cast(rays)
+    reflectivity = scene.reflectivity[hits.surface]
+    seen = _answers(lidar, hits, reflectivity)
+    range_m = np.where(seen, hits.range_m, 0.0) + lidar.range_std_m * noise
+    surface = hits.surface
+    if lidar.miss_probability:
+        seen &= rng.random(n) >= lidar.miss_probability
+    if outliers is not None:
+        wrong = seen & (rng.random(n) < outliers.fraction)
+        range_m = np.where(wrong, rng.uniform(*outliers.range_m, n), range_m)
+        surface = np.where(wrong, -1, surface).astype(np.int16)
+    valid = (seen & (range_m >= lidar.range_min_m) & (range_m <= lidar.range_max_m)).reshape(shape)
+    if lidar.field_of_view_deg < 360.0:
+        azimuth = np.arctan2(firings.directions[1], firings.directions[0])
+        valid &= np.abs(azimuth) <= np.deg2rad(lidar.field_of_view_deg) / 2.0
+    lost = rng.random(shape[0]) < lidar.lost_columns_probability if lidar.lost_columns_probability else np.zeros(shape[0], bool)
+    valid &= ~lost[:, None]
+    xyz = firings.directions * np.where(valid, range_m.reshape(shape), 0.0)
+    if firings.origin_m is not None:
+        xyz += np.where(valid, firings.origin_m, 0.0)
+    return Sweep(
+        index,
+        firings.column_ns[:, None] + firings.channel_ns[None, :],
+        np.moveaxis(xyz, 0, -1),
+        np.rint(255.0 * reflectivity * np.where(seen, hits.cos_incidence, 0.0)).reshape(shape),
+        lidar.pattern.ring,
+        valid,
+        surface.reshape(shape),
+        lost,
+    )
+
+
+def noise_free(lidar: Lidar) -> Lidar:
+    """The same lidar with exact ranges."""
+    return replace(lidar, range_std_m=0.0)
+
+
+def _answers(lidar: Lidar, hits: Hits, reflectivity: FloatArray) -> BoolArray:
+    reach = lidar.range_at_tenth_m * np.sqrt(10.0 * reflectivity * hits.cos_incidence)
+    answers: BoolArray = (hits.surface >= 0) & (hits.range_m <= reach)
+    return answers

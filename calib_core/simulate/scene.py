@@ -1,0 +1,262 @@
+"""What the lidar looks at: scenes as data, and the exact intersection of rays with them.
+
+Faces are planes, unbounded (the walls of a closed convex room, seen from inside) or bounded by a convex outline.
+Bodies are solids (boxes, cylinders, spheres) that may move while the rays fly: furniture, people, whoever carries the rig.
+World frame, metres. Rays: origins (3, N) and unit directions (3, N), one instant each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib_core.simulate.motion import Vector, Wave
+from calib_core.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """Rays with the instants they are fired at.
+
+    origins_m, directions: (3, N), world.   t_s: (N,).   carried_m: (3, N), the lidar's displacement from where it began.
+    """
+
+    origins_m: FloatArray
+    directions: FloatArray
+    t_s: FloatArray
+    carried_m: FloatArray
+
+    def subset(self, chosen: IntArray) -> Rays:
+        """The rays at these indices."""
+        return Rays(
+            self.origins_m[:, chosen], self.directions[:, chosen], self.t_s[chosen], self.carried_m[:, chosen]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """What each ray met first. range_m: (N,), inf for nothing.
+
+    cos_incidence: (N,) in 0..1.   surface: (N,) index into the scene's faces, then its bodies; -1 for nothing.
+    """
+
+    range_m: FloatArray
+    cos_incidence: FloatArray
+    surface: NDArray[np.int16]
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A plane through `point_m`. `normal` points to the side that is seen; any length.
+
+    outline_m: corners of a convex polygon in the plane, in order; empty for an unbounded plane.
+    """
+
+    name: str
+    normal: Vector
+    point_m: Vector
+    outline_m: tuple[Vector, ...] = ()
+    reflectivity: float = 0.5
+
+    @property
+    def unit_normal(self) -> FloatArray:
+        """(3,)."""
+        normal = np.asarray(self.normal, dtype=np.float64)
+        unit: FloatArray = normal / np.linalg.norm(normal)
+        return unit
+
+    @property
+    def offset_m(self) -> float:
+        """w in n . x + w = 0."""
+        return -float(self.unit_normal @ np.asarray(self.point_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """How a body moves: waves along world axes, plus a share of the lidar's own displacement (whoever carries it)."""
+
+    waves: tuple[tuple[Wave, ...], tuple[Wave, ...], tuple[Wave, ...]] = ((), (), ())
+    carried: float = 0.0
+
+    def displacement(self, rays: Rays) -> FloatArray:
+        """(3, N) [m]."""
+        moved: FloatArray = self.carried * rays.carried_m
+        for axis, waves in enumerate(self.waves):
+            for wave in waves:
+                moved[axis] += wave.amplitude * np.sin(2.0 * np.pi * wave.frequency_hz * rays.t_s + wave.phase_rad)
+        return moved
+
+
+class Body(Protocol):
+    """A solid in the scene."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def center_m(self) -> Vector: ...
+    @property
+    def reflectivity(self) -> float: ...
+    @property
+    def path(self) -> Path | None: ...
+    @property
+    def bounding_radius_m(self) -> float: ...
+
+    def hit(self, origins_m: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (inf for a miss) and cosine of incidence, each (N,), of rays relative to the body's centre, (3, N)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box of full size `size_m`, turned by `rotvec_deg`, about its centre."""
+
+    name: str
+    center_m: Vector
+    size_m: Vector
+    rotvec_deg: Vector = (0.0, 0.0, 0.0)
+    reflectivity: float = 0.4
+    path: Path | None = None
+
+    @property
+    def bounding_radius_m(self) -> float:
+        """Of a sphere about the centre that holds the box."""
+        return float(np.linalg.norm(self.size_m)) / 2.0
+
+    def hit(self, origins_m: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Slab by slab in the box's own axes; a ray that starts inside meets nothing."""
+        R = Rotation.from_rotvec(self.rotvec_deg, degrees=True).as_matrix()
+        o, d = R.T @ origins_m, R.T @ directions
+        half = np.asarray(self.size_m)[:, None] / 2.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            near, far = (-half - o) / d, (half - o) / d
+        near, far = np.minimum(near, far), np.maximum(near, far)
+        axis = np.argmax(near, axis=0)
+        entry = near.max(axis=0)
+        met = (entry < far.min(axis=0)) & (entry > 0.0)
+        return np.where(met, entry, np.inf), np.abs(np.take_along_axis(d, axis[None], axis=0)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """An upright cylinder about its centre."""
+
+    name: str
+    center_m: Vector
+    radius_m: float
+    height_m: float
+    reflectivity: float = 0.4
+    path: Path | None = None
+
+    @property
+    def bounding_radius_m(self) -> float:
+        """Of a sphere about the centre that holds the cylinder."""
+        return float(np.hypot(self.radius_m, self.height_m / 2.0))
+
+    def hit(self, origins_m: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mantle first, then the two lids."""
+        ox, oy, oz = origins_m
+        dx, dy, dz = directions
+        a, b, c = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - self.radius_m**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mantle = (-b - np.sqrt(b * b - a * c)) / a
+            on_mantle = (mantle > 0.0) & (np.abs(oz + mantle * dz) <= self.height_m / 2.0)
+            lid = (-np.sign(dz) * self.height_m / 2.0 - oz) / dz
+            on_lid = (lid > 0.0) & (np.hypot(ox + lid * dx, oy + lid * dy) <= self.radius_m)
+        mantle_m = np.where(on_mantle, mantle, np.inf)
+        lid_m = np.where(on_lid, lid, np.inf)
+        reach = np.where(on_mantle, mantle, 0.0)
+        cos_mantle = np.abs((ox + reach * dx) * dx + (oy + reach * dy) * dy) / self.radius_m
+        return np.minimum(mantle_m, lid_m), np.where(lid_m < mantle_m, np.abs(dz), cos_mantle)
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball."""
+
+    name: str
+    center_m: Vector
+    radius_m: float
+    reflectivity: float = 0.4
+    path: Path | None = None
+
+    @property
+    def bounding_radius_m(self) -> float:
+        """Its own radius."""
+        return self.radius_m
+
+    def hit(self, origins_m: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The nearer root of |o + r d| = radius."""
+        b = np.einsum("in,in->n", origins_m, directions)
+        c = np.einsum("in,in->n", origins_m, origins_m) - self.radius_m**2
+        root = b * b - c
+        met = (root > 0.0) & (-b > np.sqrt(np.maximum(root, 0.0)))
+        half_chord = np.sqrt(np.maximum(root, 0.0))
+        return np.where(met, -b - half_chord, np.inf), half_chord / self.radius_m
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Everything a ray can meet. The faces are the calibration's planes; bodies are clutter."""
+
+    faces: tuple[Face, ...]
+    bodies: tuple[Body, ...] = field(default=())
+
+    def cast(self, rays: Rays) -> Hits:
+        """What each ray meets first."""
+        n = rays.t_s.shape[0]
+        best = np.full(n, np.inf)
+        cosine = np.zeros(n)
+        surface = np.full(n, -1, dtype=np.int16)
+        for index, face in enumerate(self.faces):
+            reach, cos_face = _hit_face(face, rays)
+            nearer = reach < best
+            best[nearer], cosine[nearer], surface[nearer] = reach[nearer], cos_face[nearer], index
+        for index, body in enumerate(self.bodies, start=len(self.faces)):
+            self._cast_body(index, body, rays, best, cosine, surface)
+        return Hits(best, cosine, surface)
+
+    @staticmethod
+    def _cast_body(
+        index: int, body: Body, rays: Rays, best: FloatArray, cosine: FloatArray, surface: NDArray[np.int16]
+    ) -> None:
+        center = np.asarray(body.center_m, dtype=np.float64)[:, None]
+        if body.path is not None:
+            center = center + body.path.displacement(rays)
+        to_center = center - rays.origins_m
+        along = np.einsum("in,in->n", to_center, rays.directions)
+        aside2 = np.einsum("in,in->n", to_center, to_center) - along**2
+        chosen = np.flatnonzero((aside2 <= body.bounding_radius_m**2) & (along > -body.bounding_radius_m))
+        if chosen.size == 0:
+            return
+        reach, cos_body = body.hit(-to_center[:, chosen], rays.directions[:, chosen])
+        nearer = reach < best[chosen]
+        hit = chosen[nearer]
+        best[hit], cosine[hit], surface[hit] = reach[nearer], cos_body[nearer], index
+
+    @property
+    def reflectivity(self) -> FloatArray:
+        """Of faces, then bodies: indexable by `Hits.surface`; one more at the end for no hit (index -1)."""
+        return np.array([f.reflectivity for f in self.faces] + [b.reflectivity for b in self.bodies] + [0.0])
+
+
+def _hit_face(face: Face, rays: Rays) -> tuple[FloatArray, FloatArray]:
+    normal = face.unit_normal
+    facing = -(normal @ rays.directions)
+    height = normal @ rays.origins_m + face.offset_m
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = height / facing
+    met = (facing > 0.0) & (height > 0.0)
+    reach = np.where(met, reach, np.inf)
+    corners = np.asarray(face.outline_m, dtype=np.float64)
+    if corners.shape[0]:
+        points = rays.origins_m + np.where(met, reach, 0.0) * rays.directions
+        middle = corners.mean(axis=0)
+        for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            inward = np.cross(normal, following - corner)
+            inward *= np.sign(inward @ (middle - corner))
+            met &= inward @ points >= inward @ corner
+        reach = np.where(met, reach, np.inf)
+    return reach, np.abs(facing)
