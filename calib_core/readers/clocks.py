@@ -1,0 +1,69 @@
+"""Whether the lidar's and the IMU's headers count from the same instant, and if not, how far they are apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.types import Evidence, Finding, IntArray
+
+#: Headers further apart than this are taken for different epochs.
+SAME_EPOCH_NS = 10_000_000_000
+NS_PER_S = 1_000_000_000
+
+
+def coarse_clock_offset(
+    lidar_header_ns: IntArray, lidar_receive_ns: IntArray, imu_header_ns: IntArray, imu_receive_ns: IntArray, period_s: float
+) -> tuple[int, tuple[Finding, ...]]:
+    """Nanoseconds to add to IMU stamps to bring them near the lidar's clock; 0 where the clocks agree to 10 s.
+
+    Both topics were received by one recorder, so receive time minus header time tells each clock's epoch. The least
+    latency seen is used, being the least disturbed; a scan is received at its end, hence one period is taken off.
+    """
+    apart_ns = int(lidar_header_ns[0]) - int(imu_header_ns[0])
+    received_apart_ns = int(lidar_receive_ns[0]) - int(imu_receive_ns[0])
+    if abs(apart_ns - received_apart_ns) <= SAME_EPOCH_NS:
+        return 0, ()
+    lidar_lag_ns = int(np.min(lidar_receive_ns - lidar_header_ns)) - round(period_s * NS_PER_S)
+    imu_lag_ns = int(np.min(imu_receive_ns - imu_header_ns))
+    offset_ns = imu_lag_ns - lidar_lag_ns
+    finding = Finding(
+        code="clock.epochs",
+        level="warning",
+        text=f"Lidar and IMU headers count from different instants, {offset_ns / NS_PER_S:.3f} s apart;"
+        " they are brought together through the receive times.",
+        evidence=(
+            Evidence("receive minus lidar header", lidar_lag_ns * 1e-9, "s"),
+            Evidence("receive minus IMU header", imu_lag_ns * 1e-9, "s"),
+            Evidence("coarse offset", offset_ns, "ns"),
+        ),
+        confidence=0.9,
+        consequence="the time offset of the result holds for these two clocks in this recording only",
+        override="--stamps receive",
+    )
+    return offset_ns, (finding,)
+
+
+def stamp_end_suspicion(
+    lidar_lag_ns: IntArray, imu_lag_ns: IntArray, period_s: float, last_point_s: float, topic: str
+) -> Finding | None:
+    """A finding where scans arrive sooner after their header than a sweep takes: the stamp is probably the sweep's end.
+
+    lidar_lag_ns, imu_lag_ns: receive minus header of each message, one common clock.   last_point_s: after the header.
+    """
+    if lidar_lag_ns.size < 10 or imu_lag_ns.size < 10 or last_point_s < 0.5 * period_s:
+        return None
+    lag_s = float(np.median(lidar_lag_ns) - np.median(imu_lag_ns)) * 1e-9
+    if np.median(np.abs(lidar_lag_ns)) < 1e5:
+        return None  # a rewritten recording whose receive times are copies of the headers
+    if lag_s > 0.7 * last_point_s or abs(lag_s) > 2 * period_s:
+        return None
+    return Finding(
+        code="clock.stamp_at_end",
+        level="warning",
+        text=f"Scans on {topic} arrive {lag_s * 1e3:.0f} ms after their header although their last point is"
+        f" {last_point_s * 1e3:.0f} ms after it: the stamp is probably the sweep's end.",
+        evidence=(Evidence("arrival after header", lag_s, "s"), Evidence("last point after header", last_point_s, "s")),
+        confidence=0.7,
+        consequence="a time offset of about one scan period is to be expected",
+        override="--point-time-reference header-last",
+    )

@@ -1,0 +1,33 @@
+"""One message's points as they were sent: a structured view, whatever the message type.
+
+Every decoder ends here; masks, units and time are applied once, in scans.py, to this one form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+StructArray = NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class RawCloud:
+    """points: (N,) structured, at least x y z [m, lidar frame], invalid returns included, in the driver's order.
+
+    header_ns: the header's stamp.   receive_ns: when the recorder got it.   width, height as sent (N = width * height).
+    """
+
+    header_ns: int
+    receive_ns: int
+    frame_id: str
+    points: StructArray
+    width: int
+    height: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The fields' names in the message's order."""
+        return self.points.dtype.names or ()

@@ -1,0 +1,180 @@
+"""One recording, whatever it is stored in: topics, time span, messages in receive order.
+
+    path ── archive? ── unpack to a temporary folder ──┐
+         ── folder? ── its storage files ──────────────┼── each file: rosbags, else recovery ── OpenRecording
+         ── file ──────────────────────────────────────┘
+"""
+
+from __future__ import annotations
+
+import heapq
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+from calib_core.readers.compression import zstd
+
+from calib_core.errors import UnreadableRecording
+from calib_core.readers.archive import is_archive, unpack_archive
+from calib_core.readers.recover_mcap import McapRecovery
+from calib_core.readers.recover_ros1 import Ros1Recovery
+from calib_core.readers.recover_sqlite import SqliteRecovery
+from calib_core.readers.storage import (
+    Damage,
+    RawMessage,
+    RosbagsStorage,
+    Storage,
+    StorageError,
+    TopicSummary,
+    merged_topics,
+)
+
+STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
+_ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
+
+
+class OpenRecording:
+    """An opened recording. A context manager; iterate `messages` as often as needed."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.name = path.name
+        self._stack = ExitStack()
+        try:
+            self._storages = self._open_all()
+        except BaseException:
+            self._stack.close()
+            raise
+        self.topics: tuple[TopicSummary, ...] = tuple(merged_topics([t for s in self._storages for t in s.topics]))
+        filled = [s for s in self._storages if any(topic.count for topic in s.topics)]
+        self.start_ns = min((s.start_ns for s in filled), default=0)
+        self.end_ns = max((s.end_ns for s in filled), default=0)
+
+    @property
+    def kind(self) -> Literal["ros1", "ros2"]:
+        """Which family of containers the recording is stored in."""
+        return "ros1" if self.files and _storage_suffix(self.files[0]) == ".bag" else "ros2"
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds between the first and the last message's receive times."""
+        return max(0, self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def damages(self) -> tuple[Damage, ...]:
+        """What is damaged, as far as it is known by now: iterating may add to it."""
+        return tuple(damage for storage in self._storages for damage in storage.damages)
+
+    def topic(self, name: str) -> TopicSummary | None:
+        """The topic of this name, or None."""
+        return next((topic for topic in self.topics if topic.name == name), None)
+
+    def messages(
+        self, topics: Collection[str], *, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[RawMessage]:
+        """Messages of these topics with start_ns <= receive time < stop_ns, in receive order."""
+        streams = [s.messages(topics, start_ns, stop_ns) for s in self._storages]
+        if len(streams) == 1:
+            yield from streams[0]
+        else:
+            yield from heapq.merge(*streams, key=lambda message: message.receive_ns)
+
+    def _open_all(self) -> list[Storage]:
+        path = self.path
+        if not path.exists():
+            raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
+        if path.is_file() and path.stat().st_size == 0:
+            raise UnreadableRecording(f"The file {path.name} is empty; record or copy it again.")
+        if is_archive(path):
+            folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
+            path = unpack_archive(path, Path(folder))
+        self.files = storage_files(path)
+        storages: list[Storage] = []
+        for file in self.files:
+            storage = self._open_file(file)
+            self._stack.enter_context(closing(storage))
+            storages.append(storage)
+        return storages
+
+    def _open_file(self, file: Path) -> Storage:
+        if file.suffix in (".zstd", ".zst"):
+            folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
+            file = decompressed_file(file, Path(folder))
+        if file.stat().st_size == 0:
+            raise UnreadableRecording(f"The file {file.name} of {self.name} is empty; record or copy it again.")
+        try:
+            return RosbagsStorage(file)
+        except StorageError as error:
+            reason = str(error).rstrip(".")
+        try:
+            if _storage_suffix(file) == ".bag":
+                return Ros1Recovery(file, reason)
+            return McapRecovery(file, reason) if file.suffix == ".mcap" else SqliteRecovery(file, reason)
+        except (StorageError, OSError) as error:
+            raise UnreadableRecording(
+                f"The file {file.name} is no readable recording ({str(error).rstrip('.')}); expected {_ACCEPTED}."
+            ) from error
+
+    def __enter__(self) -> OpenRecording:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._stack.close()
+
+
+def open_recording(path: Path) -> OpenRecording:
+    """The recording at `path`, opened; a context manager. Raises UnreadableRecording with one sentence."""
+    try:
+        return OpenRecording(path)
+    except PermissionError as error:
+        raise UnreadableRecording(f"The file {error.filename} may not be read by this user; change its mode.") from error
+    except OSError as error:
+        raise UnreadableRecording(f"The recording {path.name} cannot be read: {error.strerror or error}.") from error
+
+
+def storage_files(path: Path) -> list[Path]:
+    """The storage files of a recording: the file itself, or those of a folder in name order.
+
+    The folder's metadata.yaml is not asked: recorders that were killed leave none, and splits are named in order.
+    """
+    if path.is_file():
+        if _storage_suffix(path) not in STORAGE_SUFFIXES:
+            raise UnreadableRecording(f"The file {path.name} is no recording; expected {_ACCEPTED}.")
+        return [path]
+    for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir())):
+        for suffix in STORAGE_SUFFIXES:
+            files = [f for f in folder.iterdir() if _storage_suffix(f) == suffix and f.is_file()]
+            if files:
+                return sorted(files, key=_split_order)
+    raise UnreadableRecording(f"The folder {path.name} holds no .mcap, .db3 or .bag file; expected {_ACCEPTED}.")
+
+
+def _storage_suffix(file: Path) -> str:
+    """The suffix that says how it is stored, under compression's and that of a bag still being recorded."""
+    return Path(file.stem).suffix if file.suffix in (".zstd", ".zst", ".active") else file.suffix
+
+
+def _split_order(file: Path) -> tuple[str, int, str]:
+    """bag_2 before bag_10: the recorder numbers splits without leading zeros."""
+    stem = file.name.split(".")[0]
+    head, _, number = stem.rpartition("_")
+    return (head, int(number), file.name) if number.isdigit() else (stem, -1, file.name)
+
+
+def decompressed_file(file: Path, folder: Path) -> Path:
+    """A zstd-compressed storage file unpacked into `folder`; a cut file as far as it goes."""
+    out = folder / file.stem
+    with file.open("rb") as source, out.open("wb") as sink:
+        decompressor = zstd.ZstdDecompressor()
+        try:
+            while block := source.read(1 << 20):
+                sink.write(decompressor.decompress(block))
+                if decompressor.eof:
+                    break
+        except zstd.ZstdError as error:
+            if sink.tell() == 0:
+                raise UnreadableRecording(f"The file {file.name} is not valid zstd; copy it again.") from error
+    return out

@@ -1,0 +1,25 @@
+"""One stored message -> RawCloud, by the topic's type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from calib_core.readers import livox, pointcloud2
+from calib_core.readers.cloud import RawCloud
+from calib_core.readers.livox import read_custom_msg
+from calib_core.readers.pointcloud2 import read_pointcloud2
+from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.topics import unsupported_packets
+
+#: Raises MalformedMessage for bytes that are no message of the topic's type.
+CloudDecoder = Callable[[RawMessage], RawCloud]
+
+
+def cloud_decoder(topic: TopicSummary) -> CloudDecoder:
+    """The decoder for the topic's messages. Raises TopicError for packets that are not decoded here."""
+    encoding = topic.encoding
+    if topic.type == pointcloud2.TYPE:
+        return lambda message: read_pointcloud2(message, encoding)
+    if topic.type in livox.TYPES:
+        return lambda message: read_custom_msg(message, encoding)
+    raise unsupported_packets(topic)

@@ -1,0 +1,164 @@
+"""Raw IMU readings -> ImuData: sorted, duplicates removed, in SI units, everything odd reported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.errors import InputError
+from calib_core.readers.imu_messages import RawImu
+from calib_core.readers.imu_units import detect_accelerometer_unit, detect_gyroscope
+from calib_core.settings import ReadSettings
+from calib_core.types import Evidence, Finding, ImuData, IntArray
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+#: A pause longer than this many sample periods is a gap.
+GAP_PERIODS = 3.5
+
+
+@dataclass(frozen=True, slots=True)
+class StampStatistics:
+    """Regularity of a row of stamps, before it was sorted and cleaned.
+
+    period_s: median step.   jitter_s: robust spread (1.48 median absolute deviation) of the steps.   gaps: longer than
+    GAP_PERIODS periods.   bundled_share: share of readings received together with the one before.
+    """
+
+    count: int
+    period_s: float
+    jitter_s: float
+    n_duplicates: int
+    n_rewinds: int
+    n_gaps: int
+    longest_gap_s: float
+    bundled_share: float
+
+    @property
+    def rate_hz(self) -> float:
+        """Readings per second, from the median step."""
+        return 1.0 / self.period_s if self.period_s > 0 else 0.0
+
+
+def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray) -> StampStatistics:
+    """Regularity of stamps in receive order."""
+    if stamps_ns.size < 2:
+        return StampStatistics(int(stamps_ns.size), 0.0, 0.0, 0, 0, 0, 0.0, 0.0)
+    in_order = np.diff(stamps_ns)
+    steps = np.diff(np.unique(stamps_ns)).astype(np.float64)
+    period = float(np.median(steps)) if steps.size else 0.0
+    jitter = 1.4826 * float(np.median(np.abs(steps - period))) if steps.size else 0.0
+    gaps = steps[steps > GAP_PERIODS * period]
+    bundled = np.count_nonzero(np.diff(receive_ns) < 0.1 * period) / (receive_ns.size - 1)
+    return StampStatistics(
+        count=int(stamps_ns.size),
+        period_s=period * 1e-9,
+        jitter_s=jitter * 1e-9,
+        n_duplicates=int(np.count_nonzero(np.diff(np.sort(stamps_ns)) == 0)),
+        n_rewinds=int(np.count_nonzero(in_order < 0)),
+        n_gaps=int(gaps.size),
+        longest_gap_s=float(gaps.max(initial=0)) * 1e-9,
+        bundled_share=float(bundled),
+    )
+
+
+def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> tuple[ImuData, tuple[Finding, ...]]:
+    """The readings in SI units, and what was found. Raises InputError where nothing usable is left."""
+    stamps_ns = raw.receive_ns if settings.stamps == "receive" else raw.header_ns
+    statistics = stamp_statistics(stamps_ns, raw.receive_ns)
+    findings = list(_stamp_findings(statistics, topic))
+    finite = np.isfinite(raw.gyro).all(axis=1) & np.isfinite(raw.accel).all(axis=1)
+    n_bad = int(np.count_nonzero(~finite)) + raw.n_malformed
+    if n_bad:
+        findings.append(_bad_readings(n_bad, stamps_ns.size + raw.n_malformed, topic))
+    # unique() sorts and keeps the first of equal stamps, in receive order
+    unique_ns, first = np.unique(stamps_ns[finite], return_index=True)
+    if unique_ns.size < 2:
+        raise InputError(
+            f"The IMU topic {topic} holds {unique_ns.size} usable readings, at least 2 are needed; pick another topic or recording.",
+            code="imu.empty",
+        )
+    gyro, accel = raw.gyro[finite][first], raw.accel[finite][first]
+    accel_unit, finding = detect_accelerometer_unit(unique_ns, gyro, accel, settings, topic)
+    findings.append(finding)
+    accel = accel * (STANDARD_GRAVITY_M_S2 if accel_unit == "g" else 1.0)
+    gyro_unit, more = detect_gyroscope(unique_ns, gyro, accel, settings, topic)
+    findings.extend(more)
+    gyro = gyro * (np.pi / 180.0 if gyro_unit == "deg_s" else 1.0)
+    return ImuData(unique_ns, gyro, accel, topic, raw.frame_id), tuple(findings)
+
+
+def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
+    return Finding(
+        code="imu.bad_readings",
+        level="warning",
+        text=f"{n_bad} of {total} readings on {topic} are not finite or malformed and were left out.",
+        evidence=(Evidence("bad readings", n_bad), Evidence("readings", total)),
+        consequence="the motion between their neighbours is interpolated",
+    )
+
+
+def _stamp_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
+    period_ms = statistics.period_s * 1e3
+    found: list[Finding] = []
+    if statistics.n_duplicates:
+        found.append(
+            Finding(
+                "imu.duplicates",
+                "warning",
+                f"{statistics.n_duplicates} readings on {topic} repeat an earlier stamp; the first of each was kept.",
+                (Evidence("duplicates", statistics.n_duplicates), Evidence("readings", statistics.count)),
+            )
+        )
+    if statistics.n_rewinds:
+        found.append(
+            Finding(
+                "imu.out_of_order",
+                "warning",
+                f"Stamps on {topic} step backwards {statistics.n_rewinds} times; readings were sorted by stamp.",
+                (Evidence("backward steps", statistics.n_rewinds),),
+            )
+        )
+    if statistics.n_gaps:
+        found.append(
+            Finding(
+                "imu.gaps",
+                "warning",
+                f"{topic} has {statistics.n_gaps} gaps, the longest {statistics.longest_gap_s:.3f} s,"
+                f" where a reading comes every {period_ms:.2f} ms.",
+                (Evidence("gaps", statistics.n_gaps), Evidence("longest", statistics.longest_gap_s, "s")),
+                consequence="scans that reach into a gap cannot be used",
+            )
+        )
+    if statistics.jitter_s > 0.1 * statistics.period_s > 0:
+        found.append(
+            Finding(
+                "imu.jitter",
+                "warning",
+                f"Stamps on {topic} jitter by {statistics.jitter_s * 1e3:.2f} ms around a period of {period_ms:.2f} ms,"
+                " as those of an IMU stamped by the host do.",
+                (Evidence("jitter", statistics.jitter_s, "s"), Evidence("period", statistics.period_s, "s")),
+                consequence="the time offset cannot be better than the jitter's mean",
+            )
+        )
+    if statistics.bundled_share > 0.5:
+        found.append(
+            Finding(
+                "imu.bundled",
+                "info",
+                f"Readings on {topic} arrive in bundles ({statistics.bundled_share:.0%} together with the one before).",
+                (Evidence("bundled share", round(statistics.bundled_share, 3)),),
+                consequence="receive times of this topic say little; headers are used",
+            )
+        )
+    if 0 < statistics.rate_hz < 95:
+        found.append(
+            Finding(
+                "imu.rate",
+                "warning",
+                f"{topic} runs at {statistics.rate_hz:.1f} Hz; 100 Hz or more is advised.",
+                (Evidence("rate", round(statistics.rate_hz, 2), "Hz"),),
+                consequence="fast motion between readings is interpolated",
+            )
+        )
+    return found

@@ -1,0 +1,203 @@
+"""Units and signs of an IMU from its own readings.
+
+Accelerometer: at rest it shows gravity, so the median norm of the quietest seconds is 9.8 in m/s2 and 1.0 in g.
+
+Gyroscope: gravity, seen in the IMU, turns against the IMU's rotation. Over a window of dt,
+    g(t + dt) = Exp(-s integral omega dt) g(t)
+with s = 1 for rad/s and pi/180 for deg/s. Whichever s predicts the accelerometer's slow turning better is the unit;
+flipping the sign of single gyroscope axes and seeing the prediction improve tells mirrored axes. Rotation about the
+vertical, or no motion, leaves the test without evidence: then only plausibility is left (nobody turns a rig at more
+than 35 rad/s for seconds), and the confidence says so.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from calib_core.readers.rotation import rotation_matrices
+from calib_core.settings import ReadSettings
+from calib_core.types import Evidence, Finding, FloatArray, IntArray
+
+AccelerometerUnit = Literal["m_s2", "g"]
+GyroscopeUnit = Literal["rad_s", "deg_s"]
+_RAD_PER_DEG = np.pi / 180.0
+_WINDOW_S = 0.5
+_AVERAGE_S = 0.25
+_MAX_WINDOWS = 2000
+_IMPOSSIBLE_RAD_S = 35.0
+_Windows = tuple[FloatArray, FloatArray, list[FloatArray]]
+
+
+def quiet_seconds(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, *, share: float = 0.1) -> IntArray:
+    """Indices of the readings in the quietest seconds: the tenth of all whole seconds with the least variation."""
+    second = (stamps_ns - stamps_ns[0]) // 1_000_000_000
+    bounds = np.flatnonzero(np.diff(second, prepend=-1, append=second[-1] + 1))
+    sizes = np.diff(bounds)
+    enough = sizes >= max(3, int(np.median(sizes) * 0.5))
+    starts = bounds[:-1]
+    unrest = np.zeros(sizes.size)
+    for channels in (gyro, accel):
+        mean = np.add.reduceat(channels, starts, axis=0) / sizes[:, None]
+        square = np.add.reduceat(channels**2, starts, axis=0) / sizes[:, None]
+        variance = np.maximum(square - mean**2, 0.0).sum(axis=1)
+        unrest += variance / max(float(np.median(variance)), 1e-12)
+    order = np.argsort(np.where(enough, unrest, np.inf), kind="stable")
+    chosen = order[: max(1, int(share * sizes.size))]
+    return np.concatenate([np.arange(starts[c], starts[c] + sizes[c]) for c in np.sort(chosen)])
+
+
+def detect_accelerometer_unit(
+    stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, settings: ReadSettings, topic: str
+) -> tuple[AccelerometerUnit, Finding]:
+    """The unit, from the median norm of the quietest seconds."""
+    quiet = quiet_seconds(stamps_ns, gyro, accel)
+    norm = float(np.median(np.linalg.norm(accel[quiet], axis=1)))
+    # Distance in log units from either answer; halfway between 1 and 9.8 is 3.1.
+    to_g = abs(np.log(max(norm, 1e-9)))
+    to_si = abs(np.log(max(norm, 1e-9) / 9.8))
+    detected: AccelerometerUnit = "g" if to_g < to_si else "m_s2"
+    distance = min(to_g, to_si)
+    confidence = float(np.exp(-((distance / 0.4) ** 2)))
+    unit = settings.accelerometer_unit or detected
+    name = "g" if unit == "g" else "m/s2"
+    text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.3f}."
+    level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
+    if confidence < 0.5:
+        text = f"At rest the accelerations on {topic} have norm {norm:.3f}, which is gravity neither in m/s2 nor in g; {name} is assumed."
+    finding = Finding(
+        code="imu.accelerometer_unit",
+        level=level,
+        text=text,
+        evidence=(Evidence("median norm at rest", round(norm, 4)), Evidence("readings examined", int(quiet.size))),
+        confidence=1.0 if settings.accelerometer_unit else round(confidence, 3),
+        consequence="readings are multiplied by 9.80665" if unit == "g" else "readings are used as they are",
+        override=f"--accelerometer-unit {'m_s2' if unit == 'g' else 'g'}",
+    )
+    return unit, finding
+
+
+def detect_gyroscope(
+    stamps_ns: IntArray, gyro: FloatArray, accel_m_s2: FloatArray, settings: ReadSettings, topic: str
+) -> tuple[GyroscopeUnit, tuple[Finding, ...]]:
+    """The unit, and a finding for mirrored axes, from gravity's turning and plausibility."""
+    windows = _windows(stamps_ns, gyro, accel_m_s2)
+    still = _misfit(windows, np.zeros(3))
+    radians, degrees = _misfit(windows, np.ones(3)), _misfit(windows, np.full(3, _RAD_PER_DEG))
+    sustained = float(np.percentile(np.linalg.norm(gyro, axis=1), 95))
+    informative = still > 0 and min(radians, degrees) < 0.5 * still
+    if informative:
+        detected: GyroscopeUnit = "rad_s" if radians < degrees else "deg_s"
+        confidence = float(1.0 - min(radians, degrees) / max(radians, degrees, 1e-30))
+    else:
+        detected = "deg_s" if sustained > _IMPOSSIBLE_RAD_S else "rad_s"
+        confidence = 0.9 if detected == "deg_s" else 0.5
+    unit = settings.gyroscope_unit or detected
+    scale = _RAD_PER_DEG if unit == "deg_s" else 1.0
+    name = "deg/s" if unit == "deg_s" else "rad/s"
+    finding = Finding(
+        code="imu.gyroscope_unit",
+        level="warning" if unit == "deg_s" else "info",
+        text=f"Angular rates on {topic} are in {name}"
+        + ("." if informative else " (gravity hardly turns in this recording, so only plausibility speaks)."),
+        evidence=(
+            Evidence("misfit of gravity's turning, rad/s", _rounded(radians), "rad"),
+            Evidence("misfit of gravity's turning, deg/s", _rounded(degrees), "rad"),
+            Evidence("gravity's turning itself", _rounded(still), "rad"),
+            Evidence("95 % of rates below", round(sustained, 4)),
+        ),
+        confidence=1.0 if settings.gyroscope_unit else round(confidence, 3),
+        consequence="readings are multiplied by pi/180" if unit == "deg_s" else "readings are used as they are",
+        override=f"--gyroscope-unit {'rad_s' if unit == 'deg_s' else 'deg_s'}",
+    )
+    mirrored = _mirrored_axes(windows, scale, still, topic)
+    return unit, (finding,) if mirrored is None else (finding, mirrored)
+
+
+def gyroscope_unit_from_rates(gyro_norms: FloatArray, lidar_rates_rad_s: FloatArray) -> tuple[GyroscopeUnit, float]:
+    """The unit of gyroscope norms against the lidar's own angular rates at the same instants, and a confidence 0..1.
+
+    gyro_norms: (M,) as read.   lidar_rates_rad_s: (M,) from scan-to-scan rotation. Only moving instants count.
+    """
+    moving = lidar_rates_rad_s > 0.1
+    if np.count_nonzero(moving) < 5:
+        return "rad_s", 0.5
+    ratio = float(np.median(gyro_norms[moving] / lidar_rates_rad_s[moving]))
+    to_rad, to_deg = abs(np.log(max(ratio, 1e-9))), abs(np.log(max(ratio, 1e-9) * _RAD_PER_DEG))
+    unit: GyroscopeUnit = "rad_s" if to_rad < to_deg else "deg_s"
+    return unit, float(np.exp(-((min(to_rad, to_deg) / 0.7) ** 2)))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def _windows(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray) -> _Windows:
+    """Gravity's direction before and after each window, and the readings of angle (rate times step) inside it."""
+    times_s = (stamps_ns - stamps_ns[0]) * 1e-9
+    sums = np.vstack([np.zeros(3), np.cumsum(accel, axis=0)])
+    edges = np.arange(_AVERAGE_S, times_s[-1] - _AVERAGE_S, _WINDOW_S)
+    if edges.size > _MAX_WINDOWS:
+        edges = edges[np.linspace(0, edges.size - 1, _MAX_WINDOWS).astype(np.int64)]
+    before, after, angles = [], [], []
+
+    def direction(at_s: float) -> FloatArray | None:
+        first, last = np.searchsorted(times_s, (at_s - _AVERAGE_S, at_s + _AVERAGE_S))
+        mean = (sums[last] - sums[first]) / max(last - first, 1)
+        norm = float(np.linalg.norm(mean))
+        return mean / norm if last - first >= 3 and norm > 0 else None
+
+    steps = np.diff(times_s, append=times_s[-1])
+    for start_s in edges:
+        end_s = start_s + _WINDOW_S
+        first, last = np.searchsorted(times_s, (start_s, end_s))
+        a, b = direction(float(start_s)), direction(float(end_s))
+        if a is None or b is None or last - first < 2 or float(steps[first:last].max()) > 0.2:
+            continue
+        before.append(a)
+        after.append(b)
+        angles.append(gyro[first:last] * steps[first:last, None])
+    return np.array(before).reshape(-1, 3), np.array(after).reshape(-1, 3), angles
+
+
+def _misfit(windows: _Windows, scale: FloatArray) -> float:
+    """Median angle [rad] between predicted and seen direction of gravity over the windows that turn most; 0 if none.
+
+    scale: (3,) factor per gyroscope axis, zeros for "does not turn".
+    """
+    before, after, angles = windows
+    if len(angles) < 4:
+        return 0.0
+    turning = np.linalg.norm(np.cross(before, after), axis=1)
+    rows = np.argsort(-turning)[: max(4, len(angles) // 3)]
+    errors = np.empty(rows.size)
+    for i, row in enumerate(rows):
+        direction = before[row]
+        if scale.any():
+            for rotation in rotation_matrices(-angles[row] * scale):
+                direction = rotation @ direction
+        errors[i] = np.linalg.norm(direction - after[row])
+    return float(np.median(errors))
+
+
+def _mirrored_axes(windows: _Windows, scale: float, still: float, topic: str) -> Finding | None:
+    """A finding where flipping gyroscope axes explains gravity's turning much better than taking them as they are."""
+    signs = [np.array(s) for s in product((1.0, -1.0), repeat=3)]
+    misfits = [_misfit(windows, s * scale) for s in signs]
+    best = int(np.argmin(misfits))
+    if best == 0 or still <= 0.02 or misfits[best] > 0.4 * min(misfits[0], still):
+        return None
+    axes = ", ".join(axis for axis, sign in zip("xyz", signs[best], strict=True) if sign < 0)
+    return Finding(
+        code="imu.axis_signs",
+        level="warning",
+        text=f"Gyroscope axis {axes} on {topic} turns against the accelerometer: its sign looks flipped.",
+        evidence=(
+            Evidence("misfit as sent", _rounded(misfits[0]), "rad"),
+            Evidence(f"misfit with {axes} flipped", _rounded(misfits[best]), "rad"),
+        ),
+        confidence=round(1.0 - misfits[best] / max(misfits[0], 1e-30), 3),
+        consequence="a calibration from these readings would be wrong; correct the driver's axes",
+    )

@@ -1,0 +1,48 @@
+"""Livox CustomMsg of both drivers in both ROS versions, on the raw bytes: no Python object per point.
+
+    header, timebase u64, point_num u32, lidar_id u8, rsvd u8[3], points[]: offset_time u32 [ns], x y z f32 [m],
+    reflectivity u8, tag u8, line u8
+
+ROS 1 packs 19 bytes a point; CDR pads to 20, the last point excepted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.readers.cloud import RawCloud
+from calib_core.readers.pointcloud2 import MAX_POINTS
+from calib_core.readers.storage import RawMessage
+from calib_core.readers.wire import Encoding, MalformedMessage, Wire
+
+TYPES = ("livox_ros_driver/msg/CustomMsg", "livox_ros_driver2/msg/CustomMsg")
+
+
+def _point_dtype(order: str) -> np.dtype[np.void]:
+    f4 = f"{order}f4"
+    return np.dtype(
+        [("offset_time", f"{order}u4"), ("x", f4), ("y", f4), ("z", f4), ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1")]
+    )
+
+
+_DTYPES = {"<": _point_dtype("<"), ">": _point_dtype(">")}
+
+
+def read_custom_msg(message: RawMessage, encoding: Encoding) -> RawCloud:
+    """The cloud of one stored CustomMsg; `offset_time` counts from the header's stamp."""
+    wire = Wire(message.payload, encoding)
+    header_ns, frame_id = wire.header()
+    wire.u64()  # timebase: the header's stamp again, in the sensor's own count
+    declared = wire.u32()
+    wire.view(4)  # lidar_id, rsvd[3]
+    n_points = wire.u32()
+    if n_points > MAX_POINTS or declared != n_points:
+        raise MalformedMessage(f"{declared} points announced, {n_points} sent")
+    dtype = _DTYPES[wire.order]
+    stride = dtype.itemsize if encoding == "ros1" else dtype.itemsize + 1
+    wire.align(4)
+    if n_points == 0:
+        return RawCloud(header_ns, message.receive_ns, frame_id, np.zeros(0, dtype), 0, 1)
+    body = wire.view((n_points - 1) * stride + dtype.itemsize)
+    points = np.ndarray((n_points,), dtype, body, strides=(stride,))
+    return RawCloud(header_ns, message.receive_ns, frame_id, points, n_points, 1)

@@ -1,0 +1,78 @@
+"""A recording on disk -> Recording: choose the topics, detect what the stamps and units are, read everything once."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.readers.clocks import coarse_clock_offset
+from calib_core.readers.container import OpenRecording, open_recording
+from calib_core.readers.decoders import cloud_decoder
+from calib_core.readers.fingerprint import recording_sha256
+from calib_core.readers.imu import clean_imu
+from calib_core.readers.layouts import recognise_layout
+from calib_core.readers.point_time import detect_point_time, scan_period_s
+from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
+from calib_core.readers.topics import choose_imu, choose_lidar
+from calib_core.settings import ReadSettings
+from calib_core.types import Finding, LidarInfo, Recording
+
+
+def load(
+    path: Path, settings: ReadSettings, *, on_event: OnEvent = ignore_event, should_cancel: ShouldCancel = never_cancel
+) -> Recording:
+    """One lidar and one IMU of the recording at `path`, decoded, with every detection as a Finding.
+
+    Raises InputError (one sentence) where the recording cannot be read or lacks something, Cancelled where asked to.
+    """
+    on_event(StageEvent(stage="read", fraction=0.0, text=f"opening {path.name}"))
+    # Hashing releases the interpreter lock: it runs beside the decoding and costs nothing.
+    with open_recording(path) as recording, ThreadPoolExecutor(1) as hasher:
+        digest = hasher.submit(recording_sha256, path)
+        loaded = _load_open(recording, settings, on_event, should_cancel)
+        result = replace(loaded, sha256=digest.result())
+    for finding in result.findings:
+        if finding.level != "info":
+            on_event(LogEvent(level=finding.level, code=finding.code, text=finding.text))
+    on_event(StageEvent(stage="read", fraction=1.0, text=f"{len(result.scans)} scans, {result.imu.stamps_ns.size} IMU readings"))
+    return result
+
+
+def _load_open(
+    recording: OpenRecording, settings: ReadSettings, on_event: OnEvent, should_cancel: ShouldCancel
+) -> Recording:
+    lidar_topic = choose_lidar(recording.topics, settings.lidar_topic, recording.name)
+    imu_topic = choose_imu(recording.topics, settings.imu_topic, recording.name)
+    span = span_ns(recording, settings)
+    decoder = cloud_decoder(lidar_topic)
+    sample = sample_clouds(recording, lidar_topic, decoder, span)
+    layout = recognise_layout(sample[0], lidar_topic.name)
+    timing, findings = detect_point_time(sample, settings, topic=lidar_topic.name, help_text=layout.help_text)
+    info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, "", scan_period_s(sample))
+    del sample  # tens of megabytes that the pass below does not need
+    reading = Reading(recording, settings, decoder, timing, on_event, should_cancel)
+    reading.run(lidar_topic, imu_topic, span)
+    findings += reading.findings(lidar_topic.name)
+    raw_imu = reading.imu.finish()
+    imu, imu_findings = clean_imu(raw_imu, settings, imu_topic.name)
+    header_ns, receive_ns = np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)
+    offset_ns = 0
+    clock_findings: tuple[Finding, ...] = ()
+    if settings.stamps == "header":
+        offset_ns, clock_findings = coarse_clock_offset(
+            header_ns, receive_ns, raw_imu.header_ns, raw_imu.receive_ns, info.period_s
+        )
+    return Recording(
+        name=recording.name,
+        imu=imu,
+        scans=reading.scans.finish(),
+        lidar=info,
+        duration_s=recording.duration_s,
+        coarse_offset_ns=offset_ns,
+        scans_total=len(reading.header_ns),
+        findings=(*findings, *imu_findings, *clock_findings, *damage_findings(recording, len(reading.scans))),
+    )

@@ -1,0 +1,319 @@
+"""Which field is the per-point time, in which unit, counted from what: scored hypotheses over a sample of scans.
+
+Every numeric field that is not known to mean something else is a candidate. A candidate's spread within a scan (1 to
+99 % quantiles of valid points) must be close to the scan period in one of four units; the units are a factor of 1000
+apart, so the nearest wins clearly. Its change from scan to scan says what it counts from: a period per scan is
+absolute, none is relative to the header; then values from zero up mean that the header is the first point's time,
+values up to zero the last point's. Nothing is taken from a name alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calib_core.errors import PointTimeError
+from calib_core.readers.cloud import RawCloud, StructArray
+from calib_core.settings import ReadSettings
+from calib_core.types import Evidence, Finding, FloatArray, IntArray
+
+Unit = Literal["s", "ms", "us", "ns"]
+Reference = Literal["header-first", "header-last", "absolute"]
+NS_PER_UNIT: dict[Unit, float] = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
+
+#: Two fields that together are one absolute stamp (SICK).
+SEC_NSEC = ("lidar_sec", "lidar_nsec")
+COMPOSITE = "lidar_sec+lidar_nsec"
+TIME_NAMES = frozenset(
+    "t ts time timestamp time_stamp timestamps offset_time time_offset time_offset_ns timeoffset point_time stamp".split()
+)
+_OTHER_NAMES = frozenset(
+    "x y z i intensity ring line tag channel azimuth elevation distance range reflectivity reflector ambient signal "
+    "near_ir noise rgb rgba label return_type flags normal_x normal_y normal_z layer echo velocity scan_id scan_idx "
+    "is_2nd_return lidar_sec lidar_nsec row column col laser_id".split()
+)
+#: Below this share of forward steps a field is no clock but some quantity that merely has a fitting spread.
+_MIN_ORDER = 0.6
+_RATIO_GOOD = (0.5, 1.15)
+_RATIO_POSSIBLE = (0.05, 1.4)
+_SAME_EPOCH_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class PointTiming:
+    """How a scan's point times are computed.
+
+    low_ns, high_ns: allowed times relative to the header (relative) or to the scan's own median (absolute); points
+    outside are garbage.   shift_ns: added to every time.
+    """
+
+    field: str
+    unit: Unit
+    reference: Reference
+    low_ns: float
+    high_ns: float
+    shift_ns: int = 0
+
+    @property
+    def ns_per_unit(self) -> float:
+        """Nanoseconds of one unit of the field."""
+        return NS_PER_UNIT[self.unit]
+
+
+@dataclass(frozen=True, slots=True)
+class _FieldSample:
+    """A candidate over the sampled scans. q01, q99: (K,) quantiles per scan.   order: share of forward steps."""
+
+    name: str
+    q01: FloatArray
+    q99: FloatArray
+    order: float
+    named: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Hypothesis:
+    sample: _FieldSample
+    unit: Unit
+    ratio: float
+    drift: float
+    score: float
+
+
+def raw_times(points: StructArray, field: str) -> IntArray | FloatArray:
+    """The field's values, (N,): float64 for float fields, int64 for integer fields, nothing rounded."""
+    if field == COMPOSITE:
+        return np.asarray(points[SEC_NSEC[0]].astype(np.int64) * 1_000_000_000 + points[SEC_NSEC[1]], np.int64)
+    if points.dtype[field].kind == "f":
+        return np.asarray(points[field], np.float64)
+    return np.asarray(points[field], np.int64)
+
+
+def _candidates(clouds: Sequence[RawCloud], settings: ReadSettings) -> list[str]:
+    dtype = clouds[0].points.dtype
+    scalars = [n for n in clouds[0].names if dtype[n].kind in "iuf" and dtype[n].shape == ()]
+    if settings.point_time_field is not None:
+        return [n for n in (*scalars, COMPOSITE) if n == settings.point_time_field]
+    names = [n for n in scalars if n.lower() not in _OTHER_NAMES and dtype[n].itemsize >= 2]
+    return names + ([COMPOSITE] if set(SEC_NSEC) <= set(scalars) else [])
+
+
+def _returns(points: StructArray) -> IntArray:
+    """Points with a return: finite and not at the origin."""
+    x, y, z = (points[axis].astype(np.float64) for axis in "xyz")
+    return np.flatnonzero(np.isfinite(x + y + z) & ((x != 0) | (y != 0) | (z != 0)))
+
+
+def _sample_field(clouds: Sequence[RawCloud], returns: Sequence[IntArray], name: str) -> _FieldSample:
+    q01, q99, forward, steps = [], [], 0, 0
+    for cloud, rows in zip(clouds, returns, strict=True):
+        values = raw_times(cloud.points, name)[rows].astype(np.float64)
+        values = values[np.isfinite(values)]
+        if values.size < 2:
+            q01.append(math.nan)
+            q99.append(math.nan)
+            continue
+        low, high = np.quantile(values, (0.01, 0.99))
+        q01.append(float(low))
+        q99.append(float(high))
+        step = np.diff(values)
+        forward += int(np.count_nonzero(step > 0))
+        steps += int(np.count_nonzero(step))
+    named = name.lower() in TIME_NAMES or name == COMPOSITE
+    return _FieldSample(name, np.array(q01), np.array(q99), forward / steps if steps else 0.0, named)
+
+
+def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit]) -> list[_Hypothesis]:
+    """One per unit whose spread is possible; best first."""
+    good = np.isfinite(sample.q01)
+    if np.count_nonzero(good) == 0:
+        return []
+    span = float(np.median(sample.q99[good] - sample.q01[good])) / 0.98
+    steps = np.diff(sample.q01[good])
+    step = float(np.median(steps)) if steps.size else 0.0
+    found = []
+    for unit in units:
+        ratio = span * NS_PER_UNIT[unit] * 1e-9 / period_s
+        if not _RATIO_POSSIBLE[0] <= ratio <= _RATIO_POSSIBLE[1]:
+            continue
+        inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1]
+        fit = 1.0 if inside else 0.6
+        order = min(1.0, sample.order / 0.9)
+        drift = step * NS_PER_UNIT[unit] * 1e-9 / period_s
+        # A clock either stands (relative) or gains one period per scan (absolute); anything between is no clock.
+        clock = math.exp(-8.0 * min(abs(drift), abs(drift - 1.0)))
+        found.append(_Hypothesis(sample, unit, ratio, drift, fit * order * clock * (1.0 if sample.named else 0.7)))
+    return sorted(found, key=lambda h: -h.score)
+
+
+def scan_period_s(clouds: Sequence[RawCloud]) -> float:
+    """Median time between scans by their headers, by receive times where the headers stand still; 0.1 s for one scan."""
+    for stamps in ([c.header_ns for c in clouds], [c.receive_ns for c in clouds]):
+        steps = np.diff(np.array(stamps, np.int64))
+        steps = steps[steps > 0]
+        if steps.size:
+            return float(np.median(steps)) * 1e-9
+    return 0.1
+
+
+def detect_point_time(
+    clouds: Sequence[RawCloud], settings: ReadSettings, *, topic: str, help_text: str = ""
+) -> tuple[PointTiming, tuple[Finding, ...]]:
+    """The timing of the clouds of `topic` and the evidence for it. Raises PointTimeError with one sentence."""
+    usable = [cloud for cloud in clouds if cloud.points.size]
+    if not usable:
+        raise PointTimeError(f"The first clouds on {topic} are all empty; check the sensor, or start later with --start.")
+    names = _candidates(usable, settings)
+    listed = ", ".join(usable[0].names)
+    if not names:
+        wanted = f"no field {settings.point_time_field!r}" if settings.point_time_field else "no per-point time"
+        raise PointTimeError(
+            f"The clouds on {topic} carry {wanted} (fields: {listed}); {help_text or 'record with a driver setting that keeps it'},"
+            " or pass --synthesise-point-time."
+        )
+    # The first scan of a recording may be cut or hold leftovers of the sensor's start.
+    sampled = usable[1:] if len(usable) > 3 else usable
+    returns = [_returns(cloud.points) for cloud in sampled]
+    samples = [_sample_field(sampled, returns, name) for name in names]
+    period_s = scan_period_s(sampled)
+    units: tuple[Unit, ...] = ("s", "ms", "us", "ns") if settings.point_time_unit is None else (settings.point_time_unit,)
+    forced = settings.point_time_field is not None
+    found = [
+        h
+        for sample in samples
+        if forced or sample.order >= _MIN_ORDER or (sample.named and sample.order > 0)
+        for h in _hypotheses(sample, period_s, units)
+    ]
+    found.sort(key=lambda h: -h.score)
+    if not found:
+        raise PointTimeError(_no_hypothesis_text(topic, samples, period_s, help_text))
+    return _timing(found, sampled, period_s, settings, topic)
+
+
+def _no_hypothesis_text(topic: str, samples: Sequence[_FieldSample], period_s: float, help_text: str) -> str:
+    named = next((s for s in samples if s.named), samples[0])
+    spread = float(np.nanmedian(named.q99 - named.q01)) if np.isfinite(named.q01).any() else 0.0
+    if spread == 0.0:
+        what = f"field {named.name!r} is the same for all points of a scan"
+    else:
+        what = f"field {named.name!r} spreads over {spread:g}, which is no scan of {period_s:.3f} s in s, ms, us or ns"
+    advice = help_text or "name the right field with --point-time-field and --point-time-unit"
+    return f"The clouds on {topic} carry no usable per-point time: {what}; {advice}, or pass --synthesise-point-time."
+
+
+def _timing(
+    found: Sequence[_Hypothesis],
+    clouds: Sequence[RawCloud],
+    period_s: float,
+    settings: ReadSettings,
+    topic: str,
+) -> tuple[PointTiming, tuple[Finding, ...]]:
+    best = found[0]
+    runner_up = found[1].score if len(found) > 1 else 0.0
+    scale = NS_PER_UNIT[best.unit]
+    low = best.sample.q01 * scale
+    high = best.sample.q99 * scale
+    absolute = abs(best.drift - 1.0) < abs(best.drift)
+    if np.isfinite(low).sum() < 2:  # one scan shows no drift: judge by magnitude
+        absolute = abs(float(np.nanmedian(low))) > 100e9 * max(period_s, 0.01)
+    natural: Reference = "absolute"
+    if not absolute:
+        natural = "header-last" if abs(np.nanmedian(high)) < abs(np.nanmedian(low)) else "header-first"
+    reference = settings.point_time_reference or natural
+    timing, extra = _windowed(best, reference, natural, clouds, low, high, period_s)
+    confidence = max(0.0, min(1.0, best.score - 0.5 * runner_up * (found[-1] is not best)))
+    if len(clouds) < 49:
+        confidence = min(confidence, 0.5 + len(clouds) / 100)
+    evidence = (
+        Evidence("scans examined", len(clouds)),
+        Evidence("robust span over scan period", round(best.ratio, 3)),
+        Evidence("change per scan over scan period", round(best.drift, 3)),
+        Evidence("share of forward steps", round(best.sample.order, 3)),
+        Evidence("score", round(best.score, 3)),
+        Evidence("next best score", round(runner_up, 3)),
+        Evidence("first point after header", round(float(np.nanmedian(low - _header_base(clouds, absolute))) * 1e-9, 6), "s"),
+        Evidence("last point after header", round(float(np.nanmedian(high - _header_base(clouds, absolute))) * 1e-9, 6), "s"),
+    )
+    text = f"Point times on {topic} are field {best.sample.name!r} in {best.unit}, {_REFERENCE_TEXT[reference]}."
+    finding = Finding(
+        code="points.time_field",
+        level="info" if confidence >= 0.5 else "warning",
+        text=text,
+        evidence=evidence,
+        confidence=round(confidence, 3),
+        consequence="every point is placed at its own instant of the sweep with these times",
+        override=f"--point-time-field {best.sample.name} --point-time-unit {best.unit} --point-time-reference {reference}",
+    )
+    return timing, (finding, *extra)
+
+
+_REFERENCE_TEXT: dict[Reference, str] = {
+    "header-first": "counted from the header, which is the first point's time",
+    "header-last": "counted from the header, which is the last point's time",
+    "absolute": "absolute",
+}
+
+
+def _header_base(clouds: Sequence[RawCloud], absolute: bool) -> FloatArray:
+    return np.array([cloud.header_ns if absolute else 0 for cloud in clouds], np.float64)
+
+
+def _windowed(
+    best: _Hypothesis,
+    reference: Reference,
+    natural: Reference,
+    clouds: Sequence[RawCloud],
+    low: FloatArray,
+    high: FloatArray,
+    period_s: float,
+) -> tuple[PointTiming, tuple[Finding, ...]]:
+    """The timing with its garbage window and shift."""
+    margin = 0.06e9 * period_s
+    first, last = float(np.nanmedian(low)), float(np.nanmedian(high))
+    span = (last - first) / 0.98
+    if reference == "absolute":
+        offsets = np.array([c.header_ns for c in clouds], np.float64) - low
+        apart_s = float(np.nanmedian(offsets)) * 1e-9
+        timing = PointTiming(best.sample.name, best.unit, reference, -1.1 * span - margin, 1.1 * span + margin)
+        if abs(apart_s) <= _SAME_EPOCH_S:
+            return timing, ()
+        shift_ns = _exact_shift_ns(best.sample, best.unit, clouds)
+        shifted = PointTiming(timing.field, timing.unit, reference, timing.low_ns, timing.high_ns, shift_ns)
+        return shifted, (_epoch_finding(apart_s, offsets),)
+    shift = 0.0
+    if reference != natural and natural != "absolute":
+        # The values count from the other end: move the sweep so that the header is where the user says.
+        shift = -first if reference == "header-first" else -last
+    edge = 0.012 * span
+    return (
+        PointTiming(best.sample.name, best.unit, reference, first - edge - margin, last + edge + margin, round(shift)),
+        (),
+    )
+
+
+def _exact_shift_ns(sample: _FieldSample, unit: Unit, clouds: Sequence[RawCloud]) -> int:
+    """Median of header minus first point, in integers: epochs may be 1e18 ns apart."""
+    shifts: list[int] = []
+    for cloud, first in zip(clouds, sample.q01, strict=True):
+        if math.isfinite(first):
+            whole = math.floor(first)
+            scale = int(NS_PER_UNIT[unit])
+            shifts.append(cloud.header_ns - whole * scale - round((first - whole) * scale))
+    return sorted(shifts)[len(shifts) // 2]
+
+
+def _epoch_finding(apart_s: float, offsets: FloatArray) -> Finding:
+    spread_s = float(np.nanmax(offsets) - np.nanmin(offsets)) * 1e-9
+    return Finding(
+        code="points.epoch",
+        level="warning",
+        text=f"Point times and headers count from different instants, {apart_s:.3f} s apart.",
+        evidence=(Evidence("header minus first point", apart_s, "s"), Evidence("its spread", spread_s, "s")),
+        confidence=1.0,
+        consequence="point times are moved into the headers' epoch by one constant, so that a jittering header moves nothing",
+        override="--point-time-reference header-first",
+    )

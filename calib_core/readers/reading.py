@@ -1,0 +1,205 @@
+"""The passes over a recording: a small sample for the detections, then everything once."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+from dataclasses import dataclass, field
+
+from calib_core.errors import Cancelled, InputError, UnreadableRecording
+from calib_core.events import OnEvent, ShouldCancel, StageEvent
+from calib_core.readers.cloud import RawCloud
+from calib_core.readers.container import OpenRecording
+from calib_core.readers.decoders import CloudDecoder
+from calib_core.readers.imu_messages import ImuCollector
+from calib_core.readers.point_time import PointTiming
+from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
+from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.wire import MalformedMessage
+from calib_core.settings import ReadSettings
+from calib_core.types import Evidence, Finding
+
+#: Scans that the detection of the point times looks at.
+SAMPLED_SCANS = 60
+#: Scans of the sample are held at once: fewer of them where each is big.
+_SAMPLE_BYTES = 400 * (1 << 20)
+#: Less than this, of a recording that is damaged, is too little to calibrate from.
+MIN_SCANS_OF_DAMAGED = 20
+_EVENT_EVERY = 20
+
+
+def span_ns(recording: OpenRecording, settings: ReadSettings) -> tuple[int | None, int | None]:
+    """Receive times between which messages are read; None where unbounded. Raises InputError for an empty span."""
+    start_ns = None if settings.start_s is None else recording.start_ns + round(settings.start_s * 1e9)
+    stop_ns = None if settings.end_s is None else recording.start_ns + round(settings.end_s * 1e9) + 1
+    if (start_ns or recording.start_ns) >= (recording.end_ns if stop_ns is None else min(stop_ns, recording.end_ns)):
+        raise InputError(
+            f"Nothing of {recording.name} lies between {settings.start_s or 0:g} s and"
+            f" {recording.duration_s if settings.end_s is None else settings.end_s:g} s;"
+            f" it lasts {recording.duration_s:.1f} s, choose a span inside.",
+            code="recording.span",
+        )
+    return start_ns, stop_ns
+
+
+def sample_clouds(
+    recording: OpenRecording, topic: TopicSummary, decoder: CloudDecoder, span: tuple[int | None, int | None]
+) -> list[RawCloud]:
+    """The first SAMPLED_SCANS clouds of the span. Raises UnreadableRecording where not one can be decoded."""
+    clouds: list[RawCloud] = []
+    n_bytes, failure = 0, "it holds no message in the chosen span"
+    messages = recording.messages((topic.name,), start_ns=span[0], stop_ns=span[1])
+    for message in itertools.islice(messages, 3 * SAMPLED_SCANS):
+        try:
+            cloud = decoder(message)
+        except MalformedMessage as error:
+            failure = str(error)
+            continue
+        if not {"x", "y", "z"} <= set(cloud.names):
+            raise InputError(
+                f"The clouds on {topic.name} have no x, y and z (fields: {', '.join(cloud.names)}); choose a lidar's topic.",
+                code="points.no_xyz",
+            )
+        if not clouds or cloud.points.dtype == clouds[0].points.dtype:
+            clouds.append(cloud)
+            n_bytes += cloud.points.nbytes
+        if len(clouds) == SAMPLED_SCANS or n_bytes > _SAMPLE_BYTES:
+            break
+    if not clouds:
+        raise UnreadableRecording(
+            f"Not one message on {topic.name} of {recording.name} can be decoded ({failure}); record or copy it again."
+        )
+    return clouds
+
+
+@dataclass(slots=True)
+class Reading:
+    """The pass that reads everything; its fields are what it gathered."""
+
+    recording: OpenRecording
+    settings: ReadSettings
+    decoder: CloudDecoder
+    timing: PointTiming
+    on_event: OnEvent
+    should_cancel: ShouldCancel
+    imu: ImuCollector = field(default_factory=lambda: ImuCollector("cdr"))
+    scans: StoredScans = field(default_factory=StoredScans)
+    header_ns: list[int] = field(default_factory=list)
+    receive_ns: list[int] = field(default_factory=list)
+    counts: list[ScanCounts] = field(default_factory=list)
+    n_malformed: int = 0
+    malformed_text: str = ""
+
+    def run(self, lidar: TopicSummary, imu: TopicSummary, span: tuple[int | None, int | None]) -> None:
+        """Read both topics over the span."""
+        self.imu = ImuCollector(imu.encoding)
+        n_seen = 0
+        for message in self.recording.messages((lidar.name, imu.name), start_ns=span[0], stop_ns=span[1]):
+            if message.topic == imu.name:
+                self.imu.add(message)
+                continue
+            self._add_cloud(message, n_seen)
+            n_seen += 1
+            if n_seen % _EVENT_EVERY == 0:
+                self._report(n_seen, lidar.count)
+        if not len(self.scans):
+            raise InputError(
+                f"No scan on {lidar.name} holds a point between {self.settings.range_min_m:g} m and"
+                f" {self.settings.range_max_m:g} m inside its sweep ({n_seen} scans read); check the sensor or the point times.",
+                code="points.none_valid",
+            )
+
+    def _report(self, n_seen: int, n_total: int) -> None:
+        if self.should_cancel():
+            raise Cancelled("Reading was stopped.")
+        fraction = min(1.0, n_seen / max(n_total, 1))
+        self.on_event(StageEvent(stage="read", fraction=fraction, text=f"{n_seen} of {n_total} scans"))
+
+    def _add_cloud(self, message: RawMessage, index: int) -> None:
+        try:
+            cloud = self.decoder(message)
+            stamped = cloud if self.settings.stamps == "header" else _restamped(cloud)
+            scan, counts = make_scan(stamped, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
+        except (MalformedMessage, ValueError, KeyError) as error:
+            self.n_malformed += 1
+            self.malformed_text = self.malformed_text or f"message {index}: {error}"
+            return
+        self.header_ns.append(cloud.header_ns)
+        self.receive_ns.append(cloud.receive_ns)
+        self.counts.append(counts)
+        if scan is None:
+            return
+        try:
+            self.scans.append(scan)
+        except OSError as error:
+            if error.errno != errno.ENOSPC:
+                raise
+            raise InputError(
+                f"The disk that holds temporary files is full after {index} scans of {self.recording.name};"
+                " point TMPDIR at a disk with room for the recording.",
+                code="disk.full",
+            ) from error
+
+    def findings(self, topic: str) -> tuple[Finding, ...]:
+        """What the pass found out about the points."""
+        found: list[Finding] = []
+        sent = sum(c.sent for c in self.counts)
+        out_of_time = sum(c.out_of_time for c in self.counts)
+        no_return = sum(c.no_return for c in self.counts)
+        if self.n_malformed:
+            found.append(
+                Finding(
+                    "points.malformed",
+                    "warning",
+                    f"{self.n_malformed} messages on {topic} cannot be decoded and were left out ({self.malformed_text}).",
+                    (Evidence("malformed messages", self.n_malformed),),
+                )
+            )
+        if out_of_time:
+            found.append(
+                Finding(
+                    "points.out_of_sweep",
+                    "warning" if out_of_time > 0.001 * sent else "info",
+                    f"{out_of_time} of {sent} points on {topic} carry a time outside their sweep and were left out.",
+                    (Evidence("points outside the sweep", out_of_time), Evidence("points", sent)),
+                )
+            )
+        if no_return:
+            found.append(
+                Finding(
+                    "points.no_return",
+                    "info",
+                    f"{no_return} of {sent} points on {topic} are no return, or outside"
+                    f" {self.settings.range_min_m:g} to {self.settings.range_max_m:g} m, and were left out.",
+                    (Evidence("points left out", no_return), Evidence("points", sent)),
+                )
+            )
+        return tuple(found)
+
+
+def _restamped(cloud: RawCloud) -> RawCloud:
+    return RawCloud(cloud.receive_ns, cloud.receive_ns, cloud.frame_id, cloud.points, cloud.width, cloud.height)
+
+
+def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ...]:
+    """One finding per damaged file. Raises UnreadableRecording where too little of the recording is left."""
+    found: list[Finding] = []
+    for damage in recording.damages:
+        lost = damage.lost_from_ns is not None
+        after = f" after {(damage.lost_from_ns - recording.start_ns) * 1e-9:.1f} s" if damage.lost_from_ns is not None else ""
+        if lost and n_scans < MIN_SCANS_OF_DAMAGED:
+            raise UnreadableRecording(
+                f"The file {damage.file} is {damage.text}{after}, and the {n_scans} scans that are left are too few"
+                f" ({MIN_SCANS_OF_DAMAGED} needed); record or copy it again.",
+                code="recording.truncated",
+            )
+        found.append(
+            Finding(
+                code="recording.truncated" if lost else "recording.damaged",
+                level="warning" if lost else "info",
+                text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used ({n_scans} scans).",
+                evidence=(Evidence("scans recovered", n_scans), Evidence("file", damage.file)),
+                consequence="the result rests on the recovered part only" if lost else "",
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,150 @@
+"""From one message's points to a Scan: masked once, timed once; and a sequence of scans that may live on disk."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import IO, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.readers.cloud import RawCloud, StructArray
+from calib_core.readers.point_time import PointTiming, raw_times
+from calib_core.types import POINT_DTYPE, BoolArray, FloatArray, PointArray, Scan
+
+#: Scans are kept in memory up to here, then all of them go to a file.
+MEMORY_BYTES = 256 * (1 << 20)
+_INTENSITY_NAMES = ("intensity", "i", "reflectivity", "signal")
+_RING_NAMES = ("ring", "channel", "line", "laser_id", "layer", "line_index")
+
+
+@dataclass(frozen=True, slots=True)
+class ScanCounts:
+    """Why points were left out of one scan."""
+
+    sent: int
+    no_return: int
+    out_of_time: int
+
+
+def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int) -> tuple[FloatArray, int]:
+    """Times as (N,) float64 ns from a base, and that base as integer ns; exact to the field's own resolution."""
+    values = raw_times(points, timing.field)
+    scale = timing.ns_per_unit
+    if timing.reference != "absolute":
+        return np.multiply(values, scale, dtype=np.float64), header_ns
+    sparse = values[:: max(1, values.size // 256)]
+    sparse = np.sort(sparse[np.isfinite(sparse) & (sparse != 0)])
+    base = int(sparse[sparse.size // 2]) if sparse.size else 0
+    # Subtract before changing the unit: the difference of near numbers is exact.
+    return np.multiply(values - base, scale, dtype=np.float64), base * int(scale)
+
+
+def make_scan(
+    cloud: RawCloud, index: int, timing: PointTiming, range_min_m: float, range_max_m: float
+) -> tuple[Scan | None, ScanCounts]:
+    """The scan's valid points with their own times, None where no point is left; and what was left out."""
+    points = cloud.points
+    n = points.size
+    xyz = np.empty((n, 3), np.float32)
+    xyz[:, 0], xyz[:, 1], xyz[:, 2] = points["x"], points["y"], points["z"]
+    with np.errstate(invalid="ignore", over="ignore"):
+        squared = np.einsum("ij,ij->i", xyz, xyz)
+        near_far = np.float32(range_min_m) ** 2, np.float32(range_max_m) ** 2
+        returned: BoolArray = (squared >= near_far[0]) & (squared <= near_far[1]) & (squared > 0)
+        times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
+        in_sweep = (times_ns >= timing.low_ns) & (times_ns <= timing.high_ns)
+    keep = returned & in_sweep
+    n_returned = int(np.count_nonzero(returned))
+    n_kept = int(np.count_nonzero(keep))
+    counts = ScanCounts(n, n - n_returned, n_returned - n_kept)
+    if n_kept == 0:
+        return None, counts
+    if n_kept < n:
+        xyz, times_ns, points = xyz[keep], times_ns[keep], points[keep]
+    whole_ns = np.rint(times_ns).astype(np.int64)
+    first_ns = int(whole_ns.min())
+    out = np.empty(n_kept, POINT_DTYPE)
+    out["xyz"] = xyz
+    out["offset_ns"] = whole_ns - first_ns
+    out["intensity"] = _optional(points, _INTENSITY_NAMES)
+    out["ring"] = _optional(points, _RING_NAMES)
+    out["reserved"] = 0
+    return Scan(index, base_ns + timing.shift_ns + first_ns, out), counts
+
+
+def _optional(points: StructArray, names: Sequence[str]) -> NDArray[np.generic] | int:
+    known = points.dtype.names or ()
+    name = next((name for name in names if name in known and points.dtype[name].shape == ()), None)
+    return 0 if name is None else points[name]
+
+
+class StoredScans(Sequence[Scan]):
+    """Scans in order, in memory while they are few, in an unnamed temporary file beyond MEMORY_BYTES.
+
+    Items read from the file are copies: memory stays flat however long the recording is. The file vanishes with the
+    object. Threads may read at once.
+    """
+
+    def __init__(self, memory_bytes: int = MEMORY_BYTES) -> None:
+        self._memory_bytes = memory_bytes
+        self._index: list[tuple[int, int, int, int]] = []  # message index, stamp_ns, first point, number of points
+        self._arrays: list[PointArray] = []
+        self._file: IO[bytes] | None = None
+        self._n_points = 0
+
+    def append(self, scan: Scan) -> None:
+        """Add a scan at the end."""
+        self._index.append((scan.index, scan.stamp_ns, self._n_points, scan.points.size))
+        self._n_points += scan.points.size
+        if self._file is not None:
+            self._file.write(scan.points.tobytes())
+            return
+        self._arrays.append(scan.points)
+        if self._n_points * POINT_DTYPE.itemsize > self._memory_bytes:
+            self._file = tempfile.TemporaryFile(prefix="unsweep-scans-")
+            for array in self._arrays:
+                self._file.write(array.tobytes())
+            self._arrays.clear()
+
+    def finish(self) -> StoredScans:
+        """Itself, ready to be read."""
+        if self._file is not None:
+            self._file.flush()
+        return self
+
+    @property
+    def n_points(self) -> int:
+        """Points of all scans."""
+        return self._n_points
+
+    @property
+    def stamps_ns(self) -> list[int]:
+        """Each scan's stamp, without reading its points."""
+        return [entry[1] for entry in self._index]
+
+    def __len__(self) -> int:
+        return len(self._index)
+
+    @overload
+    def __getitem__(self, item: int) -> Scan: ...
+    @overload
+    def __getitem__(self, item: slice) -> list[Scan]: ...
+    def __getitem__(self, item: int | slice) -> Scan | list[Scan]:
+        if isinstance(item, slice):
+            return [self[i] for i in range(*item.indices(len(self)))]
+        position = item + len(self) if item < 0 else item
+        if not 0 <= position < len(self):
+            raise IndexError(f"scan {item} of {len(self)}")
+        index, stamp_ns, first, count = self._index[position]
+        if self._file is None:
+            return Scan(index, stamp_ns, self._arrays[position])
+        size = POINT_DTYPE.itemsize
+        stored = os.pread(self._file.fileno(), count * size, first * size)
+        return Scan(index, stamp_ns, np.frombuffer(stored, POINT_DTYPE))
+
+    def __iter__(self) -> Iterator[Scan]:
+        return (self[i] for i in range(len(self)))

@@ -1,0 +1,133 @@
+"""Where messages come from: one protocol over every container, and the regular files that rosbags reads.
+
+A storage yields (topic, receive time, payload) in receive order. What could not be read is a Damage, never an
+exception half-way: whoever iterates gets everything up to the damage and finds the reason in `damages`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from calib_core.readers.compression import zstd
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag2 import Reader as Ros2Reader
+
+from calib_core.readers.wire import Encoding
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+#: A single message larger than this is damage, not data (a 128 x 4096 cloud of 48 bytes is 25 MB).
+MAX_MESSAGE_BYTES = 1 << 29
+
+
+class StorageError(Exception):
+    """This file cannot be opened this way; the caller tries the next way or gives up with a sentence."""
+
+
+class RawMessage(NamedTuple):
+    """One message as stored. receive_ns: when the recorder got it."""
+
+    topic: str
+    receive_ns: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSummary:
+    """One topic. type: `package/msg/Name` whatever the container.   count: messages stored."""
+
+    name: str
+    type: str
+    count: int
+    encoding: Encoding
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """What is wrong with a file and what was lost: one clause for a sentence. lost_from_ns: receive time, or None."""
+
+    file: str
+    text: str
+    lost_from_ns: int | None = None
+
+
+class Storage(Protocol):
+    """One opened file."""
+
+    topics: list[TopicSummary]
+    start_ns: int
+    end_ns: int
+    damages: list[Damage]
+
+    def messages(self, topics: Collection[str], start_ns: int | None, stop_ns: int | None) -> Iterator[RawMessage]:
+        """Messages of these topics with start_ns <= receive time < stop_ns, in receive order."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the file."""
+        ...
+
+
+def normalised_type(name: str) -> str:
+    """`package/msg/Name` from either spelling."""
+    parts = name.split("/")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
+
+
+def unpacked(payload: bytes) -> bytes:
+    """The message itself where the recorder compressed messages one by one (CDR never starts with zstd's magic)."""
+    if payload[:4] != ZSTD_MAGIC:
+        return payload
+    return zstd.ZstdDecompressor().decompress(payload, MAX_MESSAGE_BYTES)
+
+
+class RosbagsStorage:
+    """A regular ROS 1 bag, mcap or sqlite3 file, read by rosbags."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._reader: Ros1Reader | Ros2Reader
+        is_ros1 = path.suffix == ".bag"
+        try:
+            self._reader = Ros1Reader(path) if is_ros1 else Ros2Reader(path)
+            self._reader.open()
+        except Exception as error:  # rosbags lets struct, sqlite and decompression errors through
+            raise StorageError(str(error) or type(error).__name__) from error
+        self.topics = merged_topics([_summary(c, "ros1" if is_ros1 else "cdr") for c in self._reader.connections])
+        self.start_ns = self._reader.start_time
+        self.end_ns = max(self._reader.end_time, self.start_ns)
+        self.damages: list[Damage] = []
+
+    def messages(self, topics: Collection[str], start_ns: int | None, stop_ns: int | None) -> Iterator[RawMessage]:
+        connections = [c for c in self._reader.connections if c.topic in topics]
+        if not connections:
+            return
+        last_ns = self.start_ns
+        try:
+            for connection, receive_ns, payload in self._reader.messages(connections, start_ns, stop_ns):
+                last_ns = receive_ns
+                yield RawMessage(connection.topic, receive_ns, unpacked(payload))
+        except (MemoryError, GeneratorExit):
+            raise
+        except Exception as error:  # damage met half-way: keep what was read
+            self.damages.append(Damage(self._path.name, f"damaged ({str(error) or type(error).__name__})", last_ns))
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+def _summary(connection: Connection, encoding: Encoding) -> TopicSummary:
+    return TopicSummary(connection.topic, normalised_type(connection.msgtype), connection.msgcount, encoding)
+
+
+def merged_topics(summaries: list[TopicSummary]) -> list[TopicSummary]:
+    """One entry per topic and type, counts added, in name order."""
+    merged: dict[tuple[str, str], TopicSummary] = {}
+    for summary in summaries:
+        key = (summary.name, summary.type)
+        known = merged.get(key)
+        merged[key] = summary if known is None else replace(known, count=known.count + summary.count)
+    return [merged[key] for key in sorted(merged)]

@@ -1,0 +1,92 @@
+"""Which topics carry the lidar and the IMU. Where several fit nobody is preferred: the caller asks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from calib_core.errors import TopicError
+from calib_core.readers import livox, pointcloud2
+from calib_core.readers import imu_messages
+from calib_core.readers.storage import TopicSummary
+
+CLOUD_TYPES = (pointcloud2.TYPE, *livox.TYPES)
+#: Raw packets that are decoded here.
+PACKET_TYPES = ("velodyne_msgs/msg/VelodyneScan",)
+#: Raw packets that are recognised and refused with a sentence.
+FOREIGN_PACKET_TYPES = {
+    "pandar_msgs/msg/PandarScan": "Hesai",
+    "hesai_ros_driver/msg/UdpFrame": "Hesai",
+    "nebula_msgs/msg/NebulaPackets": "Nebula",
+    "ouster_ros/msg/PacketMsg": "Ouster",
+    "ouster_sensor_msgs/msg/PacketMsg": "Ouster",
+    "rslidar_msg/msg/RslidarPacket": "RoboSense",
+    "rslidar_msgs/msg/rslidarScan": "RoboSense",
+    "seyond/msg/SeyondScan": "Seyond",
+}
+
+
+def lidar_topics(topics: Sequence[TopicSummary]) -> list[TopicSummary]:
+    """Topics with messages a scan can be made of. Clouds come before raw packets: a driver decoded the same returns."""
+    clouds = [t for t in topics if t.type in CLOUD_TYPES and t.count]
+    return clouds or [t for t in topics if t.type in PACKET_TYPES and t.count]
+
+
+def imu_topics(topics: Sequence[TopicSummary]) -> list[TopicSummary]:
+    """Topics with IMU readings."""
+    return [t for t in topics if t.type == imu_messages.TYPE and t.count]
+
+
+def choose_lidar(topics: Sequence[TopicSummary], wanted: str | None, recording: str) -> TopicSummary:
+    """The lidar topic: the one named, or the only one that fits."""
+    fitting = lidar_topics(topics)
+    if wanted is not None:
+        fitting = [t for t in topics if t.type in (*CLOUD_TYPES, *PACKET_TYPES) and t.count]
+    foreign = [t for t in topics if t.type in FOREIGN_PACKET_TYPES and t.count and wanted in (None, t.name)]
+    if not fitting and foreign:
+        raise unsupported_packets(foreign[0])
+    return _choose(topics, fitting, wanted, recording, "lidar", "--lidar-topic")
+
+
+def choose_imu(topics: Sequence[TopicSummary], wanted: str | None, recording: str) -> TopicSummary:
+    """The IMU topic: the one named, or the only one that fits."""
+    return _choose(topics, imu_topics(topics), wanted, recording, "IMU", "--imu-topic")
+
+
+def unsupported_packets(topic: TopicSummary) -> TopicError:
+    """The sentence for raw packets that are not decoded."""
+    vendor = FOREIGN_PACKET_TYPES[topic.type]
+    return TopicError(
+        f"The topic {topic.name} holds raw {vendor} packets ({topic.type}), which are not decoded here; replay them through"
+        f" the {vendor} driver and record its point cloud.",
+        code="recording.packets",
+    )
+
+
+def _choose(
+    topics: Sequence[TopicSummary], fitting: Sequence[TopicSummary], wanted: str | None, recording: str, what: str, flag: str
+) -> TopicSummary:
+    names = tuple(t.name for t in fitting)
+    if wanted is not None:
+        chosen = next((t for t in fitting if t.name == wanted), None)
+        if chosen is not None:
+            return chosen
+        present = next((t for t in topics if t.name == wanted), None)
+        found = "is not in the recording" if present is None else f"is of type {present.type} with {present.count} messages"
+        raise TopicError(
+            f"The topic {wanted} given as {what} topic {found}; {recording} has {_listed(names) or f'no {what} topic'}.",
+            candidates=names,
+        )
+    if not fitting:
+        seen = _listed([f"{t.name} ({t.type})" for t in topics][:8]) or "no topics at all"
+        raise TopicError(f"The recording {recording} has no {what} topic with messages; it holds {seen}.", code=f"recording.no_{what.lower()}")
+    if len(fitting) > 1:
+        raise TopicError(
+            f"The recording {recording} has {len(fitting)} {what} topics, {_listed(names)}; choose one with {flag}.",
+            code=f"recording.several_{what.lower()}",
+            candidates=names,
+        )
+    return fitting[0]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)
