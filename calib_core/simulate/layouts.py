@@ -80,7 +80,7 @@ class Cloud:
     @property
     def width(self) -> int:
         """Points per row."""
-        return self.points.shape[0] // max(self.height, 1)
+        return int(self.points.shape[0] // max(self.height, 1))
 
 
 def encode(sweep: Sweep, lidar: Lidar, epoch_ns: int) -> Cloud:
@@ -90,7 +90,9 @@ def encode(sweep: Sweep, lidar: Lidar, epoch_ns: int) -> Cloud:
 
 def scan_of(cloud: Cloud) -> Scan:
     """The scan a reader makes of the message: valid returns only, times after the first of them."""
-    points, time_ns = cloud.points[cloud.valid], cloud.time_ns[cloud.valid]
+    points, time_ns = cloud.points, cloud.time_ns
+    if not cloud.valid.all():
+        points, time_ns = points[cloud.valid], time_ns[cloud.valid]
     first = int(time_ns.min()) if time_ns.size else cloud.stamp_ns
     out = np.zeros(points.shape[0], POINT_DTYPE)
     for axis, name in enumerate("xyz"):

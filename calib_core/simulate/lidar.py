@@ -54,56 +54,48 @@ def firings_rays(firings: Firings, columns: Kinematics, home_m: FloatArray) -> R
     columns: kinematics of the lidar at the columns' instants.   home_m: (3,) where the lidar was at first.
     """
     h = (firings.channel_ns * 1e-9)[None, :]
-    d = firings.directions
-    origin = firings.origin_m
+    d, origin = firings.directions, firings.origin_m
     if firings.channel_ns.any():
-        turned = [columns.omega_rad_s[:, i, None] * h + columns.alpha_rad_s2[:, i, None] * (0.5 * h * h) for i in range(3)]
-        d = _turn_slightly(turned, d)
-        origin = None if origin is None else _turn_slightly(turned, origin)
-    R = columns.R_world
-    directions = np.stack([sum_of(R[:, i, 0, None] * d[0], R[:, i, 1, None] * d[1], R[:, i, 2, None] * d[2]) for i in range(3)])
-    position = np.stack(
-        [
-            columns.p_m[:, i, None] + columns.v_m_s[:, i, None] * h + columns.a_m_s2[:, i, None] * (0.5 * h * h)
-            for i in range(3)
-        ]
-    )
-    start = position
-    if origin is not None:
-        start = position + np.stack(
-            [
-                sum_of(R[:, i, 0, None] * origin[0], R[:, i, 1, None] * origin[1], R[:, i, 2, None] * origin[2])
-                for i in range(3)
-            ]
-        )
+        angle = [columns.omega_rad_s[:, i, None] * h + columns.alpha_rad_s2[:, i, None] * (0.5 * h * h) for i in range(3)]
+        d = _turn_slightly(angle, d)
+        origin = None if origin is None else _turn_slightly(angle, origin)
+    directions = _rotate(columns.R_world, d)
+    position = np.empty(directions.shape)
+    for i in range(3):
+        np.multiply(columns.v_m_s[:, i, None], h, out=position[i])
+        position[i] += columns.a_m_s2[:, i, None] * (0.5 * h * h) + columns.p_m[:, i, None]
+    start = position if origin is None else position + _rotate(columns.R_world, origin)
     t_s = (firings.column_ns[:, None] * 1e-9 + h).reshape(-1)
-    return Rays(
-        np.ascontiguousarray(start).reshape(3, -1),
-        directions.reshape(3, -1),
-        t_s,
-        position.reshape(3, -1) - home_m[:, None],
-    )
+    return Rays(start.reshape(3, -1), directions.reshape(3, -1), t_s, position.reshape(3, -1), home_m)
 
 
-def sum_of(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """a + b + c, reusing the first array."""
-    a += b
-    a += c
-    return a
+def _rotate(R: FloatArray, vectors: FloatArray) -> FloatArray:
+    """R (C, 3, 3) applied to vectors (3, C, K), column by column."""
+    out = np.empty(vectors.shape)
+    for i in range(3):
+        np.multiply(R[:, i, 0, None], vectors[0], out=out[i])
+        out[i] += R[:, i, 1, None] * vectors[1]
+        out[i] += R[:, i, 2, None] * vectors[2]
+    return out
 
 
 def _turn_slightly(angle: list[FloatArray], d: FloatArray) -> FloatArray:
-    """Exp(angle) d to second order: d + angle x d + angle x (angle x d) / 2, for angles below 1e-3 rad."""
-    once = _cross(angle, d)
-    twice = _cross(angle, once)
-    twice *= 0.5
-    twice += once
-    twice += d
-    return twice
+    """Exp(angle) d to second order: d + angle x (d + angle x d / 2), for angles below 1e-3 rad. angle: 3 of (C, K)."""
+    middle = _cross(angle, d)
+    middle *= 0.5
+    middle += d
+    turned = _cross(angle, middle)
+    turned += d
+    return turned
 
 
 def _cross(a: list[FloatArray], d: FloatArray) -> FloatArray:
-    return np.stack([a[1] * d[2] - a[2] * d[1], a[2] * d[0] - a[0] * d[2], a[0] * d[1] - a[1] * d[0]])
+    out = np.empty(d.shape)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        np.multiply(a[j], d[k], out=out[i])
+        out[i] -= a[k] * d[j]
+    return out
 
 
 def measure(
@@ -117,7 +109,7 @@ def measure(
 ) -> Sweep:
     """What the lidar reports for these rays: range noise along the ray, lost and wrong returns.
 
-    Every random number is drawn whether or not it is used, so that two scenarios that differ in one fault share the noise.
+    The range noise is drawn first, so that two scenarios that differ only in lost or wrong returns share it.
     """
     shape = firings.directions.shape[1:]
     n = rays.t_s.shape[0]
@@ -137,7 +129,9 @@ def measure(
     if lidar.field_of_view_deg < 360.0:
         azimuth = np.arctan2(firings.directions[1], firings.directions[0])
         valid &= np.abs(azimuth) <= np.deg2rad(lidar.field_of_view_deg) / 2.0
-    lost = rng.random(shape[0]) < lidar.lost_columns_probability if lidar.lost_columns_probability else np.zeros(shape[0], bool)
+    lost = np.zeros(shape[0], dtype=np.bool_)
+    if lidar.lost_columns_probability:
+        lost = np.asarray(rng.random(shape[0]) < lidar.lost_columns_probability)
     valid &= ~lost[:, None]
     xyz = firings.directions * np.where(valid, range_m.reshape(shape), 0.0)
     if firings.origin_m is not None:

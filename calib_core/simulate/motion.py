@@ -195,4 +195,4 @@ def _turn(unit: FloatArray, angle_rad: FloatArray) -> FloatArray:
 
 
 def _rotate(R: FloatArray, vectors: FloatArray) -> FloatArray:
-    return np.einsum("nij,nj->ni", R, vectors)
+    return np.asarray(np.einsum("nij,nj->ni", R, vectors))

@@ -15,26 +15,21 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib_core.simulate.motion import Vector, Wave
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
 class Rays:
     """Rays with the instants they are fired at.
 
-    origins_m, directions: (3, N), world.   t_s: (N,).   carried_m: (3, N), the lidar's displacement from where it began.
+    origins_m, directions: (3, N), world.   t_s: (N,).   lidar_m: (3, N), the lidar's own position.   home_m: (3,), at t = 0.
     """
 
     origins_m: FloatArray
     directions: FloatArray
     t_s: FloatArray
-    carried_m: FloatArray
-
-    def subset(self, chosen: IntArray) -> Rays:
-        """The rays at these indices."""
-        return Rays(
-            self.origins_m[:, chosen], self.directions[:, chosen], self.t_s[chosen], self.carried_m[:, chosen]
-        )
+    lidar_m: FloatArray
+    home_m: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +79,7 @@ class Path:
 
     def displacement(self, rays: Rays) -> FloatArray:
         """(3, N) [m]."""
-        moved: FloatArray = self.carried * rays.carried_m
+        moved: FloatArray = self.carried * (rays.lidar_m - rays.home_m[:, None])
         for axis, waves in enumerate(self.waves):
             for wave in waves:
                 moved[axis] += wave.amplitude * np.sin(2.0 * np.pi * wave.frequency_hz * rays.t_s + wave.phase_rad)
@@ -205,36 +200,15 @@ class Scene:
     bodies: tuple[Body, ...] = field(default=())
 
     def cast(self, rays: Rays) -> Hits:
-        """What each ray meets first."""
+        """What each ray meets first. Works with closeness, 1 / range: 0 is a miss, no infinities on the way."""
         n = rays.t_s.shape[0]
-        best = np.full(n, np.inf)
-        cosine = np.zeros(n)
-        surface = np.full(n, -1, dtype=np.int16)
+        hits = _Nearest(np.zeros(n), np.zeros(n), np.full(n, -1, dtype=np.int16))
         for index, face in enumerate(self.faces):
-            reach, cos_face = _hit_face(face, rays)
-            nearer = reach < best
-            best[nearer], cosine[nearer], surface[nearer] = reach[nearer], cos_face[nearer], index
+            _cast_face(index, face, rays, hits)
         for index, body in enumerate(self.bodies, start=len(self.faces)):
-            self._cast_body(index, body, rays, best, cosine, surface)
-        return Hits(best, cosine, surface)
-
-    @staticmethod
-    def _cast_body(
-        index: int, body: Body, rays: Rays, best: FloatArray, cosine: FloatArray, surface: NDArray[np.int16]
-    ) -> None:
-        center = np.asarray(body.center_m, dtype=np.float64)[:, None]
-        if body.path is not None:
-            center = center + body.path.displacement(rays)
-        to_center = center - rays.origins_m
-        along = np.einsum("in,in->n", to_center, rays.directions)
-        aside2 = np.einsum("in,in->n", to_center, to_center) - along**2
-        chosen = np.flatnonzero((aside2 <= body.bounding_radius_m**2) & (along > -body.bounding_radius_m))
-        if chosen.size == 0:
-            return
-        reach, cos_body = body.hit(-to_center[:, chosen], rays.directions[:, chosen])
-        nearer = reach < best[chosen]
-        hit = chosen[nearer]
-        best[hit], cosine[hit], surface[hit] = reach[nearer], cos_body[nearer], index
+            _cast_body(index, body, rays, hits)
+        with np.errstate(divide="ignore"):
+            return Hits(1.0 / hits.closeness_1_m, hits.cosine, hits.surface)
 
     @property
     def reflectivity(self) -> FloatArray:
@@ -242,21 +216,57 @@ class Scene:
         return np.array([f.reflectivity for f in self.faces] + [b.reflectivity for b in self.bodies] + [0.0])
 
 
-def _hit_face(face: Face, rays: Rays) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True, slots=True)
+class _Nearest:
+    """The best so far, updated in place: closeness 1 / range, cosine of incidence, surface; (N,) each."""
+
+    closeness_1_m: FloatArray
+    cosine: FloatArray
+    surface: NDArray[np.int16]
+
+
+def _cast_face(index: int, face: Face, rays: Rays, hits: _Nearest) -> None:
+    """A ray meets the plane if it starts on the seen side and comes down towards it."""
     normal = face.unit_normal
     facing = -(normal @ rays.directions)
     height = normal @ rays.origins_m + face.offset_m
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = height / facing
-    met = (facing > 0.0) & (height > 0.0)
-    reach = np.where(met, reach, np.inf)
+    if height.min() <= 0.0:
+        height[height <= 0.0] = -np.inf
+    closeness = facing / height
+    nearer = closeness > hits.closeness_1_m
+    if face.outline_m:
+        candidates = np.flatnonzero(nearer)
+        nearer[candidates] = _inside(face, normal, rays, candidates, closeness[candidates])
+    np.copyto(hits.closeness_1_m, closeness, where=nearer)
+    np.copyto(hits.cosine, facing, where=nearer)
+    np.copyto(hits.surface, np.int16(index), where=nearer)
+
+
+def _inside(face: Face, normal: FloatArray, rays: Rays, candidates: IntArray, closeness: FloatArray) -> BoolArray:
+    """Which of the candidates meet the plane within the face's outline."""
+    points = rays.origins_m[:, candidates] + rays.directions[:, candidates] / closeness
     corners = np.asarray(face.outline_m, dtype=np.float64)
-    if corners.shape[0]:
-        points = rays.origins_m + np.where(met, reach, 0.0) * rays.directions
-        middle = corners.mean(axis=0)
-        for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            inward = np.cross(normal, following - corner)
-            inward *= np.sign(inward @ (middle - corner))
-            met &= inward @ points >= inward @ corner
-        reach = np.where(met, reach, np.inf)
-    return reach, np.abs(facing)
+    middle = corners.mean(axis=0)
+    inside = np.ones(candidates.shape[0], dtype=np.bool_)
+    for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        inward = np.cross(normal, following - corner)
+        inward *= np.sign(inward @ (middle - corner))
+        inside &= inward @ points >= inward @ corner
+    return inside
+
+
+def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest) -> None:
+    """Rays that pass the body's bounding sphere are looked at no closer."""
+    center = np.asarray(body.center_m, dtype=np.float64)[:, None]
+    if body.path is not None:
+        center = center + body.path.displacement(rays)
+    to_center = center - rays.origins_m
+    along = np.einsum("in,in->n", to_center, rays.directions)
+    aside2 = np.einsum("in,in->n", to_center, to_center) - along**2
+    chosen = np.flatnonzero((aside2 <= body.bounding_radius_m**2) & (along > -body.bounding_radius_m))
+    if chosen.size == 0:
+        return
+    reach, cosine = body.hit(-to_center[:, chosen], rays.directions[:, chosen])
+    nearer = 1.0 / reach > hits.closeness_1_m[chosen]
+    hit = chosen[nearer]
+    hits.closeness_1_m[hit], hits.cosine[hit], hits.surface[hit] = 1.0 / reach[nearer], cosine[nearer], index
