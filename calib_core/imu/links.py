@@ -1,0 +1,198 @@
+"""Knots at about the IMU's rate, and the preintegrated measurement that links each to the next.
+
+Knots are equally spaced on the IMU's clock, so that nothing here depends on the time offset: that enters only where a
+lidar point asks for the pose at its own instant. A link integrates the Gaussian-process posterior mean of the readings,
+queried at two Gauss points in each substep, by fourth-order rules (the Magnus expansion for the rotation):
+
+    R' = R hat(omega),     v' = R f + g,     p' = v
+
+    substep delta, readings w1, w2, f1, f2 at c = 1/2 -+ sqrt(3)/6:
+    Omega = delta (w1 + w2) / 2 + sqrt(3)/12 delta^2 w1 x w2
+    theta_i = delta (w_mean c_i + sqrt(3) (w2 - w1) (c_i^2 - c_i) / 2)
+    Dv += R0 delta / 2 sum Exp(theta_i) f_i,     Dp += Dv delta + R0 delta^2 / 2 sum (1 - c_i) Exp(theta_i) f_i
+
+Noise: readings carry independent errors of variance s^2 a sample, so their integral is a Wiener process of density
+s sqrt(period). A posterior mean spreads each sample's error over its neighbourhood but keeps its integral; at knots no
+denser than the samples, independent link errors with that density have the right variance over any longer span, which
+is what matters: within a link the error is far below what a millisecond of lidar points can see. The posterior variance
+in excess of the reading noise (missing samples) is added on top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.geometry import exp, hat, right_jacobian
+from calib_core.gp.regression import Hyper, windowed_posterior
+from calib_core.types import BoolArray, FloatArray
+
+_GAUSS = 0.5 + np.array([-1.0, 1.0]) * np.sqrt(3.0) / 6.0
+_SUBSTEP_S = 0.006
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseDensity:
+    """Continuous-time white noise of the readings: gyro_rad_s_sqrt_hz (3,), accel_m_s2_sqrt_hz (3,)."""
+
+    gyro_rad_s_sqrt_hz: FloatArray
+    accel_m_s2_sqrt_hz: FloatArray
+
+
+@dataclass(frozen=True)
+class UpsampledImu:
+    """Readings where the integration wants them. K knots, L = K - 1 links, G Gauss points a link.
+
+    knots_s: (K,) IMU clock.   gyro, accel: (L, G, 3).   knot_gyro, knot_accel: (K, 3).
+    excess_var: (L, 6) posterior variance beyond the reading noise, as an extra white density (times seconds).
+    linked: (L,) False where the IMU was silent for too long to bridge.
+    """
+
+    knots_s: FloatArray
+    spacing_s: float
+    gyro: FloatArray
+    accel: FloatArray
+    knot_gyro: FloatArray
+    knot_accel: FloatArray
+    excess_density2: FloatArray
+    linked: BoolArray
+
+
+@dataclass(frozen=True)
+class Links:
+    """Preintegrated measurements, eq. (3), about the given biases, with first-order bias dependence, eq. (12).
+
+    DR: (L, 3, 3), Dv: (L, 3) [m/s], Dp: (L, 3) [m].   DR_D_bg etc.: (L, 3, 3).   sqrt_info: (L, 9, 9) of [r_R, r_v, r_p];
+    zero where not linked.
+    """
+
+    h_s: float
+    DR: FloatArray
+    Dv: FloatArray
+    Dp: FloatArray
+    DR_D_bg: FloatArray
+    Dv_D_bg: FloatArray
+    Dv_D_ba: FloatArray
+    Dp_D_bg: FloatArray
+    Dp_D_ba: FloatArray
+    sqrt_info: FloatArray
+
+
+def knot_spacing_s(stamps_s: FloatArray) -> float:
+    """A whole number of sample periods, near 10 ms and never below one period."""
+    period = float(np.median(np.diff(stamps_s)))
+    return period * max(1, round(0.01 / period))
+
+
+def upsample(stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper) -> UpsampledImu:
+    """The readings at every knot and at every link's Gauss points.
+
+    stamps_s: (Q,) increasing.   gyro_rad_s, accel_m_s2: (Q, 3).   knots_s: (K,) equally spaced within the stamps.
+    hyper: of the six channels, gyro first.
+    """
+    h = float(knots_s[1] - knots_s[0])
+    links = len(knots_s) - 1
+    substeps = max(1, int(np.ceil(h / _SUBSTEP_S)))
+    nodes = (np.arange(substeps)[:, None] + _GAUSS).ravel() / substeps * h
+    gauss = knots_s[:-1, None] + nodes
+    query = np.concatenate([gauss.ravel(), knots_s])
+    order = np.argsort(query, kind="stable")
+    values = np.hstack([gyro_rad_s, accel_m_s2])
+    sorted_mean, sorted_var = windowed_posterior(stamps_s, values, query[order], hyper)
+    mean = np.empty_like(sorted_mean)
+    var = np.empty_like(sorted_var)
+    mean[order], var[order] = sorted_mean, sorted_var
+    count = gauss.size
+    at_gauss = mean[:count].reshape(links, -1, 6)
+    excess = np.maximum(var[:count].reshape(links, -1, 6) - hyper.noise_std**2, 0.0).mean(axis=1)
+    gap = _silence_s(stamps_s, knots_s)
+    period = float(np.median(np.diff(stamps_s)))
+    return UpsampledImu(
+        knots_s=knots_s,
+        spacing_s=h,
+        gyro=at_gauss[..., :3],
+        accel=at_gauss[..., 3:],
+        knot_gyro=mean[count:, :3],
+        knot_accel=mean[count:, 3:],
+        # The interpolation's error is one and the same throughout a gap: its integral grows with the gap's length.
+        excess_density2=excess * np.maximum(gap, period)[:, None],
+        linked=gap < max(0.06, 6.0 * period),
+    )
+
+
+def _silence_s(stamps_s: FloatArray, knots_s: FloatArray) -> FloatArray:
+    """The longest interval between samples that overlaps each link. (L,) [s]."""
+    first = np.clip(np.searchsorted(stamps_s, knots_s[:-1], side="right") - 1, 0, len(stamps_s) - 2)
+    last = np.clip(np.searchsorted(stamps_s, knots_s[1:], side="left") - 1, first, len(stamps_s) - 2)
+    steps = np.diff(stamps_s)
+    longest = np.maximum(steps[first], steps[last])
+    for extra in range(1, int((last - first).max(initial=0))):
+        longest = np.maximum(longest, steps[np.minimum(first + extra, last)])
+    return longest
+
+
+def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray, noise: NoiseDensity) -> Links:
+    """The links about the given biases. gyro_bias, accel_bias: (L, 3), one a link."""
+    links, gauss_points, _ = up.gyro.shape
+    substeps = gauss_points // 2
+    h = up.spacing_s
+    delta = h / substeps
+    DR = np.broadcast_to(np.eye(3), (links, 3, 3)).copy()
+    Dv, Dp = np.zeros((links, 3)), np.zeros((links, 3))
+    JR, Jvg, Jva, Jpg, Jpa = (np.zeros((links, 3, 3)) for _ in range(5))
+    for k in range(substeps):
+        w1, w2 = (up.gyro[:, 2 * k + i] - gyro_bias for i in (0, 1))
+        f1, f2 = (up.accel[:, 2 * k + i] - accel_bias for i in (0, 1))
+        mean, slope = 0.5 * (w1 + w2), np.sqrt(3.0) * (w2 - w1)
+        omega = delta * mean + np.sqrt(3.0) / 12.0 * delta**2 * np.cross(w1, w2)
+        R1, R2 = (DR @ exp(delta * (mean * c + slope * (c**2 - c) / 2)) for c in _GAUSS)
+        a1, a2 = (R1 @ f1[..., None])[..., 0], (R2 @ f2[..., None])[..., 0]
+        step = exp(omega)
+        JR_next = np.swapaxes(step, -1, -2) @ JR - delta * right_jacobian(omega)
+        # R depends on the gyro bias through JR, taken linearly across the substep.
+        R1f, R2f = R1 @ hat(f1), R2 @ hat(f2)
+        J1, J2 = (JR + c * (JR_next - JR) for c in _GAUSS)
+        g1, g2 = -R1f @ J1, -R2f @ J2
+        w_p = [0.5 * delta**2 * (1 - c) for c in _GAUSS]
+        Dp += Dv * delta + w_p[0] * a1 + w_p[1] * a2
+        Jpg += Jvg * delta + w_p[0] * g1 + w_p[1] * g2
+        Jpa += Jva * delta - w_p[0] * R1 - w_p[1] * R2
+        Dv += 0.5 * delta * (a1 + a2)
+        Jvg += 0.5 * delta * (g1 + g2)
+        Jva -= 0.5 * delta * (R1 + R2)
+        DR, JR = DR @ step, JR_next
+    return Links(h, DR, Dv, Dp, JR, Jvg, Jva, Jpg, Jpa, _sqrt_info(up, accel_bias, noise))
+
+
+def _sqrt_info(up: UpsampledImu, accel_bias: FloatArray, noise: NoiseDensity) -> FloatArray:
+    """Square root of each link's information, from white noise on constant readings through R' , v', p'.
+
+    With A = -hat(f): cov(theta, theta) = G h, (theta, v) = G A^T h^2/2, (theta, p) = G A^T h^3/6,
+    (v, v) = F h + A G A^T h^3/3, (v, p) = F h^2/2 + A G A^T h^4/8, (p, p) = F h^3/3 + A G A^T h^5/20.
+    """
+    h = up.spacing_s
+    links = len(up.linked)
+    g2 = noise.gyro_rad_s_sqrt_hz**2 + up.excess_density2[:, :3]
+    f2 = noise.accel_m_s2_sqrt_hz**2 + up.excess_density2[:, 3:]
+    A = -hat(up.accel.mean(axis=1) - accel_bias)
+    G, F = g2[:, :, None] * np.eye(3), f2[:, :, None] * np.eye(3)
+    GAt = G @ np.swapaxes(A, 1, 2)
+    AGAt = A @ GAt
+    cov = np.empty((links, 9, 9))
+    blocks = {
+        (0, 0): G * h,
+        (0, 1): GAt * h**2 / 2,
+        (0, 2): GAt * h**3 / 6,
+        (1, 1): F * h + AGAt * h**3 / 3,
+        (1, 2): F * h**2 / 2 + AGAt * h**4 / 8,
+        (2, 2): F * h**3 / 3 + AGAt * h**5 / 20,
+    }
+    for (i, j), block in blocks.items():
+        cov[:, 3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
+        cov[:, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3] = np.swapaxes(block, 1, 2)
+    scale = np.sqrt(np.einsum("lii->li", cov))
+    lower = np.linalg.cholesky(cov / (scale[:, :, None] * scale[:, None, :]))
+    sqrt_info = np.linalg.inv(lower) / scale[:, None, :]
+    sqrt_info[~up.linked] = 0.0
+    return sqrt_info

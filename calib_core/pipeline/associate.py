@@ -1,0 +1,225 @@
+"""Points to planes under the current motion: every scan through factors/bins.py, and the noise and extents they show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import nnls
+
+from calib_core.factors.bins import (
+    SLICE_S,
+    Gate,
+    Hits,
+    LidarNoise,
+    MicroBins,
+    collapse,
+    find_hits,
+    move,
+    select,
+    slice_indices,
+    sum_by_key,
+    unpack,
+)
+from calib_core.pipeline.joint import Bins, Estimate, JointProblem
+from calib_core.pipeline.motion import Motion
+from calib_core.planes.extent import ExtentSurvey, PlaneExtents
+from calib_core.settings import CalibrateSettings
+from calib_core.types import BoolArray, FloatArray, IntArray, Scan
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Micro:
+    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there."""
+
+    time_s: FloatArray
+    scan: IntArray
+    plane: IntArray
+    scatter: FloatArray
+    count: IntArray
+
+
+@dataclass(frozen=True)
+class View:
+    """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes."""
+
+    scans: Sequence[Scan]
+    epoch_ns: int
+    motion: Motion
+    estimate: Estimate
+    settings: CalibrateSettings
+    threads: int = 1
+
+    def hits(self, position: int, gate: Gate, stride: int = 1) -> tuple[Hits, IntArray]:
+        """Where a scan's points meet the planes, and each point's slice."""
+        scan = self.scans[position]
+        points = scan.points[::stride] if stride > 1 else scan.points
+        xyz = points["xyz"].astype(np.float64)
+        offset = points["offset_ns"] * 1e-9
+        chosen = _usable_points(xyz, self.settings.field_of_view_deg)
+        xyz, offset = xyz[chosen], offset[chosen]
+        index = slice_indices(offset)
+        start_s = (scan.stamp_ns - self.epoch_ns) * 1e-9
+        centres = start_s + (np.arange(int(index.max(initial=0)) + 1) + 0.5) * SLICE_S
+        e = self.estimate
+        poses = self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
+        return find_hits(xyz, offset, poses, e.normals, e.offsets_m, gate), index
+
+    def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
+        """A job for each scan, on several threads where allowed; results in the order of the positions."""
+        if self.threads <= 1 or len(positions) < 2:
+            return [job(i) for i in positions]
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(job, positions))
+
+
+def _usable_points(xyz: FloatArray, field_of_view_deg: float | None) -> BoolArray:
+    keep = np.einsum("ij,ij->i", xyz, xyz) > 1e-6
+    if field_of_view_deg is not None:
+        keep &= np.abs(np.arctan2(xyz[:, 1], xyz[:, 0])) <= np.radians(field_of_view_deg)
+    return keep
+
+
+def associate(
+    view: View,
+    positions: Sequence[int],
+    noise: LidarNoise,
+    gate: Gate,
+    extents: PlaneExtents | None,
+    *,
+    stride: int = 1,
+    on_scan: Callable[[int], None] | None = None,
+) -> Micro:
+    """The micro-bins of the given scans. stride: use every so many-th point."""
+    n_planes = len(view.estimate.normals)
+    cap = view.settings.points_per_plane_per_scan
+
+    def one(position: int) -> MicroBins:
+        hits, index = view.hits(position, gate, stride)
+        keep, weight = select(hits, noise, gate, extents)
+        if cap is not None:
+            keep = _capped(hits, keep, cap, seed=view.settings.random_seed + position)
+        if on_scan is not None:
+            on_scan(position)
+        return collapse(hits, index, keep, weight, n_planes)
+
+    parts = view.over_scans(positions, one)
+    starts = [(view.scans[i].stamp_ns - view.epoch_ns) * 1e-9 for i in positions]
+    return Micro(
+        time_s=np.concatenate([t + (part.slice_index + 0.5) * SLICE_S for t, part in zip(starts, parts, strict=True)]),
+        scan=np.concatenate([np.full(len(part.count), i) for i, part in zip(positions, parts, strict=True)]),
+        plane=np.concatenate([part.plane for part in parts]),
+        scatter=np.concatenate([part.scatter for part in parts]),
+        count=np.concatenate([part.count for part in parts]),
+    )
+
+
+def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
+    """At most so many points a plane, drawn evenly at random (pt/pl/sc)."""
+    rng = np.random.default_rng(seed)
+    out = np.zeros_like(keep)
+    for plane in np.unique(hits.plane[keep]):
+        mine = np.flatnonzero(keep & (hits.plane == plane))
+        out[mine if len(mine) <= cap else rng.choice(mine, cap, replace=False)] = True
+    return out
+
+
+def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
+    """Micro-bins moved to their nearest knots under the current motion and summed: one bin a knot and plane."""
+    imu_s = micro.time_s - estimate.time_offset_s
+    knot = motion.nearest_knot(imu_s)
+    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    use = np.flatnonzero(poses.usable)
+    knot = knot[use]
+    Rk_t = np.swapaxes(knots.R[knot], 1, 2)
+    R = Rk_t @ poses.R[use]
+    p = (Rk_t @ (poses.p[use] - knots.p[knot])[..., None])[..., 0]
+    moved = move(unpack(micro.scatter[use]), R, p)
+    n_planes = len(estimate.normals)
+    key = knot * n_planes + micro.plane[use]
+    if len(key) == 0:
+        empty = np.zeros(0, np.int64)
+        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s)
+    keys, scatter = sum_by_key(key, moved)
+    _, count = sum_by_key(key, micro.count[use])
+    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s)
+
+
+def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, *, stride: int) -> PlaneExtents:
+    """The cells of every plane, from where the scans' returns lie on and beside it."""
+    total = ExtentSurvey.empty(view.estimate.normals)
+
+    def one(position: int) -> tuple[IntArray, FloatArray, BoolArray]:
+        hits, _ = view.hits(position, gate, stride)
+        std = noise.distance_std_m(hits.cosine)
+        close = (hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m)
+        on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
+        return hits.plane[close], hits.hit_map[close], on[close]
+
+    for plane, hit, on in view.over_scans(positions, one):
+        total.add(plane, hit, on)
+    return total.finish()
+
+
+def measure_noise(view: View, positions: Sequence[int], start: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> LidarNoise:
+    """Range and surface noise from the spread of distances under different incidences.
+
+    std^2(d) = range^2 c^2 + surface^2, fitted to robust variances in bands of c^2; neither below 0.1 mm.
+    """
+    wide = Gate(sigmas=6.0, extra_m=gate.extra_m, margin_m=gate.margin_m, min_cosine=gate.min_cosine)
+    edges = np.linspace(0.0, 1.0, 13)
+
+    def one(position: int) -> tuple[FloatArray, FloatArray, IntArray]:
+        hits, _ = view.hits(position, wide)
+        keep, _ = select(hits, start, wide, extents)
+        return hits.d[keep], hits.cosine[keep] ** 2, hits.plane[keep]
+
+    parts = view.over_scans(positions, one)
+    # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
+    d = np.concatenate([_centred(p[0], p[2]) for p in parts])
+    c2 = np.concatenate([p[1] for p in parts])
+    if len(d) < 500:
+        return start
+    rows, variances, weights = [], [], []
+    band = np.digitize(c2, edges)
+    for b in np.unique(band):
+        mine = d[band == b]
+        if len(mine) > 100:
+            sigma = 1.4826 * np.median(np.abs(mine - np.median(mine)))
+            inside = np.abs(mine) < 3.0 * sigma
+            # The variance within 3 sigma of a normal law is 0.9733 of the whole.
+            variance = float(np.mean(mine[inside] ** 2)) / 0.9733 if inside.any() else 0.0
+            rows.append([float(c2[band == b].mean()), 1.0])
+            variances.append(variance)
+            weights.append(np.sqrt(len(mine)) / max(variance, 1e-12))
+    return _split_variance(np.array(rows), np.array(variances), np.array(weights), start)
+
+
+def _centred(d: FloatArray, plane: IntArray) -> FloatArray:
+    out = d.copy()
+    for j in np.unique(plane):
+        mine = plane == j
+        if mine.sum() > 20:
+            out[mine] -= np.median(d[mine])
+    return out
+
+
+def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray, start: LidarNoise) -> LidarNoise:
+    """Non-negative weighted least squares of variance against [c^2, 1]."""
+    if len(rows) == 0:
+        return start
+    if len(rows) == 1:
+        return LidarNoise(max(float(np.sqrt(variances[0] / rows[0, 0])), 1e-4), 1e-4)
+    solution, _ = nnls(rows * weights[:, None], variances * weights)
+    return LidarNoise(max(float(np.sqrt(solution[0])), 1e-4), max(float(np.sqrt(solution[1])), 1e-4))
+
+
+def rebinned(problem: JointProblem, micro: Micro, estimate: Estimate) -> Bins:
+    """The lidar factors of a problem at an estimate."""
+    return gather(micro, problem.motion(estimate), estimate)

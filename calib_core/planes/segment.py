@@ -1,0 +1,222 @@
+"""Planes of one cloud by sequential RANSAC (paper section II-E), made for sparse rings.
+
+A spinning lidar's nearest neighbours all lie on one ring, so normals are not estimated point by point. Hypotheses are
+drawn locally instead (a point and two of its neighbours), scored on a subsample, and refitted by weighted least squares.
+Three checks keep out what is not a surface:
+
+* seen face on: a plane through the sensor collects whole rings; its points are seen edge on and do not count;
+* dominance: around a surface, the slab next to it is nearly empty, whereas an imaginary cut through other surfaces has
+  as many points beside it as in it;
+* breadth: the points spread in two directions.
+
+A normal points to the side from which the plane was seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from calib_core.types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentSettings:
+    """Thresholds of the segmentation; lengths in metres. The inlier distance grows with range (`per_range`)."""
+
+    distance_m: float = 0.06
+    distance_per_range: float = 0.002
+    hypotheses: int = 1500
+    max_planes: int = 12
+    min_points: int = 150
+    min_share: float = 0.006
+    min_breadth_m: float = 0.12
+    min_incidence: float = 0.06
+    dominance: float = 0.6
+    subsample: int = 5000
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFit:
+    """A plane n . x + w = 0 and the points that carry it. normal: (3,) towards the viewpoint. inliers: (N,) bool."""
+
+    normal: FloatArray
+    offset_m: float
+    inliers: BoolArray
+    rms_m: float
+
+
+def fit_plane(points_m: FloatArray, weights: FloatArray | None = None) -> tuple[FloatArray, float, FloatArray]:
+    """The least-squares plane of points: unit normal, offset, and the three standard deviations of the scatter.
+
+    points_m: (N, 3).   weights: (N,) or None.   Returns normal (3,), offset_m, std_m (3,) ascending: the first is the
+    thickness, the other two the spread within the plane.
+    """
+    w = np.ones(len(points_m)) if weights is None else weights
+    centre = (w[:, None] * points_m).sum(axis=0) / w.sum()
+    centred = points_m - centre
+    values, vectors = np.linalg.eigh((centred * w[:, None]).T @ centred / w.sum())
+    normal = vectors[:, 0]
+    return normal, -float(normal @ centre), np.sqrt(np.maximum(values, 0.0))
+
+
+def segment_planes(
+    points_m: FloatArray, *, viewpoint_m: FloatArray | None = None, seed: int = 0, settings: SegmentSettings | None = None
+) -> list[PlaneFit]:
+    """The planes of a cloud, largest first.
+
+    points_m: (N, 3), any frame.   viewpoint_m: (3,) the sensor's place in that frame, default the origin.
+    Deterministic for a given seed. An empty list where nothing planar is found.
+    """
+    s = settings or SegmentSettings()
+    rng = np.random.default_rng(seed)
+    view = np.zeros(3) if viewpoint_m is None else viewpoint_m
+    points = np.asarray(points_m, dtype=np.float64) - view
+    if len(points) < s.min_points:
+        return []
+    ranges = np.linalg.norm(points, axis=1)
+    tolerance = s.distance_m + s.distance_per_range * ranges
+    free = np.ones(len(points), dtype=bool)
+    least = max(s.min_points, int(s.min_share * len(points)))
+    fits: list[PlaneFit] = []
+    failures = 0
+    while len(fits) < s.max_planes and failures < 3 and free.sum() >= least:
+        candidate = _best_hypothesis(points, ranges, tolerance, free, rng, s)
+        if candidate is None:
+            break
+        fit = _refine(points, ranges, tolerance, free, candidate, s)
+        if fit is None or fit.inliers.sum() < least:
+            failures += 1
+            if fit is not None:
+                free &= ~fit.inliers
+            continue
+        near = np.abs(points @ fit.normal + fit.offset_m) < tolerance
+        if _is_surface(points, fit, free, near, tolerance, s):
+            fits.append(fit)
+        else:
+            failures += 1
+        free &= ~near
+    moved = [PlaneFit(f.normal, f.offset_m - float(f.normal @ view), f.inliers, f.rms_m) for f in _merge(points, fits)]
+    return sorted(moved, key=lambda f: -int(f.inliers.sum()))
+
+
+def _best_hypothesis(
+    points: FloatArray,
+    ranges: FloatArray,
+    tolerance: FloatArray,
+    free: BoolArray,
+    rng: np.random.Generator,
+    s: SegmentSettings,
+) -> tuple[FloatArray, float] | None:
+    """The plane through three neighbouring free points that collects most free points seen face on."""
+    pool = np.flatnonzero(free)
+    pick = pool if len(pool) <= s.subsample else np.sort(rng.choice(pool, s.subsample, replace=False))
+    cloud, tol, rho = points[pick], tolerance[pick], ranges[pick]
+    neighbours = min(len(pick), 120)
+    if neighbours < 10:
+        return None
+    first = rng.integers(len(pick), size=s.hypotheses)
+    tree = cKDTree(cloud)
+    _, near = tree.query(cloud[first], k=neighbours)
+    column = rng.integers(neighbours // 4, neighbours, size=(s.hypotheses, 2))
+    a, b, c = cloud[first], cloud[near[np.arange(s.hypotheses), column[:, 0]]], cloud[near[np.arange(s.hypotheses), column[:, 1]]]
+    normal = np.cross(b - a, c - a)
+    area = np.linalg.norm(normal, axis=1)
+    spread = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+    good = area > 0.2 * np.maximum(spread, 1e-12)
+    if not good.any():
+        return None
+    normal, a = normal[good] / area[good, None], a[good]
+    offset = -np.einsum("ij,ij->i", normal, a)
+    along = normal @ cloud.T
+    distance = np.abs(along + offset[:, None])
+    score = ((distance < tol) & (np.abs(along) > s.min_incidence * rho)).sum(axis=1)
+    best = int(np.argmax(score))
+    return normal[best], float(offset[best])
+
+
+def _refine(
+    points: FloatArray,
+    ranges: FloatArray,
+    tolerance: FloatArray,
+    free: BoolArray,
+    start: tuple[FloatArray, float],
+    s: SegmentSettings,
+) -> PlaneFit | None:
+    """Least squares on the inliers, the band shrinking to three robust sigmas of what it holds."""
+    normal, offset = start
+    band = tolerance
+    inliers = np.zeros(len(points), dtype=bool)
+    for _ in range(8):
+        distance = points @ normal + offset
+        face_on = np.abs(points @ normal) > s.min_incidence * ranges
+        inliers = free & face_on & (np.abs(distance) < band)
+        if inliers.sum() < s.min_points // 2:
+            return None
+        sigma = 1.4826 * np.median(np.abs(distance[inliers] - np.median(distance[inliers])))
+        normal, offset, _ = fit_plane(points[inliers])
+        band = np.minimum(tolerance, np.maximum(3.0 * sigma, 0.3 * tolerance))
+    if offset < 0:  # the viewpoint is the origin here: its signed distance is the offset, made positive
+        normal, offset = -normal, -offset
+    residual = points[inliers] @ normal + offset
+    return PlaneFit(normal, offset, inliers, float(np.sqrt(np.mean(residual**2))))
+
+
+def _is_surface(
+    points: FloatArray, fit: PlaneFit, free: BoolArray, near: BoolArray, tolerance: FloatArray, s: SegmentSettings
+) -> bool:
+    """Broad, and dominant over its neighbourhood: most free points of its cells within five bands belong to it."""
+    inside = points[fit.inliers]
+    _, _, std = fit_plane(inside)
+    if std[1] < s.min_breadth_m:
+        return False
+    e1, e2 = plane_axes(fit.normal)
+    cell = 0.3
+    distance = points @ fit.normal + fit.offset_m
+    slab = free & (np.abs(distance) < 5.0 * tolerance)
+    index = np.floor(np.stack([points @ e1, points @ e2], axis=1) / cell).astype(np.int64)
+    key = index[:, 0] * 1_000_003 + index[:, 1]
+    mine, mine_count = np.unique(key[slab & near], return_counts=True)
+    every, every_count = np.unique(key[slab], return_counts=True)
+    if len(mine) < 6:
+        return False
+    share = mine_count / every_count[np.searchsorted(every, mine)]
+    # Weighted by points: the share of this plane's points that lie in cells it dominates.
+    return float(mine_count[share > s.dominance].sum() / mine_count.sum()) > 0.6
+
+
+def _merge(points: FloatArray, fits: list[PlaneFit]) -> list[PlaneFit]:
+    """Planes with the same equation (3 deg, 6 cm) made one."""
+    merged: list[PlaneFit] = []
+    for fit in fits:
+        for i, other in enumerate(merged):
+            centre = points[fit.inliers].mean(axis=0)
+            same_side = fit.normal @ other.normal > np.cos(np.radians(3.0))
+            if same_side and abs(centre @ other.normal + other.offset_m) < 0.06:
+                both = fit.inliers | other.inliers
+                normal, offset, std = fit_plane(points[both])
+                sign = np.sign(offset) if offset != 0 else 1.0
+                merged[i] = PlaneFit(normal * sign, offset * sign, both, float(std[0]))
+                break
+        else:
+            merged.append(fit)
+    return merged
+
+
+def plane_axes(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors that span the plane, a smooth choice: (e1, e2, normal) is right-handed. normal: (3,)."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    e1 = np.cross(helper, normal)
+    e1 /= np.linalg.norm(e1)
+    return e1, np.cross(normal, e1)
+
+
+def determinacy(normals: FloatArray, weights: NDArray[np.float64] | None = None) -> float:
+    """Smallest eigenvalue of the mean of n n^T: 0 where some translation is not seen, 1/3 at best. normals: (P, 3)."""
+    if len(normals) == 0:
+        return 0.0
+    w = np.ones(len(normals)) if weights is None else weights
+    return float(np.linalg.eigvalsh((normals * w[:, None]).T @ normals / w.sum())[0])
