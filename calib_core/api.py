@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from calib_core.pipeline.calibrate import Calibration
     from calib_core.pipeline.doctor import DoctorReport
     from calib_core.simulate import Mounting
+    from calib_core.simulate.sensors import HeaderAt
 
 __all__ = [
     "calibrate",
@@ -169,10 +170,13 @@ def simulate(
     time_offset_s: float | None = None,
     duration_s: float | None = None,
     noise: bool = True,
+    header_at: HeaderAt | None = None,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
 ) -> Path:
     """Write a recording with known truth to `out`; the path of the truth beside it.
 
-    mounting, time_offset_s, duration_s: None for the scenario's own.
+    mounting, time_offset_s, duration_s, header_at (the packet that stamps a cloud): None for the scenario's own.
     """
     from calib_core import simulate as simulator
 
@@ -184,4 +188,7 @@ def simulate(
         time_offset_s=time_offset_s,
         duration_s=duration_s,
         noise=noise,
+        header_at=header_at,
+        on_event=on_event,
+        should_cancel=should_cancel,
     )

@@ -88,7 +88,9 @@ def _read(path: Path, model: type[_Model], expected: str) -> _Model:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
-        raise SettingsError(f"Expected {expected} in {path}, but it cannot be read ({reason}); check the name.") from error
+        raise SettingsError(
+            f"Expected {expected} in {path}, but it cannot be read ({reason}); check the name."
+        ) from error
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
@@ -104,7 +106,7 @@ def _plane(entry: _PlaneEntry, path: Path) -> Plane:
     length = float(np.linalg.norm(normal))
     if not np.isfinite(length) or abs(length - 1.0) > ROTATION_TOLERANCE:
         raise SettingsError(
-            f"Expected a unit normal for plane {entry.name} in {path}, but its length is {length:.4g}; correct the file."
+            f"Expected a unit normal for plane {entry.name} in {path}, but its length is {length:.4g}; correct it."
         )
     return Plane(name=entry.name, normal=normal / length, offset_m=entry.offset_m / length)
 
@@ -117,10 +119,14 @@ def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:
     if transform.quaternion_xyzw is not None:
         quat_xyzw = np.array(transform.quaternion_xyzw)
         if not abs(float(np.linalg.norm(quat_xyzw)) - 1.0) < ROTATION_TOLERANCE:
-            raise SettingsError(f"Expected a unit quaternion in {path}, but found {transform.quaternion_xyzw}; correct it.")
+            raise SettingsError(
+                f"Expected a unit quaternion in {path}, but found {transform.quaternion_xyzw}; correct it."
+            )
         return np.asarray(Rotation.from_quat(quat_xyzw).as_matrix(), dtype=np.float64)
     if transform.euler_xyz_deg is not None:
-        return np.asarray(Rotation.from_euler("xyz", transform.euler_xyz_deg, degrees=True).as_matrix(), dtype=np.float64)
+        return np.asarray(
+            Rotation.from_euler("xyz", transform.euler_xyz_deg, degrees=True).as_matrix(), dtype=np.float64
+        )
     return None
 
 
@@ -134,7 +140,9 @@ def _translation(transform: _GuessTransform, path: Path) -> FloatArray | None:
 
 def _matrix(rows: list[list[float]], path: Path) -> FloatArray:
     if len(rows) != 4 or any(len(row) != 4 for row in rows) or rows[3] != [0, 0, 0, 1]:
-        raise SettingsError(f"Expected 4 rows of 4 numbers, the last 0 0 0 1, as T_imu_lidar in {path}; correct the matrix.")
+        raise SettingsError(
+            f"Expected 4 rows of 4 numbers, the last 0 0 0 1, as T_imu_lidar in {path}; correct the matrix."
+        )
     return np.array(rows, dtype=np.float64)
 
 

@@ -1,0 +1,49 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+from calib_core.errors import InputError
+
+
+def check_writable(path: Path) -> None:
+    """Raise a sentence, before long work begins, where a file could not be written to `path`."""
+    folder = path.absolute().parent
+    if path.is_dir():
+        raise InputError(f"Expected a file name for the output, but {path} is a folder; add a name to it.")
+    if not folder.is_dir():
+        raise InputError(
+            f"Expected a folder for the output at {folder}, but there is none; make it, or correct the name."
+        )
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"Nothing may be written in {folder}; choose another place for the output.")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` to `path`. Whoever reads meanwhile sees the old file or the new one, never a part."""
+    try:
+        descriptor, made = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.absolute().parent)
+        try:
+            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+                file.write(text)
+            Path(made).chmod(0o666 & ~_umask())
+            Path(made).replace(path)
+        except BaseException:
+            with suppress(OSError):
+                Path(made).unlink()
+            raise
+    except OSError as error:
+        raise InputError(
+            f"{path} could not be written ({error.strerror}); free some space or choose another place."
+        ) from error
+
+
+def _umask() -> int:
+    """The process's mask for new files; it can only be read by setting it."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,100 @@
+"""The command line `unsweep`: words in, a command run, every error turned into an exit code and one sentence.
+
+Exit codes: 0 done; 2 the call or the input is at fault; 3 the recording cannot give the answer; 4 a defect;
+130 interrupted. On 2, 3 and 4 the last line on stderr is one sentence (contract.md, Command line).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from contextlib import suppress
+from types import FrameType
+
+from app.cli_parser import UsageError, build_parser
+from app.commands import COMMANDS, Refused
+from calib_core.errors import Cancelled, InputError
+
+EXIT_DONE, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 2, 3, 4, 130
+
+
+def main() -> None:
+    """The console script."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command in `arguments`; its exit code. Whatever happens, no traceback is shown."""
+    log_json = "--log-json" in arguments
+    try:
+        chosen = build_parser().parse_args(_attach_negative_values(arguments))
+        COMMANDS[chosen.command](chosen)
+        sys.stdout.flush()
+    except SystemExit as leaving:  # argparse, after --help and --version
+        return EXIT_DONE if leaving.code is None else int(leaving.code)
+    except Refused as refused:
+        return _fail(EXIT_REFUSED, refused.code, str(refused), log_json=log_json)
+    except (KeyboardInterrupt, Cancelled):
+        return _fail(EXIT_INTERRUPTED, "interrupted", "Interrupted; nothing was written.", log_json=log_json)
+    except UsageError as error:
+        return _fail(EXIT_INPUT, "usage", str(error), log_json=log_json)
+    except InputError as error:
+        return _fail(EXIT_INPUT, error.code, str(error), log_json=log_json)
+    except BrokenPipeError:
+        # Whoever read our output has what they wanted. Python must not try to flush into the closed pipe at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_DONE
+    except Exception as error:  # noqa: BLE001  the last stop before a traceback would reach a user
+        return _fail(EXIT_DEFECT, "defect", _defect_sentence(error), log_json=log_json)
+    return EXIT_DONE
+
+
+def _attach_negative_values(arguments: Sequence[str]) -> list[str]:
+    """`--mounting -0.1,0,...` as `--mounting=-0.1,0,...`: argparse takes the former for another option."""
+    attached: list[str] = []
+    for word in arguments:
+        number_follows = len(word) > 1 and word[0] == "-" and (word[1].isdigit() or word[1] == ".")
+        if number_follows and attached and attached[-1].startswith("--") and "=" not in attached[-1]:
+            attached[-1] += f"={word}"
+        else:
+            attached.append(word)
+    return attached
+
+
+def _fail(exit_code: int, code: str, text: str, *, log_json: bool) -> int:
+    """Say the one sentence, as the last line on stderr."""
+    sentence = " ".join(text.split())
+    sentence = sentence[:1].upper() + sentence[1:].rstrip(".") + "."
+    line = json.dumps({"event": "error", "code": code, "text": sentence}) if log_json else f"unsweep: {sentence}"
+    with suppress(BrokenPipeError):
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
+    return exit_code
+
+
+def _defect_sentence(error: Exception) -> str:
+    """What to tell of an unexpected exception; its traceback goes to a file."""
+    name = type(error).__name__
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="unsweep-", suffix=".log")
+        with os.fdopen(descriptor, "w", encoding="utf-8") as log:
+            log.write(f"unsweep {' '.join(sys.argv[1:])}\n")
+            log.write("".join(traceback.format_exception(error)))
+    except OSError:
+        return f"A defect in unsweep stopped it ({name}: {error}); please report it with the command you gave."
+    return f"A defect in unsweep stopped it ({name}); please report it with the details it left in {path}."
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    """Being asked to end is the same as Ctrl-C: clean up, write nothing."""
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""The words of the command line's options as settings: what needs more than a type."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, get_args
+
+from calib_core.api import read_imu_noise
+from calib_core.errors import SettingsError
+from calib_core.settings import Gravity, ImuNoise, Prior
+
+#: The published algorithm's own choices, used with `--method paper` where nothing else is asked for.
+PAPER_POINTS_PER_PLANE_PER_SCAN = 100
+PAPER_FIELD_OF_VIEW_DEG = 45.0
+
+#: Standard deviation of gravity's magnitude once the latitude is known: altitude takes away 0.003 m/s2 a kilometre,
+#: local anomalies are below 0.001 m/s2.
+LATITUDE_GRAVITY_STD_M_S2 = 0.005
+
+Method = Literal["full", "paper"]
+Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+_AXIS_UNITS: dict[str, dict[str, float]] = {
+    "r": {"": 1.0, "rad": 1.0, "deg": math.radians(1.0)},
+    "t": {"": 1.0, "m": 1.0, "mm": 1e-3},
+    "d": {"": 1.0, "s": 1.0, "ms": 1e-3},
+}
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_PRIOR = re.compile(rf"(?P<axis>[a-z]+)=(?P<value>{_NUMBER})(?:\+-|\+/-|±)(?P<std>{_NUMBER})(?P<unit>[a-z]*)")
+
+
+def parse_points(text: str | None, method: Method) -> int | None:
+    """`--points-per-plane-per-scan`: a number, or None for all."""
+    if text is None:
+        return PAPER_POINTS_PER_PLANE_PER_SCAN if method == "paper" else None
+    if text == "all":
+        return None
+    if not text.isdecimal() or int(text) == 0:
+        raise SettingsError(
+            f"Expected a number above 0 or `all` for --points-per-plane-per-scan, but found `{text}`; give either."
+        )
+    return int(text)
+
+
+def parse_field_of_view(angle_deg: float | None, method: Method) -> float | None:
+    """`--field-of-view-deg`: half angle, or None for all directions."""
+    if angle_deg is None:
+        return PAPER_FIELD_OF_VIEW_DEG if method == "paper" else None
+    if not 0.0 < angle_deg <= 180.0:
+        raise SettingsError(
+            f"Expected an angle above 0 and up to 180 for --field-of-view-deg, but found {angle_deg:g}; "
+            "azimuths within plus and minus that angle are kept."
+        )
+    return None if angle_deg == 180.0 else angle_deg
+
+
+def parse_gravity(text: str) -> Gravity:
+    """`--gravity`: `free`, a magnitude in m/s2 (then exact), or `latitude:DEG`."""
+    if text == "free":
+        return Gravity()
+    place, colon, number = text.rpartition(":")
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if colon and place == "latitude" and abs(value) <= 90.0:
+        return Gravity(magnitude_m_s2=gravity_at_latitude_m_s2(value), std_m_s2=LATITUDE_GRAVITY_STD_M_S2)
+    if not colon and 9.0 < value < 10.0:
+        return Gravity(magnitude_m_s2=value, std_m_s2=0.0)
+    raise SettingsError(
+        f"Expected `free`, a magnitude between 9 and 10 m/s2, or `latitude:DEG` for --gravity, but found `{text}`; "
+        "give one of these."
+    )
+
+
+def gravity_at_latitude_m_s2(latitude_deg: float) -> float:
+    """Normal gravity on the WGS 84 ellipsoid (Somigliana's closed formula), at sea level."""
+    sine_squared = math.sin(math.radians(latitude_deg)) ** 2
+    return 9.7803253359 * (1.0 + 0.00193185265241 * sine_squared) / math.sqrt(1.0 - 0.00669437999014 * sine_squared)
+
+
+def parse_imu_noise(text: str | None) -> ImuNoise | str | None:
+    """`--imu-noise`: a file with densities, else the name of a preset; None: measured."""
+    if text is None:
+        return None
+    path = Path(text)
+    if path.suffix == ".json" or path.is_file():
+        return read_imu_noise(path)
+    return text
+
+
+def parse_prior(text: str) -> Prior:
+    """`--prior`, e.g. `tz=0.31+-0.005`, `rx=0+-0.5deg`, `dt=0+-1ms`; without a unit rad, m and s."""
+    found = _PRIOR.fullmatch(text.replace(" ", ""))
+    axes = get_args(Axis)
+    if found is None or found["axis"] not in axes:
+        raise SettingsError(
+            f"Expected AXIS=VALUE+-STD with AXIS one of {', '.join(axes)} for --prior, but found `{text}`; "
+            "for example `--prior tz=0.31+-0.005`."
+        )
+    units = _AXIS_UNITS[found["axis"][0]]
+    scale = units.get(found["unit"])
+    if scale is None:
+        allowed = " or ".join(unit for unit in units if unit)
+        raise SettingsError(f"Expected {allowed} after the numbers of --prior, but found `{text}`; change the unit.")
+    std = float(found["std"]) * scale
+    if not std > 0.0:
+        raise SettingsError(f"Expected a standard deviation above 0 in --prior, but found `{text}`; give a small one.")
+    axis: Axis = next(name for name in axes if name == found["axis"])
+    return Prior(axis=axis, value=float(found["value"]) * scale, std=std)
+
+
+def parse_numbers(text: str, count: int, option: str, example: str) -> list[float]:
+    """`count` finite numbers with commas between them."""
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        raise SettingsError(
+            f"Expected {count} numbers with commas between them for {option}, but found `{text}`; give e.g. {example}."
+        )
+    return numbers
+
+
+def parse_priors(texts: Sequence[str]) -> tuple[Prior, ...]:
+    """All `--prior` options; an axis may come once."""
+    priors = tuple(parse_prior(text) for text in texts)
+    axes = [prior.axis for prior in priors]
+    twice = sorted({axis for axis in axes if axes.count(axis) > 1})
+    if twice:
+        raise SettingsError(f"Expected one --prior for each axis, but found several for {', '.join(twice)}; keep one.")
+    return priors
+
+
+def parse_mounting(text: str | None) -> tuple[float, float, float, float, float, float, float] | None:
+    """`--mounting`: x, y, z in metres and a unit quaternion, the real part last; None: the scenario's own."""
+    if text is None:
+        return None
+    x, y, z, qx, qy, qz, qw = parse_numbers(text, 7, "--mounting", "0.1,0,0.05,0,0,0,1")
+    return x, y, z, qx, qy, qz, qw

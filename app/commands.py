@@ -1,0 +1,167 @@
+"""What each command of the command line does, from parsed words to output."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from pydantic import ValidationError
+from rich.console import Console
+
+from app import cli_options as options
+from app.atomic import check_writable, write_text
+from app.terminal import Manner, choose_manner, listener
+from calib_core import api
+from calib_core.errors import SettingsError
+from calib_core.result import CalibrationResult
+from calib_core.settings import CalibrateSettings, ReadSettings
+
+
+class Refused(Exception):
+    """The recording cannot give the answer; str() is why."""
+
+    code = "calibration.refused"
+
+
+def serve(chosen: argparse.Namespace) -> None:
+    """Serve the web application until stopped."""
+    from app.serving import serve_until_stopped
+
+    serve_until_stopped(
+        host=chosen.host,
+        port=chosen.port,
+        data_dir=chosen.data_dir,
+        recordings_dir=chosen.recordings,
+        token=chosen.token,
+    )
+
+
+def inspect(chosen: argparse.Namespace) -> None:
+    """Report on a recording, to stdout."""
+    settings = _read_settings(chosen)
+    with listener(_manner(chosen)) as on_event:
+        report = api.inspect(chosen.recording, settings, on_event=on_event)
+    if chosen.json:
+        sys.stdout.write(report.model_dump_json(indent=2, by_alias=True) + "\n")
+        return
+    from app.inspect_report import report_block
+
+    Console(highlight=False).print(report_block(report))
+
+
+def calibrate(chosen: argparse.Namespace) -> None:
+    """Calibrate, write the result, sum it up for a person. Raises Refused after a refused result is written."""
+    from app.choosing import load_asking
+    from app.summary import refusal
+
+    solving = _solve_settings(chosen)
+    planes = None if chosen.planes is None else api.read_planes(chosen.planes)
+    guess = None if chosen.initial_guess is None else api.read_initial_guess(chosen.initial_guess)
+    reading, manner = _read_settings(chosen), _manner(chosen)
+    if chosen.output is not None:
+        check_writable(chosen.output)
+    recording = load_asking(chosen.recording, reading, manner)
+    with listener(manner) as on_event:
+        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=on_event)
+    _give_result(done.result, chosen.output, manner)
+    if done.result.status == "refused":
+        raise Refused(refusal(done.result))
+
+
+def deskew(chosen: argparse.Namespace) -> None:
+    """Write the recording's scans with the motion removed."""
+    from app.deskewing import deskew_recording
+
+    result = api.read_result(chosen.calibration)
+    with listener(_manner(chosen)) as on_event:
+        deskew_recording(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+
+
+def export(chosen: argparse.Namespace) -> None:
+    """Print the extrinsic as another program wants it."""
+    sys.stdout.write(api.export(api.read_result(chosen.result), chosen.format))
+
+
+def simulate(chosen: argparse.Namespace) -> None:
+    """Write a simulated recording and its truth."""
+    manner = _manner(chosen)
+    with listener(manner) as on_event:
+        truth = api.simulate(
+            chosen.scenario,
+            chosen.out,
+            seed=chosen.seed,
+            mounting=options.parse_mounting(chosen.mounting),
+            time_offset_s=chosen.time_offset_s,
+            duration_s=chosen.duration_s,
+            noise=chosen.noise != "none",
+            header_at=chosen.header_at,
+            on_event=on_event,
+        )
+    if manner in {Manner.live, Manner.plain}:
+        sys.stderr.write(f"Wrote {chosen.out}, and its truth {truth}\n")
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "serve": serve,
+    "inspect": inspect,
+    "calibrate": calibrate,
+    "deskew": deskew,
+    "export": export,
+    "simulate": simulate,
+}
+
+
+def _manner(chosen: argparse.Namespace) -> Manner:
+    return choose_manner(quiet=chosen.quiet, log_json=chosen.log_json)
+
+
+def _read_settings(chosen: argparse.Namespace) -> ReadSettings:
+    """The options of the groups of `_add_reading`, which have the names of the settings."""
+    words = vars(chosen)
+    try:
+        return ReadSettings.model_validate({name: words[name] for name in ReadSettings.model_fields if name in words})
+    except ValidationError as error:
+        raise _unfit(error) from error
+
+
+def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
+    try:
+        return CalibrateSettings(
+            method=chosen.method,
+            points_per_plane_per_scan=options.parse_points(chosen.points_per_plane_per_scan, chosen.method),
+            field_of_view_deg=options.parse_field_of_view(chosen.field_of_view_deg, chosen.method),
+            gravity=options.parse_gravity(chosen.gravity),
+            imu_noise=options.parse_imu_noise(chosen.imu_noise),
+            estimate_time_offset=not chosen.fix_time_offset,
+            estimate_planes=not chosen.fix_planes,
+            bias_model=chosen.bias_model,
+            priors=options.parse_priors(chosen.prior),
+            random_seed=chosen.random_seed,
+            max_rounds=chosen.max_rounds,
+        )
+    except ValidationError as error:
+        raise _unfit(error) from error
+
+
+def _unfit(error: ValidationError) -> SettingsError:
+    first = error.errors()[0]
+    option = "-".join(str(part) for part in first["loc"]).replace("_", "-")
+    return SettingsError(f"The option --{option} does not fit: {first['msg']}; correct it")
+
+
+def _give_result(result: CalibrationResult, output: Path | None, manner: Manner) -> None:
+    """The document to the file or stdout, and the summary where the document is not."""
+    from app.summary import result_summary
+
+    if output is None:
+        sys.stdout.write(result.to_json())
+        sys.stdout.flush()
+    else:
+        write_text(output, result.to_json())
+    if manner in {Manner.live, Manner.plain}:
+        console = Console(stderr=output is None, highlight=False)
+        console.print(result_summary(result))
+        if output is not None:
+            console.print(f"Result written to {output}", markup=False)

@@ -1,0 +1,104 @@
+"""`unsweep serve`: check what can go wrong before the server starts, say where it is, serve until stopped."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import secrets
+import socket
+import sys
+from pathlib import Path
+
+import uvicorn
+from pydantic import ValidationError
+
+from app.main import create_app
+from app.settings import AppSettings
+from calib_core.errors import InputError
+
+#: The largest message the 3D scene's websocket accepts from a browser.
+WEBSOCKET_MESSAGE_BYTES = 100 * 2**20
+
+
+def serve_until_stopped(
+    *, host: str, port: int, data_dir: Path | None, recordings_dir: Path | None, token: str | None
+) -> None:
+    """Serve the web application until Ctrl-C or SIGTERM. Prints one line with the address, token included."""
+    settings = server_settings(host=host, port=port, data_dir=data_dir, recordings_dir=recordings_dir, token=token)
+    listening = listen(settings.host, settings.port)
+    with listening:
+        sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
+        sys.stderr.flush()
+        config = uvicorn.Config(
+            create_app(settings),
+            log_level="warning",
+            access_log=False,
+            # Compressing clouds takes ten times longer than sending them.
+            ws_per_message_deflate=False,
+            ws_max_size=WEBSOCKET_MESSAGE_BYTES,
+            timeout_graceful_shutdown=3,
+        )
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+def server_settings(
+    *, host: str, port: int, data_dir: Path | None, recordings_dir: Path | None, token: str | None
+) -> AppSettings:
+    """The settings that options and environment give; with a token where the address is not loopback."""
+    if recordings_dir is not None and not recordings_dir.is_dir():
+        raise InputError(
+            f"Expected a folder for --recordings, but {recordings_dir} is none; make it or correct the name."
+        )
+    try:
+        # An empty UNSWEEP_TOKEN, as a compose file passes it on, is no token.
+        settings = AppSettings(host=host, port=port, token=token or os.environ.get("UNSWEEP_TOKEN") or None)
+    except ValidationError as error:
+        first = error.errors()[0]
+        option = "--" + "-".join(str(part) for part in first["loc"]).replace("_", "-")
+        raise InputError(f"The option {option} does not fit: {first['msg']}; correct it.") from error
+    changes: dict[str, object] = {}
+    if data_dir is not None:
+        changes["data_dir"] = data_dir
+    if recordings_dir is not None:
+        changes["recordings_dir"] = recordings_dir
+    if settings.token is None and not settings.is_loopback():
+        changes["token"] = secrets.token_urlsafe(24)
+    return settings.model_copy(update=changes)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket bound to the address, or one sentence why not."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        bound = socket.socket(family, socket.SOCK_STREAM)
+    except OSError as error:
+        raise InputError(
+            f"The address {host} of --host is not known ({error.strerror}); give one of this machine's."
+        ) from error
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind((host, port))
+        # Taken now, so that a second server is refused here with its sentence and not later.
+        bound.listen(2048)
+    except OSError as error:
+        bound.close()
+        raise InputError(
+            f"Port {port} of {host} cannot be used ({error.strerror}); "
+            "stop the program that uses it, or choose another with --port."
+        ) from error
+    return bound
+
+
+def address(settings: AppSettings, port: int) -> str:
+    """What to open in a browser."""
+    host = settings.host
+    try:
+        where = ipaddress.ip_address(host)
+        if where.is_unspecified:
+            host = socket.gethostname()
+        elif where.version == 6:
+            host = f"[{host}]"
+    except ValueError:
+        pass  # a name, good as it is
+    query = f"/?token={settings.token}" if settings.token else "/"
+    return f"http://{host}:{port}{query}"

@@ -1,0 +1,94 @@
+"""A calibration result told to a person: the verdict, the numbers with their error bars, what to do next."""
+
+from __future__ import annotations
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from app.terminal import LEVEL_STYLES
+from calib_core.result import CalibrationResult, Status, Transform, Uncertainty
+
+_STATUS_STYLES: dict[Status, str] = {"calibrated": "bold green", "weak": "bold yellow", "refused": "bold red"}
+
+
+def refusal(result: CalibrationResult) -> str:
+    """Why a refused result has no answer, in one sentence."""
+    reasons = [message.text for message in result.messages if message.level == "error"]
+    return reasons[0] if reasons else "The recording cannot give the answer; record one with turns about all axes."
+
+
+def verdict(result: CalibrationResult) -> str:
+    """The result in one sentence."""
+    if result.status == "refused":
+        return f"Refused: {refusal(result)}"
+    if result.status == "calibrated":
+        return "Calibrated: every component is known to better than 0.5 deg, 20 mm and 2 ms."
+    labels = [direction.label or "a mixed direction" for direction in result.observability.weak_directions]
+    named = f" ({', '.join(labels)})" if labels else ""
+    return f"Weak: some of the answer is known only roughly{named}; the rest can be used."
+
+
+def result_summary(result: CalibrationResult) -> RenderableType:
+    """The whole summary as one block."""
+    parts: list[RenderableType] = [Text(verdict(result), style=_STATUS_STYLES[result.status])]
+    if result.T_imu_lidar is not None and result.uncertainty is not None and result.time_offset_s is not None:
+        parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s))
+    parts.append(_quality(result))
+    parts += _remarks(result)
+    return Panel(Group(*parts), title="unsweep", title_align="left", border_style="dim", padding=(0, 1))
+
+
+def _numbers(transform: Transform, uncertainty: Uncertainty, time_offset_s: float) -> RenderableType:
+    table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
+    table.add_column("T_imu_lidar: takes lidar coordinates to IMU coordinates")
+    for axis in "xyz":
+        table.add_column(axis, justify="right", min_width=10)
+    table.add_column("")
+    table.add_row("rotation (roll, pitch, yaw)", *_cells(transform.euler_xyz_deg, 4), "deg")
+    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_cells(uncertainty.rotation_std_deg, 4), "deg")
+    table.add_row("translation (lidar seen from the IMU)", *_cells(_mm(transform.translation_m), 2), "mm")
+    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_cells(_mm(uncertainty.translation_std_m), 2), "mm")
+    table.add_row("time offset (add to IMU stamps)", f"{1e3 * time_offset_s:.4f}", "", "", "ms")
+    table.add_row("  [dim]1 sigma[/]", f"{1e3 * uncertainty.time_offset_std_s:.4f}", "", "", "ms")
+    return Padding(table, (1, 0))
+
+
+def _quality(result: CalibrationResult) -> RenderableType:
+    quality = result.quality
+    if quality.points_used == 0:
+        return Text(f"{quality.scans_total} scans in the recording, none used.", style="dim")
+    return Text(
+        f"{quality.points_used:,} points of {quality.scans_used} of {quality.scans_total} scans on "
+        f"{len(quality.planes)} planes lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
+        f"{quality.iterations} iterations in {quality.duration_s:.1f} s.",
+        style="dim",
+    )
+
+
+def _remarks(result: CalibrationResult) -> list[RenderableType]:
+    """Messages worth reading, weak directions and advice, each said once."""
+    said = {text for text in [verdict(result)] if text}
+    lines: list[RenderableType] = []
+    remarks = [
+        (message.text, LEVEL_STYLES[message.level])
+        for message in result.messages
+        if message.level == "warning" or (message.level == "error" and result.status != "refused")
+    ]
+    remarks += [(direction.text, "yellow") for direction in result.observability.weak_directions]
+    remarks += [(f"Next time: {text}", "cyan") for text in result.observability.advice]
+    for text, style in remarks:
+        if text not in said:
+            said.add(text)
+            lines.append(Text(f"- {text}", style=style))
+    return lines
+
+
+def _mm(values_m: list[float]) -> list[float]:
+    return [1e3 * value for value in values_m]
+
+
+def _cells(values: list[float], digits: int) -> list[str]:
+    return [f"{value:.{digits}f}" for value in values]

@@ -1,0 +1,208 @@
+"""What the command line shows while it works: a live table on a terminal, plain lines in a log, JSON where asked for.
+
+The result goes to stdout; everything here goes to stderr.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from math import log10
+from typing import Self
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
+
+#: Beyond these a result is called weak (contract.md, Status).
+WEAK_DEG, WEAK_M, WEAK_S = 0.5, 0.020, 0.002
+
+STAGE_TITLES = {
+    "read": "Reading the recording",
+    "inspect": "Examining it",
+    "planes": "Finding planes",
+    "track": "Following the planes",
+    "initialise": "Finding start values",
+    "associate": "Assigning points to planes",
+    "solve": "Solving",
+    "observability": "Weighing the answer",
+    "deskew": "Removing the motion",
+    "write": "Writing",
+}
+LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "red"}
+_BAR_CELLS = 18
+
+
+class Manner(StrEnum):
+    """How much is told on the way."""
+
+    live = "live"
+    plain = "plain"
+    quiet = "quiet"
+    json = "json"
+
+
+def choose_manner(*, quiet: bool, log_json: bool) -> Manner:
+    """The manner that the options and the terminal ask for."""
+    if log_json:
+        return Manner.json
+    if quiet:
+        return Manner.quiet
+    return Manner.live if sys.stderr.isatty() else Manner.plain
+
+
+def stderr_console() -> Console:
+    """A console on stderr, made when asked for so that a replaced stderr is honoured."""
+    return Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def listener(manner: Manner) -> Iterator[OnEvent]:
+    """The event listener for `manner`, alive within the context."""
+    if manner is Manner.live:
+        with LiveProgress(stderr_console()) as progress:
+            yield progress
+    elif manner is Manner.plain:
+        yield PlainProgress(sys.stderr.write)
+    elif manner is Manner.json:
+        yield write_json_line
+    else:
+        yield ignore_event
+
+
+def write_json_line(event: StageEvent | IterationEvent | LogEvent) -> None:
+    """One event as one line of JSON on stderr."""
+    sys.stderr.write(event.model_dump_json() + "\n")
+    sys.stderr.flush()
+
+
+class PlainProgress:
+    """A line for each new stage, each iteration and each remark: for logs and pipes."""
+
+    def __init__(self, write: Callable[[str], object]) -> None:
+        self._write = write
+        self._last = ""
+
+    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+        match event:
+            case StageEvent():
+                title = STAGE_TITLES[event.stage]
+                if title != self._last:
+                    self._write(f"{title} ...\n")
+                    self._last = title
+            case IterationEvent():
+                self._write(f"  iteration {event.iteration}: cost {event.cost:.6g}, {_in_one_line(event)}\n")
+            case LogEvent():
+                self._write(f"  {event.level}: {event.text}\n")
+
+
+class LiveProgress:
+    """A bar for the running stage and, once the solve runs, the parameters with their shrinking error bars."""
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(
+            TextColumn("[bold]{task.description:<28}"),
+            BarColumn(bar_width=36),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TimeElapsedColumn(),
+            TextColumn("[dim]left[/]"),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task: TaskID | None = None
+        self._stage = ""
+        self._iteration: IterationEvent | None = None
+        self._remark = Text()
+        self._live = Live(get_renderable=self._render, console=console, refresh_per_second=8, transient=True)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+        match event:
+            case StageEvent():
+                self._show_stage(event)
+            case IterationEvent():
+                self._iteration = event
+            case LogEvent():
+                self._remark = Text(event.text, style=LEVEL_STYLES[event.level])
+
+    def _show_stage(self, event: StageEvent) -> None:
+        if self._task is None or event.stage != self._stage:
+            if self._task is not None:
+                self._progress.remove_task(self._task)
+            self._task = self._progress.add_task(STAGE_TITLES[event.stage], total=1.0)
+            self._stage = event.stage
+        self._progress.update(self._task, completed=event.fraction)
+        if event.text:
+            self._remark = Text(event.text, style="dim")
+
+    def _render(self) -> RenderableType:
+        parts: list[RenderableType] = [self._progress]
+        if self._iteration is not None:
+            parts.append(iteration_table(self._iteration))
+        parts.append(self._remark)
+        return Group(*parts)
+
+
+def iteration_table(event: IterationEvent) -> Table:
+    """The parameters of one iteration with their standard deviations, drawn against what counts as weak."""
+    table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
+    table.add_column(f"iteration {event.iteration}, cost {event.cost:.6g}", min_width=30)
+    for axis in "xyz":
+        table.add_column(axis, justify="right", min_width=10)
+    table.add_column("")
+    table.add_column("error bar, marked where weak", min_width=_BAR_CELLS)
+    mm, translation_std_mm = [1e3 * v for v in event.translation_m], [1e3 * v for v in event.translation_std_m]
+    table.add_row("rotation (roll, pitch, yaw)", *_cells(event.euler_xyz_deg, 4), "deg", "")
+    table.add_row(
+        "  [dim]1 sigma about lidar x, y, z[/]",
+        *_cells(event.rotation_std_deg, 4),
+        "deg",
+        error_bar(max(event.rotation_std_deg), WEAK_DEG),
+    )
+    table.add_row("lever arm (lidar in IMU axes)", *_cells(mm, 2), "mm", "")
+    table.add_row(
+        "  [dim]1 sigma[/]", *_cells(translation_std_mm, 2), "mm", error_bar(max(event.translation_std_m), WEAK_M)
+    )
+    table.add_row("time offset", f"{1e3 * event.time_offset_s:.4f}", "", "", "ms", "")
+    table.add_row(
+        "  [dim]1 sigma[/]",
+        f"{1e3 * event.time_offset_std_s:.4f}",
+        "",
+        "",
+        "ms",
+        error_bar(event.time_offset_std_s, WEAK_S),
+    )
+    return table
+
+
+def error_bar(std: float, weak: float) -> Text:
+    """A bar whose length is the logarithm of `std`, from a thousandth of `weak` to ten times it."""
+    decades = log10(max(std, 1e-300) / weak)
+    cells = round(_BAR_CELLS * min(max((decades + 3.0) / 4.0, 0.02), 1.0))
+    bar = "━" * cells + " " * (_BAR_CELLS - cells)
+    mark = round(_BAR_CELLS * 3 / 4)
+    if bar[mark] == " ":
+        bar = bar[:mark] + "│" + bar[mark + 1 :]
+    return Text(bar, style="green" if std <= weak else "yellow")
+
+
+def _cells(values: list[float], digits: int) -> list[str]:
+    return [f"{value:.{digits}f}" for value in values]
+
+
+def _in_one_line(event: IterationEvent) -> str:
+    rotation = " ".join(f"{value:.4f}" for value in event.euler_xyz_deg)
+    translation = " ".join(f"{1e3 * value:.2f}" for value in event.translation_m)
+    return f"roll pitch yaw {rotation} deg, lever arm {translation} mm, time offset {1e3 * event.time_offset_s:.4f} ms"

@@ -1,0 +1,174 @@
+"""Every export, read back by a parser of its own, is the same extrinsic; and public numbers come out as published."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from calib_core.errors import InputError
+from calib_core.exporters import NAMES, export
+from calib_core.exporters.extrinsic import exact_seconds, quat_xyzw
+from tests.core.exporters.parsers import PARSERS, body
+from tests.core.exporters.results import make_result
+
+CONTRACT_NAMES = (
+    "matrix, tum, tf2-ros1, tf2-ros2, urdf, fast-lio, point-lio, fast-livo2, lio-sam, glim, rko-lio, li-init, "
+    "kalibr-style, autoware"
+).split(", ")
+
+#: Consumers whose files take a time offset at all (formats list).
+TIMED = {"fast-lio", "fast-livo2", "glim", "li-init", "kalibr-style"}
+
+unit = st.floats(-1, 1, allow_nan=False)
+quaternions = st.tuples(unit, unit, unit, unit).filter(lambda q: sum(c * c for c in q) > 1e-2)
+places = st.tuples(*[st.floats(-30, 30, allow_nan=False)] * 3)
+#: Milliseconds, and the distance between a clock that starts at power-on and one that counts from 1970.
+offsets_ns = st.one_of(st.integers(-500_000_000, 500_000_000), st.integers(-(10**19) // 5, 10**19 // 5))
+
+
+def test_names_are_the_contracts() -> None:
+    """Fails if a name is misspelt, missing or added in `exporters._EXPORTERS`."""
+    assert list(NAMES) == CONTRACT_NAMES
+    assert set(PARSERS) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=25, deadline=None)
+@given(quat=quaternions, place=places, offset_ns=offsets_ns)
+def test_reads_back_as_the_same_extrinsic(
+    name: str, quat: tuple[float, ...], place: tuple[float, ...], offset_ns: int
+) -> None:
+    """Fails if an exporter writes the inverse, transposes the rotation, swaps the quaternion's order, takes the
+    angles the other way round, flips the time's sign, or rounds it (seen: each of `R_imu_lidar` for `R_lidar_imu` in
+    lio_sam and glim, `tau_ns` for `time_offset_ns` in glim, `-` dropped from tau, rpy reversed in urdf)."""
+    R, p = Rotation.from_quat(quat).as_matrix(), np.array(place)
+    T, offset_s = PARSERS[name](export(make_result(R, p, offset_ns), name))
+    np.testing.assert_allclose(T[:3, :3], R, atol=2e-9)
+    np.testing.assert_allclose(T[:3, 3], p, atol=2e-8)
+    np.testing.assert_array_equal(T[3], [0, 0, 0, 1])
+    assert (offset_s is not None) == (name in TIMED)
+    if offset_s is not None:
+        assert offset_s == Decimal(offset_ns).scaleb(-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "euler_deg", [(0, 0, 0), (180, 0, 0), (0, 180, 0), (0, 0, 180), (20, 90, 30), (-70, -90, 10), (2.9, -1.11, 179.9)]
+)
+def test_half_turns_and_straight_up_read_back(name: str, euler_deg: tuple[float, float, float]) -> None:
+    """Fails if the quaternion is taken from the real part alone (0 in half turns) or the angles at a pitch of 90 deg
+    are taken one by one (seen: branch `cosine < 1e-9` removed)."""
+    R = Rotation.from_euler("ZYX", euler_deg[::-1], degrees=True).as_matrix()
+    T, _ = PARSERS[name](export(make_result(R, np.array([0.1, -0.2, 0.3])), name))
+    np.testing.assert_allclose(T[:3, :3], R, atol=2e-9)
+
+
+@pytest.mark.parametrize("name", ["fast-lio", "point-lio", "fast-livo2"])
+def test_mid360_is_as_fast_lio_ships_it(name: str) -> None:
+    """The manual puts the IMU at (11.0, 23.29, -44.12) mm in the cloud's frame, axes aligned; FAST-LIO's mid360.yaml
+    has extrinsic_T = [-0.011, -0.02329, 0.04412]. Fails if the direction is turned round."""
+    imu_in_lidar_m = np.array([0.011, 0.02329, -0.04412])
+    text = export(make_result(np.eye(3), -imu_in_lidar_m), name)
+    assert "    extrinsic_T: [-0.011, -0.02329, 0.04412]\n" in text
+    rows = "1.0, 0.0, 0.0,0.0, 1.0, 0.0,0.0, 0.0, 1.0"
+    assert f"extrinsic_R:[{rows}]".replace(" ", "") in text.replace(" ", "").replace("\n", "")
+
+
+def test_kitti_is_as_lio_sam_ships_it() -> None:
+    """KITTI's calib_imu_to_velo takes IMU coordinates to the lidar's and is LIO-SAM's own example. Fails if lio_sam
+    writes T_imu_lidar, or the transpose of the rotation."""
+    published = [9.999976e-01, 7.553071e-04, -2.035826e-03, -7.854027e-04, 9.998898e-01, -1.482298e-02]
+    published += [2.024406e-03, 1.482454e-02, 9.998881e-01]
+    R_lidar_imu, p_lidar_imu = np.array(published).reshape(3, 3), np.array([-8.086759e-01, 3.195559e-01, -7.997231e-01])
+    text = export(make_result(R_lidar_imu.T, -R_lidar_imu.T @ p_lidar_imu), "lio-sam")
+    values = {
+        key: [float(v) for v in numbers.replace("\n", " ").split(",")]
+        for key, numbers in re.findall(r"(extrinsic\w+): \[([^\]]*)\]", text)
+    }
+    # the published digits are no exact rotation: its inverse by transposition is off by 1e-6
+    np.testing.assert_allclose(values["extrinsicTrans"], p_lidar_imu, atol=3e-6)
+    np.testing.assert_allclose(values["extrinsicRot"], published, atol=1e-12)
+    np.testing.assert_allclose(values["extrinsicRPY"], published, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sentence_and_self_check_hold(name: str) -> None:
+    """The two sentences, computed again with another library. Fails if they are missing, or say the inverse."""
+    rotation = Rotation.from_rotvec([0.3, -1.2, 2.0])
+    p = np.array([0.1, -0.25, 0.031])
+    text = export(make_result(rotation.as_matrix(), p, -20_000_000), name)
+    found = [
+        [float(v) for v in place.split(",")]
+        for line in text.splitlines()
+        if "lidar's origin" in line or "Self-check" in line
+        for place in re.findall(r"\[([^\]]*)\]", line)
+    ]
+    np.testing.assert_allclose(found[0], p, atol=1e-6)
+    np.testing.assert_allclose(found[2], rotation.apply(found[1]) + p, atol=1e-6)
+    assert "t_lidar = t_imu + (-0.02 s)" in text
+    if name not in TIMED - {"li-init"} and name not in {"matrix", "tum", "li-init"}:
+        assert "add -0.02 s to every IMU stamp" in text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_refused_result_is_one_sentence(name: str) -> None:
+    """Fails if a refused result is exported as identity or ends in a traceback."""
+    with pytest.raises(InputError, match=r"room\.bag has the status `refused`"):
+        export(make_result(np.eye(3), np.zeros(3), status="refused"), name)
+
+
+def test_unknown_name_lists_the_known() -> None:
+    """Fails if the sentence does not help to find the right name."""
+    with pytest.raises(InputError, match=r"`fastlio`; choose one of matrix, .*autoware"):
+        export(make_result(np.eye(3), np.zeros(3)), "fastlio")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_weak_result_says_what_is_weak(name: str) -> None:
+    """Fails if a weak direction is exported without a word."""
+    assert "Weak: tz is known to 40 mm." in export(make_result(np.eye(3), np.zeros(3), status="weak"), name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_hostile_names_stay_in_comments(name: str) -> None:
+    """A recording's name and frame ids are foreign text. Fails if `_printable` or `_frame_name` lets a line break, the
+    end of a comment or a shell's separator through."""
+    evil = "x\n--> */ rm -rf /; $(date) <joint/>"
+    text = export(make_result(np.eye(3), np.zeros(3), name=evil, lidar_frame_id=evil, imu_frame_id="/imu;ls"), name)
+    lines = body(text, "//" if name == "glim" else "#")
+    if name == "urdf":
+        joints = ET.fromstring(f"<robot>{text}</robot>")
+        assert [child.tag for child in joints] == ["joint"]
+    else:
+        assert not any(sign in line for line in lines for sign in (";", "$", "<", ">", "*"))
+
+
+@pytest.mark.parametrize("name", ["tf2-ros1", "tf2-ros2", "urdf", "autoware"])
+def test_one_frame_id_for_both_sensors_becomes_two(name: str) -> None:
+    """RoboSense's Airy names one frame for both. Fails if a transform from a frame to itself is written."""
+    text = export(make_result(np.eye(3), np.ones(3), lidar_frame_id="/rslidar", imu_frame_id="rslidar"), name)
+    assert "rslidar_imu" in text
+    assert "Both sensors name their frame rslidar" in text
+
+
+@given(st.integers(-(2**62), 2**62))
+def test_exact_seconds_lose_nothing(nanoseconds: int) -> None:
+    """Fails if the text goes through a float, or drops the sign of values between -1 s and 0."""
+    assert Decimal(exact_seconds(nanoseconds)) == Decimal(nanoseconds).scaleb(-9)
+    assert re.fullmatch(r"-?\d+\.\d+", exact_seconds(nanoseconds))
+
+
+@given(quaternions)
+def test_quaternion_agrees_with_scipy(quat: tuple[float, ...]) -> None:
+    """Fails for a wrong sign or place in the table of products."""
+    rotation = Rotation.from_quat(quat)
+    made = quat_xyzw(rotation.as_matrix())
+    assert made[3] >= 0
+    assert (Rotation.from_quat(made) * rotation.inv()).magnitude() < 1e-9
