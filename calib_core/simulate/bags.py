@@ -114,7 +114,9 @@ class BagSink:
         self._seq[1] += 1
 
     def _serialize(self, message: object, msgtype: str) -> memoryview:
-        return self._store.serialize_ros1(message, msgtype) if self._ros1 else self._store.serialize_cdr(message, msgtype)
+        return (
+            self._store.serialize_ros1(message, msgtype) if self._ros1 else self._store.serialize_cdr(message, msgtype)
+        )
 
     def _header(self, stamp_ns: int, frame_id: str, seq: int) -> object:
         types = self._store.types

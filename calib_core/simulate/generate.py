@@ -24,6 +24,7 @@ from calib_core.simulate import scenarios
 from calib_core.simulate.imu import ImuMessages
 from calib_core.simulate.layouts import Cloud, encode, scan_of
 from calib_core.simulate.lidar import Sweep
+from calib_core.simulate.motion import seconds
 from calib_core.simulate.scenarios import Mounting, Scenario
 from calib_core.simulate.sensors import HeaderAt, Imu
 from calib_core.simulate.truth import Truth
@@ -64,7 +65,7 @@ class Simulation:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(
-                f"expected a seed of 0 or more for the simulation, found {self.seed}; give a whole number that is not negative",
+                f"expected a seed of 0 or more for the simulation, found {self.seed}; give a whole number of 0 or more",
                 code="simulate.seed",
             )
 
@@ -78,7 +79,7 @@ class Simulation:
         scenario = self.scenario
         lidar = scenario.lidar if scenario.noise else lidar_module.noise_free(scenario.lidar)
         firings = lidar.pattern.firings(index)
-        columns = self._motion.lidar(firings.column_ns * 1e-9)
+        columns = self._motion.lidar(seconds(firings.column_ns))
         rays = lidar_module.firings_rays(firings, columns, self._home_m)
         return lidar_module.measure(
             lidar, scenario.scene, firings, rays, index, self._rng(_LIDAR_STREAM, index), scenario.outliers
@@ -102,7 +103,7 @@ class Simulation:
         messages = imu_module.measure(
             imu,
             instants,
-            self._motion.imu(instants * 1e-9),
+            self._motion.imu(seconds(instants)),
             scenario.gravity_m_s2,
             (np.asarray(scenario.gyro_bias_rad_s), np.asarray(scenario.accel_bias_m_s2)),
             self._rng(_IMU_STREAM),
@@ -199,17 +200,20 @@ def generate(
         noise=noise,
         header_at=header_at,
     )
-    clouds = list(
+    clouds = [
         (scan_of(cloud), simulation.received_ns(cloud) - cloud.stamp_ns)
         for cloud in run(simulation, on_event=on_event, should_cancel=should_cancel)
-    )
+    ]
     return _recording(simulation, [scan for scan, _ in clouds], [late for _, late in clouds]), simulation.truth
 
 
 def run(
     simulation: Simulation, *, on_event: OnEvent = ignore_event, should_cancel: ShouldCancel = never_cancel
 ) -> Iterator[Cloud]:
-    """All clouds, one after the other, a few made ahead on other threads (NumPy lets them run side by side). Raises Cancelled."""
+    """All clouds, one after the other; a few are made ahead on other threads, which NumPy lets run side by side.
+
+    Raises Cancelled.
+    """
     n = simulation.n_scans
     waiting: deque[Future[Cloud]] = deque()
     with ThreadPoolExecutor(_N_THREADS) as pool:

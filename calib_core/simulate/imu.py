@@ -1,6 +1,6 @@
 """Readings of an IMU: exact specific force and angular rate at the sample instants, then noise, bias and faults.
 
-    f = R_world_imu^T (a - g) + b_f + noise,     w = w_imu + b_w + noise,     g = (0, 0, -g) in the world.
+f = R_world_imu^T (a - g) + b_f + noise,     w = w_imu + b_w + noise,     g = (0, 0, -g) in the world.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from calib_core.simulate.motion import Kinematics
 from calib_core.simulate.sensors import Imu, ImuFaults
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +81,16 @@ def measure(
     )
 
 
+def _some(rng: np.random.Generator, n: int, fraction: float) -> BoolArray:
+    return np.less(rng.random(n), fraction)
+
+
 def spoil(messages: ImuMessages, faults: ImuFaults, rng: np.random.Generator) -> ImuMessages:
     """The messages after gaps, losses, jitter, duplicates and swaps, in the order they are sent."""
     n = messages.true_ns.shape[0]
     jitter = np.clip(rng.standard_normal(n), -4.0, 4.0) * faults.jitter_s
-    kept = rng.random(n) >= faults.missing
-    twice = rng.random(n) < faults.duplicated
-    late = rng.random(n) < faults.swapped
+    missing, twice, late = (_some(rng, n, part) for part in (faults.missing, faults.duplicated, faults.swapped))
+    kept = ~missing
     t_s = messages.true_ns * 1e-9
     for start, length in faults.gaps_s:
         kept &= (t_s < start) | (t_s >= start + length)

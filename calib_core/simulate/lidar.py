@@ -1,7 +1,7 @@
 """Sweeps of a lidar that moves: every point cast at its own time from its own pose.
 
-The motion is evaluated exactly at each column's instant. Within a column (at most some 50 microseconds) the pose follows from
-the column's own exact derivatives,
+The motion is evaluated exactly at each column's instant. Within a column (at most some 50 microseconds) the pose
+follows from the column's own exact derivatives,
 
     p(t + h) = p + h v + h^2/2 a,      R(t + h) = R Exp(h w + h^2/2 b),
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.simulate.motion import Kinematics
+from calib_core.simulate.motion import Kinematics, seconds
 from calib_core.simulate.scene import Hits, Rays, Scene
 from calib_core.simulate.sensors import Firings, Lidar
 from calib_core.types import BoolArray, FloatArray, IntArray
@@ -53,10 +53,12 @@ def firings_rays(firings: Firings, columns: Kinematics, home_m: FloatArray) -> R
 
     columns: kinematics of the lidar at the columns' instants.   home_m: (3,) where the lidar was at first.
     """
-    h = (firings.channel_ns * 1e-9)[None, :]
+    h = seconds(firings.channel_ns)[None, :]
     d, origin = firings.directions, firings.origin_m
     if firings.channel_ns.any():
-        angle = [columns.omega_rad_s[:, i, None] * h + columns.alpha_rad_s2[:, i, None] * (0.5 * h * h) for i in range(3)]
+        angle = [
+            columns.omega_rad_s[:, i, None] * h + columns.alpha_rad_s2[:, i, None] * (0.5 * h * h) for i in range(3)
+        ]
         d = _turn_slightly(angle, d)
         origin = None if origin is None else _turn_slightly(angle, origin)
     directions = _rotate(columns.R_world, d)
@@ -65,7 +67,7 @@ def firings_rays(firings: Firings, columns: Kinematics, home_m: FloatArray) -> R
         np.multiply(columns.v_m_s[:, i, None], h, out=position[i])
         position[i] += columns.a_m_s2[:, i, None] * (0.5 * h * h) + columns.p_m[:, i, None]
     start = position if origin is None else position + _rotate(columns.R_world, origin)
-    t_s = (firings.column_ns[:, None] * 1e-9 + h).reshape(-1)
+    t_s = (seconds(firings.column_ns)[:, None] + h).reshape(-1)
     return Rays(start.reshape(3, -1), directions.reshape(3, -1), t_s, position.reshape(3, -1), home_m)
 
 

@@ -23,9 +23,14 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.simulate import jets
 from calib_core.simulate.jets import Jet
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 
 Vector = tuple[float, float, float]
+
+
+def seconds(instants_ns: IntArray) -> FloatArray:
+    """Whole nanoseconds after the simulation's zero as float seconds."""
+    return np.asarray(instants_ns * 1e-9, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

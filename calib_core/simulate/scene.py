@@ -31,6 +31,12 @@ class Rays:
     lidar_m: FloatArray
     home_m: FloatArray
 
+    def subset(self, chosen: IntArray) -> Rays:
+        """The rays at these indices."""
+        lidar_m = self.lidar_m[:, chosen]
+        origins_m = lidar_m if self.origins_m is self.lidar_m else self.origins_m[:, chosen]
+        return Rays(origins_m, self.directions[:, chosen], self.t_s[chosen], lidar_m, self.home_m)
+
 
 @dataclass(frozen=True, slots=True)
 class Hits:
@@ -66,7 +72,7 @@ class Face:
 
     @property
     def offset_m(self) -> float:
-        """w in n . x + w = 0."""
+        """W in n . x + w = 0."""
         return -float(self.unit_normal @ np.asarray(self.point_m))
 
 
@@ -84,6 +90,11 @@ class Path:
             for wave in waves:
                 moved[axis] += wave.amplitude * np.sin(2.0 * np.pi * wave.frequency_hz * rays.t_s + wave.phase_rad)
         return moved
+
+    def wander_m(self, rays: Rays, span_s: float) -> float:
+        """A bound on how far any of these displacements is from that of a ray `span_s` away in time."""
+        speed = sum(2.0 * np.pi * wave.frequency_hz * abs(wave.amplitude) for waves in self.waves for wave in waves)
+        return speed * span_s + abs(self.carried) * float(np.linalg.norm(np.ptp(rays.lidar_m, axis=1)))
 
 
 class Body(Protocol):
@@ -235,38 +246,50 @@ def _cast_face(index: int, face: Face, rays: Rays, hits: _Nearest) -> None:
     closeness = facing / height
     nearer = closeness > hits.closeness_1_m
     if face.outline_m:
-        candidates = np.flatnonzero(nearer)
-        nearer[candidates] = _inside(face, normal, rays, candidates, closeness[candidates])
+        nearer &= _inside(face, normal, rays, closeness)
     np.copyto(hits.closeness_1_m, closeness, where=nearer)
     np.copyto(hits.cosine, facing, where=nearer)
     np.copyto(hits.surface, np.int16(index), where=nearer)
 
 
-def _inside(face: Face, normal: FloatArray, rays: Rays, candidates: IntArray, closeness: FloatArray) -> BoolArray:
-    """Which of the candidates meet the plane within the face's outline."""
-    points = rays.origins_m[:, candidates] + rays.directions[:, candidates] / closeness
+def _inside(face: Face, normal: FloatArray, rays: Rays, closeness: FloatArray) -> BoolArray:
+    """Which rays meet the plane within the face's outline; true only where closeness is positive.
+
+    A point o + d / c is inside an edge e, k if e . (o + d / c) >= k, which is (e . o - k) c + e . d >= 0 for c > 0.
+    """
     corners = np.asarray(face.outline_m, dtype=np.float64)
     middle = corners.mean(axis=0)
-    inside = np.ones(candidates.shape[0], dtype=np.bool_)
+    inside = closeness > 0.0
     for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         inward = np.cross(normal, following - corner)
         inward *= np.sign(inward @ (middle - corner))
-        inside &= inward @ points >= inward @ corner
+        side = inward @ rays.origins_m - inward @ corner
+        side *= closeness
+        side += inward @ rays.directions
+        inside &= side >= 0.0
     return inside
 
 
 def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest) -> None:
-    """Rays that pass the body's bounding sphere are looked at no closer."""
-    center = np.asarray(body.center_m, dtype=np.float64)[:, None]
+    """Only rays that can pass the body's bounding sphere, wherever it and the lidar are within the sweep, look closer."""
+    ends = rays.subset(np.array([0, rays.t_s.shape[0] - 1]))
+    span_s = float(ends.t_s[1] - ends.t_s[0])
+    start_m = rays.origins_m[:, 0]
+    to_center = np.asarray(body.center_m, dtype=np.float64) - start_m
+    radius = body.bounding_radius_m + float(np.linalg.norm(np.ptp(rays.origins_m, axis=1)))
     if body.path is not None:
-        center = center + body.path.displacement(rays)
-    to_center = center - rays.origins_m
-    along = np.einsum("in,in->n", to_center, rays.directions)
-    aside2 = np.einsum("in,in->n", to_center, to_center) - along**2
-    chosen = np.flatnonzero((aside2 <= body.bounding_radius_m**2) & (along > -body.bounding_radius_m))
+        to_center = to_center + body.path.displacement(ends)[:, 0]
+        radius += body.path.wander_m(rays, span_s)
+    distance2 = float(to_center @ to_center)
+    nearest = np.sqrt(distance2 - radius**2) if distance2 > radius**2 else -np.inf
+    chosen = np.flatnonzero(to_center @ rays.directions >= nearest)
     if chosen.size == 0:
         return
-    reach, cosine = body.hit(-to_center[:, chosen], rays.directions[:, chosen])
+    near = rays.subset(chosen)
+    origins = near.origins_m - np.asarray(body.center_m, dtype=np.float64)[:, None]
+    if body.path is not None:
+        origins -= body.path.displacement(near)
+    reach, cosine = body.hit(origins, near.directions)
     nearer = 1.0 / reach > hits.closeness_1_m[chosen]
     hit = chosen[nearer]
     hits.closeness_1_m[hit], hits.cosine[hit], hits.surface[hit] = 1.0 / reach[nearer], cosine[nearer], index

@@ -1,7 +1,7 @@
 """Lidars and IMUs as data: firing patterns, noise, what they cannot see, and how their drivers publish.
 
-A firing pattern is given column by column: one instant per column, one delay per channel within the column, all in whole
-nanoseconds. Directions are in the lidar frame as the driver publishes it (azimuth = atan2(y, x)).
+A firing pattern is given column by column: one instant per column, one delay per channel within the column, all in
+whole nanoseconds. Directions are in the lidar frame as the driver publishes it (azimuth = atan2(y, x)).
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Spinning:
     """A column of channels on a rotor.
 
     elevations_deg: per channel in firing order.   azimuths_deg: per channel, added to the rotor's angle.
-    channel_ns: delay of each channel within a column.   columns_per_packet: sweeps are cut between packets, after the rotor
-    has passed the cut.   clockwise: seen from above.   origin_radius_m: distance of the optics from the rotor's axis.
+    channel_ns: delay of each channel within a column.   columns_per_packet: sweeps are cut between packets, after the
+    rotor has passed the cut.   clockwise: seen from above.   origin_radius_m: distance of the optics from the rotor's axis.
     """
 
     elevations_deg: tuple[float, ...]
@@ -162,8 +162,8 @@ class Rosette:
 class Lidar:
     """A lidar: its pattern, its noise, its limits, its driver.
 
-    range_std_m: along the ray.   range_at_tenth_m: farthest surface of reflectivity 0.1 met head-on that still answers; the
-    reach goes with the root of reflectivity times cosine of incidence.   miss_probability: returns lost for no reason.
+    range_std_m: along the ray.   range_at_tenth_m: farthest surface of reflectivity 0.1 met head-on that still answers;
+    the reach goes with the root of reflectivity times cosine of incidence.   miss_probability: returns lost for no reason.
     field_of_view_deg: azimuths kept, centred on +x, as drivers can be told to do.
     lost_columns_probability: a packet that never arrived.
     """
@@ -215,8 +215,8 @@ class Imu:
 class ImuFaults:
     """What goes wrong between the IMU and the bag.
 
-    gaps_s: (start, length) of stretches without a message.   missing, duplicated, swapped: fractions of the messages lost,
-    sent twice, sent after their follower.   jitter_s: sigma of the error of a stamp.
+    gaps_s: (start, length) of stretches without a message.   missing, duplicated, swapped: fractions of the messages
+    lost, sent twice, sent after their follower.   jitter_s: sigma of the error of a stamp.
     """
 
     gaps_s: tuple[tuple[float, float], ...] = ()

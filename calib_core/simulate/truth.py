@@ -63,8 +63,8 @@ class TruthFile(_Model):
 class Truth:
     """Everything true of one simulated recording.
 
-    World: the scene's, z up, gravity (0, 0, -gravity_m_s2). Times `t_s`: (N,) seconds of the lidar clock after `epoch_ns`.
-    map: the lidar frame at `map_time_ns`, the first scan's time. Biases: means over the recording's readings.
+    World: the scene's, z up, gravity (0, 0, -gravity_m_s2). Times `t_s`: (N,) seconds of the lidar clock after
+    `epoch_ns`.   map: the lidar frame at `map_time_ns`, the first scan's time. Biases: means over the recording's readings.
     """
 
     scenario: Scenario
@@ -134,7 +134,7 @@ class Truth:
 
     @property
     def planes(self) -> tuple[Plane, ...]:
-        """The scene's faces in the map frame: n_map = R^T n, w_map = w + n . p with the lidar's pose R, p at the map's time."""
+        """The scene's faces in the map frame: n_map = R^T n, w_map = w + n . p, the lidar being at R, p at its time."""
         home = self.lidar(np.array([(self.map_time_ns - self.epoch_ns) * 1e-9]))
         R, p = home.R_world[0], home.p_m[0]
         return tuple(
