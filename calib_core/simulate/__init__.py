@@ -1,8 +1,8 @@
 """Recordings with known truth: product code, and the oracle that everything else is held against.
 
-`simulate` writes a bag and its truth; `generate` makes the same recording in memory. A `Scenario` joins a scene, a motion,
-sensors and a mounting; `SCENARIOS` names the ready ones, and tests compose their own. Shares no interpolation, integration or
-projection code with the estimator.
+`simulate` writes a bag and its truth; `generate` makes the same recording in memory. A `Scenario` joins a scene, a
+motion, sensors and a mounting; `SCENARIOS` names the ready ones, and tests compose their own. Shares no interpolation,
+integration or projection code with the estimator.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from calib_core.errors import SettingsError
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.simulate.generate import Simulation, generate, prepare, run
-from calib_core.simulate.scenarios import SCENARIOS, Mounting, Scenario
+from calib_core.simulate.scenario import Mounting, Scenario
+from calib_core.simulate.scenarios import SCENARIOS
 from calib_core.simulate.sensors import HeaderAt
 from calib_core.simulate.truth import Truth, TruthFile
 

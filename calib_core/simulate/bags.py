@@ -5,14 +5,13 @@ A recording appears under its name only when it is complete: it is written besid
 
 from __future__ import annotations
 
-import os
 import shutil
 import struct
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from rosbags.interfaces import Connection
@@ -25,6 +24,9 @@ from calib_core.errors import SettingsError
 from calib_core.simulate.generate import ImuRecords
 from calib_core.simulate.layouts import Cloud, StructArray
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Msg
+
 Container = Literal["ros1", "mcap", "sqlite3"]
 
 _SECOND_NS = 1_000_000_000
@@ -36,7 +38,8 @@ _LIVOX_DEFINITIONS = {
         "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"
     ),
     _LIVOX_TYPE: (
-        "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nCustomPoint[] points\n"
+        "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
+        "CustomPoint[] points\n"
     ),
 }
 #: PointField's numbers for the types that drivers use.
@@ -118,18 +121,18 @@ class BagSink:
             self._store.serialize_ros1(message, msgtype) if self._ros1 else self._store.serialize_cdr(message, msgtype)
         )
 
-    def _header(self, stamp_ns: int, frame_id: str, seq: int) -> object:
+    def _header(self, stamp_ns: int, frame_id: str, seq: int) -> Msg:
         types = self._store.types
         sec, nanosec = divmod(stamp_ns, _SECOND_NS)
         stamp = types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
         header = types["std_msgs/msg/Header"]
         return header(seq=seq, stamp=stamp, frame_id=frame_id) if self._ros1 else header(stamp=stamp, frame_id=frame_id)
 
-    def _point_cloud(self, cloud: Cloud, frame_id: str) -> object:
+    def _point_cloud(self, cloud: Cloud, frame_id: str) -> Msg:
         types = self._store.types
         step = cloud.points.dtype.itemsize
         field = types["sensor_msgs/msg/PointField"]
-        layout = cloud.points.dtype.fields or {}
+        layout = dict(cloud.points.dtype.fields or {})
         fields = [
             field(name=name, offset=int(entry[1]), datatype=_DATATYPES[entry[0].name], count=1)
             for name, entry in layout.items()
@@ -189,6 +192,6 @@ def finished_file(out: Path, container: Container) -> Iterator[Path]:
         made = next(draft.glob("*.mcap")) if container == "mcap" else draft
         if out.is_dir():
             shutil.rmtree(out)
-        os.replace(made, out)
+        made.replace(out)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)

@@ -1,8 +1,8 @@
 """A scenario made into sensor messages, scan by scan, with their truth; and gathered into a Recording in memory.
 
-Two clocks: the lidar's is the reference, an IMU message taken at lidar time t is stamped t - time_offset. Simulated time 0 is
-`EPOCH_NS` of the lidar clock. Every stream of random numbers has its own seed (recording, stream, sweep), so a sweep's noise
-depends neither on the recording's length nor on the order in which sweeps are made.
+Two clocks: the lidar's is the reference, an IMU message taken at lidar time t is stamped t - time_offset. Simulated
+time 0 is `EPOCH_NS` of the lidar clock. Every stream of random numbers has its own seed (recording, stream, sweep), so
+a sweep's noise depends neither on the recording's length nor on the order in which sweeps are made.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from calib_core.simulate.imu import ImuMessages
 from calib_core.simulate.layouts import Cloud, encode, scan_of
 from calib_core.simulate.lidar import Sweep
 from calib_core.simulate.motion import seconds
-from calib_core.simulate.scenarios import Mounting, Scenario
+from calib_core.simulate.scenario import Mounting, Scenario
 from calib_core.simulate.sensors import HeaderAt, Imu
 from calib_core.simulate.truth import Truth
 from calib_core.types import FloatArray, ImuData, IntArray, LidarInfo, Recording, Scan

@@ -18,7 +18,7 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 class ImuMessages:
     """Readings in the order they are sent.
 
-    true_ns: (Q,) when each was taken, lidar clock after the simulation's zero.   stamp_error_ns: (Q,) added to its stamp.
+    true_ns: (Q,) when each was taken, lidar clock after the simulation's zero.   stamp_error_ns: (Q,) of its stamp.
     gyro_rad_s, accel_m_s2: (Q, 3).   gyro_bias_rad_s, accel_bias_m_s2: (Q, 3), what of it is bias.
     """
 
@@ -63,7 +63,10 @@ def measure(
     biases: tuple[FloatArray, FloatArray],
     rng: np.random.Generator,
 ) -> ImuMessages:
-    """Readings with white noise of density x sqrt(rate) and biases that walk. biases: gyroscope, accelerometer, (3,) each."""
+    """Readings with white noise of density x sqrt(rate) and biases that walk.
+
+    biases: of gyroscope and accelerometer at the first sample, (3,) each.
+    """
     gyro, accel = exact_readings(imu_motion, gravity_m_s2)
     n = instants_ns.shape[0]
     white = rng.standard_normal((2, n, 3))

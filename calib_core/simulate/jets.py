@@ -80,9 +80,9 @@ def atan2(y: Jet, x: Jet) -> Jet:
 
 
 def smooth_step(t: Jet, start_s: float, length_s: float) -> Jet:
-    """0 before `start_s`, 1 after `start_s + length_s`, a seventh-degree polynomial between (three derivatives continuous).
+    """0 before `start_s`, 1 after `start_s + length_s`, between them a polynomial of degree 7.
 
-    A length of 0 means: 1 everywhere, the motion has no beginning.
+    Three derivatives are continuous. A length of 0 means: 1 everywhere, the motion has no beginning.
     """
     if length_s <= 0.0:
         return constant(1.0, t)
@@ -94,7 +94,7 @@ def smooth_step(t: Jet, start_s: float, length_s: float) -> Jet:
 
 
 def smooth_start(t: Jet, start_s: float, length_s: float) -> Jet:
-    """The integral of `smooth_step`: 0 before the start, t minus a constant after the ramp; a clock that starts gently."""
+    """The integral of `smooth_step`, a clock that starts gently: 0 at first, t minus a constant after the ramp."""
     if length_s <= 0.0:
         return t
     step = smooth_step(t, start_s, length_s)

@@ -1,7 +1,7 @@
 """Sweeps as drivers publish them: point records with every driver's own fields, rounding and stamps.
 
-`Cloud` is the message before it becomes bytes; `scan_of` is what any faithful reader makes of it, so that a recording made in
-memory and one read from a bag agree to the last bit.
+`Cloud` is the message before it becomes bytes; `scan_of` is what any faithful reader makes of it, so that a recording
+made in memory and one read from a bag agree to the last bit.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Cloud:
     """One message.
 
     kind: the message type.   stamp_ns: its header.   points: in the order sent; height x width of them.
-    time_ns: (N,) each point's time as the record tells it, lidar clock.   valid: (N,).   intensity, ring: names of fields.
+    time_ns: (N,) each point's time as the record tells it, lidar clock.   valid: (N,).   intensity, ring: field names.
     end_ns: when the sweep was over.
     """
 
@@ -149,7 +149,7 @@ def _hesai(sweep: Sweep, lidar: Lidar, epoch_ns: int) -> Cloud:
 
 
 def _ouster(sweep: Sweep, lidar: Lidar, epoch_ns: int) -> Cloud:
-    """Organised, one row a beam from the top down; (0, 0, 0) where nothing answered; t = 0 in columns that were lost."""
+    """Organised, one row a beam from the top down; (0, 0, 0) where nothing answered; t = 0 in lost columns."""
     del lidar
     columns, channels = sweep.time_ns.shape
     points = _filled(OUSTER, sweep, slice(None)).reshape(columns, channels).T

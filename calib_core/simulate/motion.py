@@ -37,7 +37,7 @@ def seconds(instants_ns: IntArray) -> FloatArray:
 class Kinematics:
     """Pose and its derivatives of one frame at N instants.
 
-    R_world: (N, 3, 3).   p_m, v_m_s, a_m_s2: (N, 3), world axes.   omega_rad_s, alpha_rad_s2: (N, 3), the frame's own axes.
+    R_world: (N, 3, 3).   p_m, v_m_s, a_m_s2: (N, 3), world axes.   omega_rad_s, alpha_rad_s2: (N, 3), own axes.
     """
 
     R_world: FloatArray
@@ -117,7 +117,7 @@ class Pose:
 class Sway:
     """Hand-held motion: sums of sines on every axis about a base pose.
 
-    position: waves [m] along the world's x, y, z.   turns: applied in order, each about an axis of the body turned so far.
+    position: waves [m] along the world's x, y, z.   turns: in order, each about an axis of the body turned so far.
     """
 
     base: Pose

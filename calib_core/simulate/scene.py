@@ -1,7 +1,7 @@
 """What the lidar looks at: scenes as data, and the exact intersection of rays with them.
 
 Faces are planes, unbounded (the walls of a closed convex room, seen from inside) or bounded by a convex outline.
-Bodies are solids (boxes, cylinders, spheres) that may move while the rays fly: furniture, people, whoever carries the rig.
+Bodies are solids (boxes, cylinders, spheres) that may move while the rays fly: furniture, people, the rig's operator.
 World frame, metres. Rays: origins (3, N) and unit directions (3, N), one instant each.
 """
 
@@ -22,7 +22,7 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 class Rays:
     """Rays with the instants they are fired at.
 
-    origins_m, directions: (3, N), world.   t_s: (N,).   lidar_m: (3, N), the lidar's own position.   home_m: (3,), at t = 0.
+    origins_m, directions: (3, N), world.   t_s: (N,).   lidar_m: (3, N), where the lidar is.   home_m: (3,), at t = 0.
     """
 
     origins_m: FloatArray
@@ -271,7 +271,7 @@ def _inside(face: Face, normal: FloatArray, rays: Rays, closeness: FloatArray) -
 
 
 def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest) -> None:
-    """Only rays that can pass the body's bounding sphere, wherever it and the lidar are within the sweep, look closer."""
+    """Only rays that can pass the bounding sphere, wherever it and the lidar are within the sweep, look closer."""
     ends = rays.subset(np.array([0, rays.t_s.shape[0] - 1]))
     span_s = float(ends.t_s[1] - ends.t_s[0])
     start_m = rays.origins_m[:, 0]

@@ -56,7 +56,7 @@ class Spinning:
 
     elevations_deg: per channel in firing order.   azimuths_deg: per channel, added to the rotor's angle.
     channel_ns: delay of each channel within a column.   columns_per_packet: sweeps are cut between packets, after the
-    rotor has passed the cut.   clockwise: seen from above.   origin_radius_m: distance of the optics from the rotor's axis.
+    rotor has passed the cut.   clockwise: seen from above.   origin_radius_m: of the optics about the rotor's axis.
     """
 
     elevations_deg: tuple[float, ...]
@@ -163,7 +163,7 @@ class Lidar:
     """A lidar: its pattern, its noise, its limits, its driver.
 
     range_std_m: along the ray.   range_at_tenth_m: farthest surface of reflectivity 0.1 met head-on that still answers;
-    the reach goes with the root of reflectivity times cosine of incidence.   miss_probability: returns lost for no reason.
+    the reach goes with the root of reflectivity times cosine of incidence.   miss_probability: lost for no reason.
     field_of_view_deg: azimuths kept, centred on +x, as drivers can be told to do.
     lost_columns_probability: a packet that never arrived.
     """
@@ -226,6 +226,7 @@ class ImuFaults:
     jitter_s: float = 0.0
 
 
+NO_FAULTS = ImuFaults()
 _STANDARD_GRAVITY = 9.80665
 
 VLP_16 = Lidar(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.result import Transform
 from calib_core.simulate.motion import Kinematics
-from calib_core.simulate.scenarios import Scenario
+from calib_core.simulate.scenario import Scenario
 from calib_core.types import FloatArray, Plane
 
 
@@ -64,7 +64,7 @@ class Truth:
     """Everything true of one simulated recording.
 
     World: the scene's, z up, gravity (0, 0, -gravity_m_s2). Times `t_s`: (N,) seconds of the lidar clock after
-    `epoch_ns`.   map: the lidar frame at `map_time_ns`, the first scan's time. Biases: means over the recording's readings.
+    `epoch_ns`.   map: the lidar frame at `map_time_ns`, the first scan's time.   Biases: means over the readings.
     """
 
     scenario: Scenario
