@@ -64,7 +64,12 @@ def install(packages):
         ["apt-get", "-qq", "-y", "-o", "Dpkg::Use-Pty=0", "install", "--no-install-recommends", *packages],
     )
     # The update may fail on one broken source while the packages are still to be had: only the install decides.
-    return [subprocess.call(step, env=environment, stdout=sys.stderr) for step in steps][-1] == 0
+    for step in steps:
+        process = subprocess.Popen(step, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        said = process.communicate()[0]
+    if process.returncode != 0:
+        sys.stderr.write(said.decode("utf-8", "replace"))
+    return process.returncode == 0
 
 
 def prepare(purpose):
