@@ -32,8 +32,8 @@ from calib_core.types import (
 )
 
 if TYPE_CHECKING:
+    from calib_core.doctor.report import DoctorReport
     from calib_core.pipeline.calibrate import Calibration
-    from calib_core.pipeline.doctor import DoctorReport
     from calib_core.simulate import Mounting
     from calib_core.simulate.sensors import HeaderAt
 
