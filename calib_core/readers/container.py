@@ -59,6 +59,13 @@ class OpenRecording:
         return "ros1" if self.files and _storage_suffix(self.files[0]) == ".bag" else "ros2"
 
     @property
+    def size_bytes(self) -> int:
+        """Bytes of the recording as it was given."""
+        if self.path.is_file():
+            return self.path.stat().st_size
+        return sum(file.stat().st_size for file in self.path.rglob("*") if file.is_file())
+
+    @property
     def duration_s(self) -> float:
         """Seconds between the first and the last message's receive times."""
         return max(0, self.end_ns - self.start_ns) * 1e-9

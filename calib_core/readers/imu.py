@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.readers.imu_messages import RawImu
-from calib_core.readers.imu_units import detect_accelerometer_unit, detect_gyroscope
+from calib_core.readers.imu_units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, ImuData, IntArray
 
@@ -40,6 +40,16 @@ class StampStatistics:
         return 1.0 / self.period_s if self.period_s > 0 else 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class CleanedImu:
+    """Readings in SI units, the units they were sent in, and what was found."""
+
+    imu: ImuData
+    accelerometer_unit: AccelerometerUnit
+    gyroscope_unit: GyroscopeUnit
+    findings: tuple[Finding, ...]
+
+
 def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray) -> StampStatistics:
     """Regularity of stamps in receive order."""
     if stamps_ns.size < 2:
@@ -62,7 +72,7 @@ def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray) -> StampStatisti
     )
 
 
-def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> tuple[ImuData, tuple[Finding, ...]]:
+def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     """The readings in SI units, and what was found. Raises InputError where nothing usable is left."""
     stamps_ns = raw.receive_ns if settings.stamps == "receive" else raw.header_ns
     statistics = stamp_statistics(stamps_ns, raw.receive_ns)
@@ -85,7 +95,8 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> tuple[ImuData,
     gyro_unit, more = detect_gyroscope(unique_ns, gyro, accel, settings, topic)
     findings.extend(more)
     gyro = gyro * (np.pi / 180.0 if gyro_unit == "deg_s" else 1.0)
-    return ImuData(unique_ns, gyro, accel, topic, raw.frame_id), tuple(findings)
+    data = ImuData(unique_ns, gyro, accel, topic, raw.frame_id)
+    return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
 
 
 def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:

@@ -58,7 +58,7 @@ def _load_open(
     reading.run(lidar_topic, imu_topic, span)
     findings += reading.findings(lidar_topic.name)
     raw_imu = reading.imu.finish()
-    imu, imu_findings = clean_imu(raw_imu, settings, imu_topic.name)
+    cleaned = clean_imu(raw_imu, settings, imu_topic.name)
     header_ns, receive_ns = np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)
     offset_ns = 0
     clock_findings: tuple[Finding, ...] = ()
@@ -68,11 +68,11 @@ def _load_open(
         )
     return Recording(
         name=recording.name,
-        imu=imu,
+        imu=cleaned.imu,
         scans=reading.scans.finish(),
         lidar=info,
         duration_s=recording.duration_s,
         coarse_offset_ns=offset_ns,
         scans_total=len(reading.header_ns),
-        findings=(*findings, *imu_findings, *clock_findings, *damage_findings(recording, len(reading.scans))),
+        findings=(*findings, *cleaned.findings, *clock_findings, *damage_findings(recording, len(reading.scans))),
     )

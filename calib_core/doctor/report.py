@@ -1,0 +1,236 @@
+"""The doctor's report: what a recording holds and whether it can be calibrated. JSON as it is; degrees for people.
+
+Times `t_s` count from the recording's first message (receive time) for everything that is drawn over time.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from calib_core.settings import ImuNoise
+
+Verdict = Literal["good", "limited", "unusable"]
+Axes = tuple[float, float, float]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class EvidenceReport(_Model):
+    """One number behind a finding."""
+
+    name: str
+    value: float | int | str
+    unit: str = ""
+
+
+class FindingReport(_Model):
+    """types.Finding as JSON."""
+
+    code: str
+    level: Literal["info", "warning", "error"]
+    text: str
+    evidence: tuple[EvidenceReport, ...] = ()
+    confidence: float = 1.0
+    consequence: str = ""
+    override: str = ""
+
+
+class TopicReport(_Model):
+    """One topic. role: what it could serve as here; "packets" for raw packets, decoded or not."""
+
+    name: str
+    type: str
+    messages: int
+    rate_hz: float
+    role: Literal["lidar", "imu", "packets", "other"]
+
+
+class StampReport(_Model):
+    """Regularity of one topic's stamps. dropped: messages that the rate says are missing."""
+
+    rate_hz: float
+    period_s: float
+    jitter_s: float
+    duplicates: int
+    rewinds: int
+    gaps: int
+    longest_gap_s: float
+    dropped: int
+
+
+class FieldReport(_Model):
+    """One field of the clouds. type: NumPy's name, e.g. "float32"."""
+
+    name: str
+    type: str
+
+
+class PointTimeReport(_Model):
+    """How the point times are read; None in LidarReport where the clouds carry none."""
+
+    field: str
+    unit: str
+    reference: str
+    first_after_header_s: float
+    last_after_header_s: float
+    confidence: float
+
+
+class RangeReport(_Model):
+    """Distances of valid points over the examined scans, and how many points are no return."""
+
+    minimum_m: float
+    p05_m: float
+    median_m: float
+    p95_m: float
+    maximum_m: float
+    points_per_scan: int
+    no_return_share: float
+
+
+class LidarPresetReport(_Model):
+    """Range noise to expect. identified: whether the sensor's name was recognised."""
+
+    name: str
+    range_std_m: float
+    source: str
+    identified: bool
+
+
+class LidarReport(_Model):
+    """The lidar that would be calibrated."""
+
+    topic: str
+    frame_id: str
+    layout: str
+    scans: int
+    rings: int
+    stamps: StampReport
+    fields: tuple[FieldReport, ...]
+    point_time: PointTimeReport | None
+    ranges: RangeReport | None
+    preset: LidarPresetReport
+
+
+class ImuNoiseReport(_Model):
+    """Noise densities. origin: "measured" in static seconds or a preset; resolution: the readings' smallest step."""
+
+    origin: str
+    noise: ImuNoise
+    source: str
+    static_s: float = 0.0
+    gyroscope_resolution_rad_s: float = 0.0
+    accelerometer_resolution_m_s2: float = 0.0
+
+
+class SaturationReport(_Model):
+    """Largest readings, and the share of readings that sit at the same extreme value."""
+
+    gyroscope_max_rad_s: float
+    accelerometer_max_m_s2: float
+    gyroscope_clipped_share: float
+    accelerometer_clipped_share: float
+
+
+class Span(_Model):
+    """A stretch of time, seconds from the recording's start."""
+
+    start_s: float
+    end_s: float
+
+
+class ExcitationReport(_Model):
+    """How much the recording moves. Per axis x y z of the IMU.
+
+    axis_condition: largest over smallest eigenvalue of the mean of omega omega^T; near 1 is turning about all axes.
+    rotation_reversals: changes of direction above 5 deg/s, all axes.
+    """
+
+    rotation_rms_deg_s: Axes
+    rotation_peak_deg_s: Axes
+    angular_acceleration_peak_deg_s2: Axes
+    acceleration_rms_m_s2: Axes
+    axis_condition: float
+    rotation_reversals: int
+    weakest_axis: Axes
+    weakest_axis_rms_deg_s: float
+    moving_s: float
+
+
+class ImuReport(_Model):
+    """The IMU that would be calibrated."""
+
+    topic: str
+    frame_id: str
+    readings: int
+    stamps: StampReport
+    accelerometer_unit: str
+    gyroscope_unit: str
+    gravity_at_rest_m_s2: float
+    saturation: SaturationReport
+    excitation: ExcitationReport
+    still_spans: tuple[Span, ...]
+    measured_noise: ImuNoiseReport | None
+    preset_noise: ImuNoiseReport
+    preset_identified: bool
+    noise_used: Literal["measured", "preset"]
+
+
+class Timeline(_Model):
+    """Arrays for plots, about 10 Hz, all of one length; means over each step. scan_t_s has one entry per scan."""
+
+    t_s: tuple[float, ...] = ()
+    rotation_deg_s: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]] = ((), (), ())
+    rotation_norm_deg_s: tuple[float, ...] = ()
+    acceleration_m_s2: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]] = ((), (), ())
+    scan_t_s: tuple[float, ...] = ()
+
+
+class ParameterForecast(_Model):
+    """Standard deviation to expect of one parameter of the calibration; units as in the result document."""
+
+    name: Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+    std: float
+    unit: Literal["deg", "m", "s"]
+    weak: bool
+
+
+class Forecast(_Model):
+    """What a solve of this recording would know, before it is run."""
+
+    parameters: tuple[ParameterForecast, ...]
+    planes: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
+
+
+class DoctorReport(_Model):
+    """The whole report."""
+
+    schema_: Literal["unsweep.report/1"] = Field(default="unsweep.report/1", alias="schema")
+    name: str
+    size_bytes: int
+    container: Literal["ros1", "ros2"]
+    duration_s: float
+    start_ns: int
+    topics: tuple[TopicReport, ...]
+    lidar_candidates: tuple[str, ...]
+    imu_candidates: tuple[str, ...]
+    lidar: LidarReport | None
+    imu: ImuReport | None
+    clock_offset_s: float
+    timeline: Timeline
+    findings: tuple[FindingReport, ...]
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    advice: tuple[str, ...]
+    forecast: Forecast | None = None
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, serialize_by_alias=True)
+
+    def to_json(self) -> str:
+        """The report as indented JSON text, ending in a newline."""
+        return self.model_dump_json(by_alias=True, indent=2) + "\n"
