@@ -21,10 +21,10 @@ _MAX_CANDIDATES = 8
 def match_normals(previous: FloatArray, current: FloatArray, *, max_turn_rad: float = 0.5) -> IntArray | None:
     """For each plane followed, the index of the plane of this scan that continues it; None where one is lost.
 
-    previous: (P, 3) unit normals of the followed planes, in the previous scan's frame.   current: (D, 3) of the detected
-    ones, in this scan's, largest first.   All point to the side from which they are seen.   Returns (P,) distinct indices.
-    Of every choice of P detected planes the closest in the sum of squares is taken; it must be each plane's nearest
-    neighbour, and no normal may have turned by more than max_turn_rad.
+    previous: (P, 3) unit normals of the followed planes, in the previous scan's frame.   current: (D, 3) of the
+    detected ones, in this scan's, largest first.   All point to the side from which they are seen.   Returns (P,)
+    distinct indices. Of every choice of P detected planes the closest in the sum of squares is taken; it must be each
+    plane's nearest neighbour, and no normal may have turned by more than max_turn_rad.
     """
     n_followed = previous.shape[0]
     best: IntArray | None = None

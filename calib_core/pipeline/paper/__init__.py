@@ -1,0 +1,6 @@
+"""The published method, whole (`--method paper`)."""
+
+from calib_core.pipeline.paper.calibrate import calibrate_paper
+from calib_core.pipeline.paper.records import ImuStates, PaperOptions, PaperRefusal, PaperSolution, PlaneFitQuality
+
+__all__ = ["ImuStates", "PaperOptions", "PaperRefusal", "PaperSolution", "PlaneFitQuality", "calibrate_paper"]

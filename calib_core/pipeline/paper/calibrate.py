@@ -1,0 +1,183 @@
+"""The paper from its first section to its last: the page to read beside it.
+
+    II-E   planes of every scan, tracked from the first             front_end.py, planes/
+    eq. 13 rough scan poses, and start values from them             scan_pose.py, initial.py
+    II-C   IMU readings upsampled by GPs, one window per scan       imu/upsample.py, gp/
+    eq. 3  preintegration to every point and to the next scan       imu/preintegration.py
+    eq. 2  cost of lidar factors (7-10) and IMU factors (11)        problem.py, factors/
+    III-A  first round with unit covariances, then rounds with propagated noise, balanced by eq. 14
+
+Where the paper leaves something open, initial.py and timeline.py say what is done; CONVENTIONS.md lists the departures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.errors import Cancelled
+from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.pipeline.paper import report
+from calib_core.pipeline.paper.front_end import Selection, run_front_end
+from calib_core.pipeline.paper.prepare import Run, prepare
+from calib_core.pipeline.paper.problem import PaperState, covariance_of_calibration
+from calib_core.pipeline.paper.records import FrontEnd, PaperOptions, PaperRefusal, PaperSolution
+from calib_core.pipeline.paper.rounds import Round, expand, reweighted
+from calib_core.pipeline.paper.solve import Descent, descend
+from calib_core.settings import CalibrateSettings
+from calib_core.solver.arrow import ArrowSystem, solve_arrow
+from calib_core.types import Finding, InitialGuess, Plane, Recording
+
+#: The published point cap and field of view, where the settings leave them unsaid.
+PUBLISHED_POINTS_PER_PLANE, PUBLISHED_FIELD_OF_VIEW_DEG = 100, 45.0
+_MIN_PLANES, _MIN_SCANS = 3, 10
+_PUBLISHED = PaperOptions()
+
+
+def calibrate_paper(
+    recording: Recording,
+    settings: CalibrateSettings,
+    *,
+    planes: Sequence[Plane] | None = None,
+    initial_guess: InitialGuess | None = None,
+    first_scan: int = 0,
+    options: PaperOptions = _PUBLISHED,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> PaperSolution | PaperRefusal:
+    """The calibration by the published method, or why there is none.
+
+    planes: in the lidar frame at the first point of scan `first_scan`, during which the sensors are taken to stand
+    still;
+    None: detected in it.   Raises Cancelled.
+    """
+    epoch_ns = recording.scans[first_scan].stamp_ns
+    positions = range(first_scan, len(recording.scans))
+    front = run_front_end(
+        recording.scans,
+        positions,
+        epoch_ns,
+        planes=planes,
+        selection=_selection(settings),
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+    total = max(recording.scans_total, len(recording.scans))
+    refused = _check(front, total)
+    if refused is not None:
+        return refused
+    on_event(StageEvent(stage="initialise", fraction=0.0, text="start values from the scans' rough poses"))
+    run = prepare(recording, settings, front, epoch_ns, initial_guess, options)
+    descent, rounds = _solve(run, on_event, should_cancel)
+    return _solution(run, rounds, descent, recording.coarse_offset_ns, total)
+
+
+def _selection(settings: CalibrateSettings) -> Selection:
+    """The point cap and field of view: what the caller set, else what the paper used."""
+    said = settings.model_fields_set
+    cap = settings.points_per_plane_per_scan
+    view = settings.field_of_view_deg
+    return Selection(
+        cap if "points_per_plane_per_scan" in said else PUBLISHED_POINTS_PER_PLANE,
+        (180.0 if view is None else view) if "field_of_view_deg" in said else PUBLISHED_FIELD_OF_VIEW_DEG,
+        settings.random_seed,
+    )
+
+
+def _check(front: FrontEnd, total: int) -> PaperRefusal | None:
+    used, dropped = len(front.scans), len(front.dropped)
+    if len(front.planes) < _MIN_PLANES:
+        text = (
+            f"expected {_MIN_PLANES} planes of different directions in the first scan's field of view, found "
+            f"{len(front.planes)}; record a corner from close by, or use --method full"
+        )
+        return report.refusal("paper.planes", text, used=used, dropped=dropped, total=total)
+    if used < _MIN_SCANS:
+        text = (
+            f"expected at least {_MIN_SCANS} scans that show all {len(front.planes)} planes, found {used} of "
+            f"{used + dropped}; keep the corner in view, or use --method full"
+        )
+        return report.refusal("paper.scans", text, used=used, dropped=dropped, total=total)
+    return None
+
+
+def _solve(run: Run, on_event: OnEvent, should_cancel: ShouldCancel) -> tuple[Descent, Round]:
+    """Unit covariances first, then rounds with the noise propagated at the last estimate (III-A)."""
+    rounds, state = expand(run, None, run.state)
+    descent = _one_round(run, rounds, state, 0, 0, on_event, should_cancel)
+    for number in range(1, run.options.refinement_rounds + 1):
+        state, done = descent.state, descent.iterations
+        if run.options.relinearise:
+            rounds, state = expand(run, rounds, state)
+        rounds = reweighted(run, rounds, state)
+        descent = _one_round(run, rounds, state, number, done, on_event, should_cancel)
+    return descent, rounds
+
+
+def _one_round(
+    run: Run, rounds: Round, state: PaperState, number: int, done: int, on_event: OnEvent, should_cancel: ShouldCancel
+) -> Descent:
+    """The minimum of one round. done: iterations of the rounds before, counted on."""
+    text = "covariances at identity" if number == 0 else f"noise propagated, round {number}"
+    on_event(StageEvent(stage="solve", fraction=number / (run.options.refinement_rounds + 1), text=text))
+    iteration = done
+
+    def watch(now: PaperState, system: ArrowSystem) -> None:
+        nonlocal iteration
+        iteration += 1
+        if should_cancel():
+            raise Cancelled("stopped between two iterations of the solve; nothing was written")
+        if on_event is ignore_event:
+            return
+        qualities = report.plane_qualities(run.front, rounds.plane_of_point, rounds.problem.distances(now))
+        offset_s = rounds.time_offset_s + now.shared.time_delta_s
+        on_event(report.iteration_event(now, system, (iteration, number), offset_s, qualities))
+
+    descent = descend(rounds.problem, state, max_iterations=run.options.iterations_per_round, on_step=watch)
+    return replace(descent, iterations=iteration)
+
+
+def _solution(run: Run, rounds: Round, descent: Descent, coarse_ns: int, total: int) -> PaperSolution:
+    shared = descent.state.shared
+    relative_s = rounds.time_offset_s + shared.time_delta_s
+    offset_ns = coarse_ns + round(relative_s * 1e9)
+    dist_m = rounds.problem.distances(descent.state)
+    tracked = frozenset(scan.position for scan in run.front.scans)
+    messages = [Finding("paper.weights", "info", _ABOUT_COVARIANCE)]
+    if run.front.dropped:
+        text = f"{len(run.front.dropped)} scans were dropped because not all {len(run.front.planes)} planes were found"
+        messages.append(Finding("paper.scans_dropped", "info", text))
+    if not descent.converged:
+        text = f"the cost was still falling after {descent.iterations} iterations; the answer is the last estimate"
+        messages.append(Finding("solve.not_converged", "warning", text))
+    return PaperSolution(
+        R_imu_lidar=shared.R_imu_lidar,
+        p_imu_lidar=shared.p_imu_lidar,
+        time_offset_s=offset_ns * 1e-9,
+        time_offset_ns=offset_ns,
+        gyro_bias_rad_s=rounds.gyro_bias + shared.gyro_bias_delta,
+        accel_bias_m_s2=rounds.accel_bias + shared.accel_bias_delta,
+        gravity_m_s2=float(-run.gravity_world[2]),
+        covariance=covariance_of_calibration(solve_arrow(descent.system, damping=1e-9)),
+        planes=report.plane_qualities(run.front, rounds.plane_of_point, dist_m),
+        rms_m=float(np.sqrt(np.mean(dist_m**2))),
+        points_used=int(dist_m.size),
+        scans_used=len(run.front.scans),
+        scans_dropped=len(run.front.dropped),
+        scans_total=total,
+        iterations=descent.iterations,
+        converged=descent.converged,
+        cost=descent.system.cost,
+        trajectory=report.trajectory(
+            descent.state, rounds.preintegration, run.timeline, tracked, run.gravity_world, run.epoch_ns
+        ),
+        messages=tuple(messages),
+    )
+
+
+_ABOUT_COVARIANCE = (
+    "the published method balances its factors by hand (eq. 14) and takes neighbouring upsampled readings as "
+    "independent: its standard deviations are those of its cost, not of its errors; use --method full for honest ones"
+)
