@@ -1,0 +1,105 @@
+"""Words of options become the right numbers, or one sentence that names the option and what it takes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from app import cli_options as options
+from calib_core.errors import SettingsError
+
+
+@pytest.mark.parametrize(
+    ("text", "axis", "value", "std"),
+    [
+        ("tz=0.31+-0.005", "tz", 0.31, 0.005),
+        ("tx=-1e-2±.5", "tx", -0.01, 0.5),
+        ("ty=310+/-5mm", "ty", 0.31, 0.005),
+        ("rx=0+-0.5deg", "rx", 0.0, math.radians(0.5)),
+        ("rz=-0.1 +- 0.01", "rz", -0.1, 0.01),
+        ("dt=-20+-1ms", "dt", -0.02, 0.001),
+    ],
+)
+def test_priors(text: str, axis: str, value: float, std: float) -> None:
+    """Fails if a unit is not applied to both numbers, or a sign is lost (seen: `scale` left off the value)."""
+    prior = options.parse_prior(text)
+    assert prior.axis == axis
+    assert prior.value == pytest.approx(value, rel=1e-12)
+    assert prior.std == pytest.approx(std, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text", ["tz=0.31", "qx=1+-1", "tz=1+-0", "tz=1+-1deg", "rx=1+-1mm", "dt=1+-1m", "", "tz=nan+-1"]
+)
+def test_unfit_priors_are_one_sentence(text: str) -> None:
+    """Fails if a length is accepted for an angle, or a standard deviation of 0 (seen: units of `t` used for all)."""
+    with pytest.raises(SettingsError, match="--prior"):
+        options.parse_prior(text)
+
+
+def test_two_priors_for_one_axis_are_refused() -> None:
+    """Fails if the second silently replaces the first."""
+    assert len(options.parse_priors(["tz=1+-1", "ty=1+-1"])) == 2
+    with pytest.raises(SettingsError, match="several for tz"):
+        options.parse_priors(["tz=1+-1", "tz=2+-1"])
+
+
+@pytest.mark.parametrize(("latitude_deg", "expected"), [(0, 9.7803253359), (90, 9.8321849378), (-45, 9.8061977694)])
+def test_gravity_at_known_latitudes(latitude_deg: float, expected: float) -> None:
+    """WGS 84's own values at equator and pole, and the one at 45 deg from its tables. Fails if degrees are taken for
+    radians (seen)."""
+    assert options.gravity_at_latitude_m_s2(latitude_deg) == pytest.approx(expected, abs=2e-9)
+
+
+def test_gravity_option() -> None:
+    """Fails if a given magnitude stays free, or `free` becomes exact."""
+    assert options.parse_gravity("9.81").std_m_s2 == 0.0
+    assert options.parse_gravity("9.81").magnitude_m_s2 == 9.81
+    assert (options.parse_gravity("free").magnitude_m_s2, options.parse_gravity("free").std_m_s2) == (9.807, 0.02)
+    assert options.parse_gravity("latitude:48.1").magnitude_m_s2 == pytest.approx(9.809, abs=1e-3)
+    for text in ("fast", "981", "latitude:91", "latitude:x", "longitude:5", "nan", "latitude:nan"):
+        with pytest.raises(SettingsError, match="--gravity"):
+            options.parse_gravity(text)
+
+
+def test_points_and_field_of_view_follow_the_method_unless_named() -> None:
+    """The contract: all points and directions; with `paper` 100 points and 45 deg; explicit options win. Fails if
+    `all` is overridden by the paper's number."""
+    assert options.parse_points(None, "full") is None
+    assert options.parse_points(None, "paper") == 100
+    assert options.parse_points("all", "paper") is None
+    assert options.parse_points("150", "paper") == 150
+    assert options.parse_field_of_view(None, "full") is None
+    assert options.parse_field_of_view(None, "paper") == 45.0
+    assert options.parse_field_of_view(180.0, "paper") is None
+    assert options.parse_field_of_view(60.0, "full") == 60.0
+    for text in ("0", "-5", "1.5", "many"):
+        with pytest.raises(SettingsError, match="--points-per-plane-per-scan"):
+            options.parse_points(text, "full")
+    for angle_deg in (0.0, -1.0, 181.0, math.nan):
+        with pytest.raises(SettingsError, match="--field-of-view-deg"):
+            options.parse_field_of_view(angle_deg, "full")
+
+
+def test_mounting_takes_seven_numbers() -> None:
+    """Fails if six or a word pass, or the order changes."""
+    assert options.parse_mounting("0.1,-2,3,0,0,0,1") == (0.1, -2.0, 3.0, 0.0, 0.0, 0.0, 1.0)
+    assert options.parse_mounting(None) is None
+    for text in ("1,2,3", "a,b,c,d,e,f,g", "1,2,3,0,0,0,inf"):
+        with pytest.raises(SettingsError, match="--mounting"):
+            options.parse_mounting(text)
+
+
+def test_imu_noise_is_a_file_or_a_preset(tmp_path: Path) -> None:
+    """Fails if a missing file is taken for a preset's name."""
+    path = tmp_path / "noise.json"
+    path.write_text('{"gyroscope_noise_density_rad_s_sqrt_hz": 1e-4, "accelerometer_noise_density_m_s2_sqrt_hz": 1e-3}')
+    noise = options.parse_imu_noise(str(path))
+    assert not isinstance(noise, str | None)
+    assert noise.gyroscope_noise_density_rad_s_sqrt_hz == 1e-4
+    assert options.parse_imu_noise("mti-3") == "mti-3"
+    assert options.parse_imu_noise(None) is None
+    with pytest.raises(SettingsError, match=r"absent\.json"):
+        options.parse_imu_noise(str(tmp_path / "absent.json"))

@@ -1,0 +1,231 @@
+"""What a person sees: the report, the summary, the progress. Nothing here may be lost, wrong by a unit, or a crash."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from rich.console import Console, RenderableType
+
+from app.inspect_report import report_block, sparkline, still_strip
+from app.summary import refusal, result_summary, verdict
+from app.terminal import LiveProgress, Manner, PlainProgress, error_bar, iteration_table, listener
+from calib_core.doctor.report import (
+    DoctorReport,
+    ExcitationReport,
+    FindingReport,
+    Forecast,
+    ImuNoiseReport,
+    ImuReport,
+    ParameterForecast,
+    SaturationReport,
+    Span,
+    StampReport,
+    Timeline,
+    TopicReport,
+)
+from calib_core.events import IterationEvent, LogEvent, PlaneResidual, StageEvent
+from calib_core.settings import ImuNoise
+from tests.core.exporters.results import make_result
+
+ITERATION = IterationEvent(
+    iteration=4,
+    round=1,
+    cost=1234.5,
+    matrix=np.eye(4).tolist(),
+    translation_m=[-0.080, 0.089, -0.053],
+    euler_xyz_deg=[2.9, -1.11, 179.9],
+    time_offset_s=0.0127,
+    rotation_std_deg=[0.004, 0.005, 0.006],
+    translation_std_m=[0.0003, 0.03, 0.0004],
+    time_offset_std_s=1e-5,
+    planes=[PlaneResidual(name="floor", rms_m=0.02, points=100)],
+)
+
+
+def shown(what: RenderableType, width: int = 110) -> str:
+    """What a console of that width shows, without colours."""
+    console = Console(file=io.StringIO(), width=width)
+    console.print(what)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def stamps(**changes: float) -> StampReport:
+    regular = {"rate_hz": 100.0, "period_s": 0.01, "jitter_s": 2e-4, "duplicates": 0, "rewinds": 0, "gaps": 0}
+    return StampReport.model_validate({**regular, "longest_gap_s": 0.01, "dropped": 0, **changes})
+
+
+def report(**changes: object) -> DoctorReport:
+    noise = ImuNoise(gyroscope_noise_density_rad_s_sqrt_hz=1.2e-4, accelerometer_noise_density_m_s2_sqrt_hz=1.18e-3)
+    imu = ImuReport(
+        topic="/imu/data",
+        frame_id="imu_link",
+        readings=2000,
+        stamps=stamps(gaps=1, longest_gap_s=0.53, dropped=50),
+        accelerometer_unit="g",
+        gyroscope_unit="rad_s",
+        gravity_at_rest_m_s2=9.806,
+        saturation=SaturationReport(
+            gyroscope_max_rad_s=1.2,
+            accelerometer_max_m_s2=11.0,
+            gyroscope_clipped_share=0.001,
+            accelerometer_clipped_share=0.0,
+        ),
+        excitation=ExcitationReport(
+            rotation_rms_deg_s=(14, 12, 13),
+            rotation_peak_deg_s=(40, 39, 41),
+            angular_acceleration_peak_deg_s2=(100, 120, 90),
+            acceleration_rms_m_s2=(0.3, 0.2, 0.4),
+            axis_condition=1.4,
+            rotation_reversals=40,
+            weakest_axis=(0.1, -0.9, 0.3),
+            weakest_axis_rms_deg_s=11.2,
+            moving_s=18.2,
+        ),
+        still_spans=(Span(start_s=0.0, end_s=5.0),),
+        measured_noise=None,
+        preset_noise=ImuNoiseReport(origin="preset", noise=noise, source="Xsens MTi-3"),
+        preset_identified=False,
+        noise_used="preset",
+    )
+    fields: dict[str, object] = {
+        "name": "room.bag",
+        "size_bytes": 123_456_789,
+        "container": "ros1",
+        "duration_s": 20.0,
+        "start_ns": 1_700_000_000_000_000_000,
+        "topics": (TopicReport(name="/imu/data", type="sensor_msgs/msg/Imu", messages=2000, rate_hz=100, role="imu"),),
+        "lidar_candidates": (),
+        "imu_candidates": ("/imu/data",),
+        "lidar": None,
+        "imu": imu,
+        "clock_offset_s": 0.0,
+        "timeline": Timeline(rotation_norm_deg_s=(0.0, 10.0, 40.0)),
+        "findings": (
+            FindingReport(code="a.b", level="info", text="A quiet one."),
+            FindingReport(
+                code="imu.unit", level="warning", text="Looks like g [not m/s2].", override="--accelerometer-unit m_s2"
+            ),
+        ),
+        "verdict": "limited",
+        "reasons": ("There is no lidar.",),
+        "advice": ("Turn more.", "Turn more."),
+        "forecast": Forecast(
+            parameters=(ParameterForecast(name="tz", std=0.04, unit="m", weak=True),), planes=("floor",)
+        ),
+    }
+    return DoctorReport.model_validate({**fields, **changes})
+
+
+def test_report_says_it_all() -> None:
+    """Fails if a part is left out, a unit is not converted, or text in brackets is eaten as markup (seen: `Text`
+    dropped around a finding's words)."""
+    text = shown(report_block(report()))
+    for words in (
+        "Usable with limits.",
+        "There is no lidar.",
+        "123.5 MB",
+        "2023-11-14 22:13:20 UTC",
+        "1 gap, 50 messages missing, the longest gap 0.53 s",
+        "g and rad/s; at rest it reads 9.806",
+        "0.10 % clipped",
+        "± 40 mm",
+        "Looks like g [not m/s2].",
+        "to override: --accelerometer-unit m_s2",
+    ):
+        assert words in text
+    assert text.index("Looks like g") < text.index("A quiet one."), "warnings first"
+    assert text.count("Turn more.") == 1
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_report_without_sensors_is_shown_at_any_width(width: int) -> None:
+    """Fails if a missing part or a narrow terminal ends in a crash."""
+    empty = report(imu=None, forecast=None, findings=(), advice=(), timeline=Timeline(), verdict="unusable")
+    assert "Not usable." in shown(report_block(empty), width)
+
+
+def test_sparkline_keeps_the_peaks() -> None:
+    """Fails if a short jerk is averaged away: every stretch shows its largest value."""
+    values = [0.0] * 1000
+    values[501] = 5.0
+    strip = sparkline(values, 50)
+    assert len(strip) == 50
+    assert strip[25] == "█"
+    assert set(strip) == {" ", "█"}
+    assert sparkline([0.0, 0.0], 50) == "  "
+
+
+def test_still_strip_is_where_the_spans_are() -> None:
+    """Fails if seconds and cells are mixed up."""
+    assert still_strip((Span(start_s=0.0, end_s=5.0),), 20.0, 8) == "━━······"
+
+
+def test_iteration_is_in_degrees_millimetres_milliseconds() -> None:
+    """Fails if a scale is forgotten, or the offset's sign turns."""
+    text = shown(iteration_table(ITERATION))
+    for words in ("179.9000", "-80.00", "30.00", "12.7000", "0.0100", "1234.5"):
+        assert words in text
+
+
+def test_error_bar_shrinks_with_every_decade() -> None:
+    """Fails if the bar is linear (a thousandth would not be seen) or longer than its cells."""
+    lengths = [error_bar(std, 1.0).plain.count("━") for std in (100.0, 10.0, 1.0, 0.1, 0.01, 1e-9, 0.0)]
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[0] == lengths[1] > lengths[2] > lengths[3] > lengths[4]
+    assert error_bar(2.0, 1.0).style == "yellow"
+    assert error_bar(math.inf, 1.0).plain
+
+
+def test_plain_progress_has_a_line_for_each_stage() -> None:
+    """Fails if a bar's every step becomes a line of a log, or a remark is lost."""
+    lines: list[str] = []
+    progress = PlainProgress(lines.append)
+    for fraction in (0.0, 0.5, 1.0):
+        progress(StageEvent(stage="read", fraction=fraction))
+    progress(ITERATION)
+    progress(LogEvent(level="warning", code="x", text="Mind this."))
+    assert lines[0] == "Reading the recording ...\n"
+    assert len(lines) == 3
+    assert "lever arm -80.00 89.00 -53.00 mm" in lines[1]
+    assert "Mind this." in lines[2]
+
+
+def test_live_progress_shows_stage_table_and_remark() -> None:
+    """Fails if the live view breaks on any event, or leaves itself on the screen."""
+    console = Console(file=io.StringIO(), width=110, force_terminal=True)
+    with LiveProgress(console) as progress:
+        progress(StageEvent(stage="read", fraction=1.0))
+        progress(StageEvent(stage="solve", fraction=0.4, text="round 2"))
+        progress(ITERATION)
+        progress(LogEvent(level="info", code="x", text="[brackets] stay"))
+    assert isinstance(console.file, io.StringIO)
+    text = console.file.getvalue()
+    assert "Solving" in text
+    assert "[brackets] stay" in text
+
+
+def test_json_lines_are_the_events(capsys: pytest.CaptureFixture[str]) -> None:
+    """Fails if the lines cannot be read back as the events they were."""
+    with listener(Manner.json) as on_event:
+        on_event(ITERATION)
+    assert IterationEvent.model_validate(json.loads(capsys.readouterr().err)) == ITERATION
+    with listener(Manner.quiet) as on_event:
+        on_event(ITERATION)
+    assert capsys.readouterr().err == ""
+
+
+def test_summary_says_what_to_trust_and_what_to_do() -> None:
+    """Fails if the verdict, a sigma, a weak direction or the advice is missing, or said twice."""
+    weak = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), -20_000_000, status="weak")
+    text = shown(result_summary(weak))
+    for words in ("Weak:", "(tz)", "100.00", "0.50", "-20.0000", "190 of 200 scans", "Next time: Turn about x."):
+        assert words in text
+    assert text.count("tz is known to 40 mm.") == 1
+    refused = make_result(np.eye(3), np.zeros(3), status="refused")
+    assert refusal(refused) == "The platform never moved; turn it."
+    assert verdict(refused) in shown(result_summary(refused))
