@@ -12,7 +12,7 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from app.terminal import LEVEL_STYLES, WEAK_DEG, WEAK_M, WEAK_S, error_bar
+from app.terminal import LEVEL_STYLES, WEAK_DEG, WEAK_M, WEAK_S, bullet, error_bar
 from calib_core.doctor.report import (
     DoctorReport,
     ExcitationReport,
@@ -32,7 +32,7 @@ _VERDICTS = {
 _UNITS = {"m_s2": "m/s²", "rad_s": "rad/s", "deg_s": "deg/s"}
 _MARKS = {"info": "·", "warning": "▲", "error": "✗"}
 _BLOCKS = " ▁▂▃▄▅▆▇█"
-_STRIP_CELLS = 64
+_STRIP_CELLS = 60
 _SHOWN_TOPICS = 24
 
 
@@ -50,7 +50,7 @@ def report_block(report: DoctorReport) -> RenderableType:
         parts += [_section("Findings"), _findings(report.findings)]
     advice = dict.fromkeys((*report.advice, *(report.forecast.advice if report.forecast else ())))
     if advice:
-        parts += [_section("What to do"), *(Text(f"  → {line}", style="cyan") for line in advice)]
+        parts += [_section("What to do"), *(Padding(bullet("→", Text(line), "cyan"), (0, 0, 0, 2)) for line in advice)]
     return Group(*parts)
 
 
@@ -59,7 +59,7 @@ def _verdict(report: DoctorReport) -> RenderableType:
     start = datetime.fromtimestamp(report.start_ns / 1e9, UTC)
     facts = f"{report.name}   {_size(report.size_bytes)}   {report.duration_s:.1f} s   {report.container.upper()}"
     lines: list[RenderableType] = [Text(sentence, style=style)]
-    lines += [Text(f"- {reason}", style=style.removeprefix("bold ")) for reason in report.reasons]
+    lines += [bullet("-", Text(reason), style.removeprefix("bold ")) for reason in report.reasons]
     lines.append(Text(f"{facts}   starts {start:%Y-%m-%d %H:%M:%S} UTC", style="dim"))
     border = style.removeprefix("bold ")
     return Panel(Group(*lines), title="unsweep inspect", title_align="left", border_style=border, padding=(0, 1))
@@ -140,10 +140,9 @@ def _motion(report: DoctorReport, imu: ImuReport) -> RenderableType:
     if timeline.rotation_norm_deg_s:
         peak = max(timeline.rotation_norm_deg_s)
         strip = sparkline(timeline.rotation_norm_deg_s, _STRIP_CELLS)
-        parts.append(Text.assemble(("  rate of turn  ", "dim"), (strip, "cyan"), (f"  up to {peak:.0f} deg/s", "dim")))
-        parts.append(
-            Text.assemble(("  still         ", "dim"), (still_strip(imu.still_spans, report.duration_s), "green"))
-        )
+        parts.append(Text.assemble((f"  0 to {peak:.0f} deg/s".ljust(18), "dim"), (strip, "cyan")))
+        still = still_strip(imu.still_spans, report.duration_s)
+        parts.append(Text.assemble(("  standing still".ljust(18), "dim"), (still, "green")))
     parts.append(_excitation(imu.excitation))
     return Group(*parts)
 
@@ -183,10 +182,12 @@ def _findings(findings: Sequence[FindingReport]) -> RenderableType:
     for finding in sorted(findings, key=lambda finding: order[finding.level]):
         style = LEVEL_STYLES[finding.level] if finding.level != "info" else ""
         sure = f" ({100 * finding.confidence:.0f} % sure)" if finding.confidence < 0.995 else ""
-        lines.append(Text(f"  {_MARKS[finding.level]} {finding.text}{sure}", style=style))
         evidence = ", ".join(f"{e.name} {_value(e.value)} {e.unit}".rstrip() for e in finding.evidence)
         details = [finding.consequence, evidence, f"to override: {finding.override}" if finding.override else ""]
-        lines += [Padding(Text(detail, style="dim"), (0, 0, 0, 4)) for detail in details if detail]
+        words = Group(
+            Text(f"{finding.text}{sure}", style=style), *(Text(line, style="dim") for line in details if line)
+        )
+        lines.append(Padding(bullet(_MARKS[finding.level], words, style), (0, 0, 0, 2)))
     return Group(*lines)
 
 

@@ -8,7 +8,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from app.terminal import LEVEL_STYLES
+from app.terminal import LEVEL_STYLES, bullet
 from calib_core.result import CalibrationResult, Status, Transform, Uncertainty
 
 _STATUS_STYLES: dict[Status, str] = {"calibrated": "bold green", "weak": "bold yellow", "refused": "bold red"}
@@ -82,7 +82,7 @@ def _remarks(result: CalibrationResult) -> list[RenderableType]:
     for text, style in remarks:
         if text not in said:
             said.add(text)
-            lines.append(Text(f"- {text}", style=style))
+            lines.append(bullet("-", Text(text), style))
     return lines
 
 

@@ -198,6 +198,15 @@ def error_bar(std: float, weak: float) -> Text:
     return Text(bar, style="green" if std <= weak else "yellow")
 
 
+def bullet(mark: str, words: RenderableType, style: str) -> RenderableType:
+    """A remark behind a mark, its further lines indented."""
+    table = Table.grid(padding=(0, 1))
+    table.add_column(style=style)
+    table.add_column(style=style, overflow="fold")
+    table.add_row(mark, words)
+    return table
+
+
 def _cells(values: list[float], digits: int) -> list[str]:
     return [f"{value:.{digits}f}" for value in values]
 
