@@ -29,10 +29,11 @@ from calib_core.readers.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.imu import CleanedImu, clean_imu
 from calib_core.readers.imu_messages import ImuCollector, RawImu
 from calib_core.readers.layouts import Layout, recognise_layout
-from calib_core.readers.point_time import PointTiming, detect_point_time, scan_period_s
+from calib_core.readers.point_time import PointTiming, scan_period_s
 from calib_core.readers.reading import damage_findings, sample_clouds, span_ns
 from calib_core.readers.scans import ScanCounts, make_scan
 from calib_core.readers.storage import TopicSummary
+from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import (
     CLOUD_TYPES,
     FOREIGN_PACKET_TYPES,
@@ -119,8 +120,8 @@ def _detect(
     state.layout = recognise_layout(sample[0], state.lidar_topic.name)
     state.period_s = scan_period_s(sample)
     try:
-        state.timing, found = detect_point_time(
-            sample, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
+        state.decoder, state.timing, found = point_timing(
+            sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
         )
         state.findings.extend(found)
     except InputError as error:

@@ -73,7 +73,7 @@ def stamp_report(header_ns: IntArray, receive_ns: IntArray) -> StampReport:
     period_ns = statistics.period_s * 1e9
     dropped = 0
     if period_ns > 0:
-        steps = np.diff(np.unique(header_ns)) / period_ns
+        steps = np.asarray(np.diff(np.unique(header_ns)) / period_ns, np.float64)
         # A step of k periods hides k - 1 messages; beyond GAP_PERIODS it is a gap, counted with them.
         dropped = int(np.sum(np.maximum(np.rint(steps) - 1, 0)[steps > 1.6]))
     return StampReport(
@@ -133,8 +133,9 @@ def excitation(imu: ImuData, spans: tuple[StillSpan, ...]) -> ExcitationReport:
     times_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
     alpha = np.gradient(rates, times_s, axis=0)
     values, vectors = np.linalg.eigh(used.T @ used / used.shape[0])
-    steps: FloatArray = np.diff(imu.stamps_ns).astype(np.float64) * 1e-9
-    moving_s = float(np.sum(steps[moving[1:] & (steps < GAP_PERIODS * float(np.median(steps)))]))
+    steps = np.asarray(np.diff(imu.stamps_ns), np.float64) * 1e-9
+    unbroken = np.less(steps, GAP_PERIODS * np.median(steps))
+    moving_s = float(np.sum(steps[moving[1:] & unbroken]))
     peaks = np.percentile(np.abs(used), 99.5, axis=0)
     return ExcitationReport(
         rotation_rms_deg_s=_axes(np.rad2deg(np.sqrt(np.mean(used**2, axis=0)))),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from calib_core.readers import livox, pointcloud2
+from calib_core.readers import livox, pointcloud2, velodyne
 from calib_core.readers.cloud import RawCloud
 from calib_core.readers.livox import read_custom_msg
 from calib_core.readers.pointcloud2 import read_pointcloud2
@@ -22,4 +22,6 @@ def cloud_decoder(topic: TopicSummary) -> CloudDecoder:
         return lambda message: read_pointcloud2(message, encoding)
     if topic.type in livox.TYPES:
         return lambda message: read_custom_msg(message, encoding)
+    if topic.type == velodyne.TYPE:
+        return velodyne.VelodyneDecoder(encoding)
     raise unsupported_packets(topic)

@@ -15,8 +15,9 @@ from calib_core.readers.decoders import cloud_decoder
 from calib_core.readers.fingerprint import recording_sha256
 from calib_core.readers.imu import clean_imu
 from calib_core.readers.layouts import recognise_layout
-from calib_core.readers.point_time import detect_point_time, scan_period_s
+from calib_core.readers.point_time import scan_period_s
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
+from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, LidarInfo, Recording
@@ -51,7 +52,9 @@ def _load_open(
     decoder = cloud_decoder(lidar_topic)
     sample = sample_clouds(recording, lidar_topic, decoder, span)
     layout = recognise_layout(sample[0], lidar_topic.name)
-    timing, findings = detect_point_time(sample, settings, topic=lidar_topic.name, help_text=layout.help_text)
+    decoder, timing, findings = point_timing(
+        sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text
+    )
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, "", scan_period_s(sample))
     del sample  # tens of megabytes that the pass below does not need
     reading = Reading(recording, settings, decoder, timing, on_event, should_cancel)

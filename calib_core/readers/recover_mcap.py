@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from zlib import crc32
 
@@ -86,7 +86,7 @@ class McapRecovery:
 
     def __init__(self, path: Path, reason: str) -> None:
         self._path = path
-        self._schemas: dict[int, str] = {}
+        self._schemas: dict[int, tuple[str, str]] = {}
         self._channels: dict[int, TopicSummary] = {}
         self._counts: dict[int, int] = {}
         self._spans: list[_Span] = []
@@ -97,7 +97,7 @@ class McapRecovery:
             raise StorageError("the file does not start as an mcap file")
         bad_chunks, complete = self._scan(path.stat().st_size)
         self.topics = merged_topics(
-            [TopicSummary(s.name, s.type, self._counts.get(i, 0), s.encoding) for i, s in self._channels.items()]
+            [replace(s, count=self._counts.get(i, 0)) for i, s in self._channels.items()]
         )
         self._spans.sort(key=lambda span: span.start_ns)
         self.start_ns = min((s.start_ns for s in self._spans), default=0)
@@ -141,13 +141,15 @@ class McapRecovery:
     def _define_or_count(self, op: int, content: bytes) -> int | None:
         """Note a schema or channel; of a message, count it and give its log time."""
         if op == _SCHEMA:
-            self._schemas[struct.unpack_from("<H", content)[0]] = _string(content, 2)[0]
+            name, pos = _string(content, 2)
+            _, pos = _string(content, pos)
+            self._schemas[struct.unpack_from("<H", content)[0]] = name, _string(content, pos)[0]
         elif op == _CHANNEL:
             channel, schema = struct.unpack_from("<HH", content)
             topic, pos = _string(content, 4)
             encoding, _ = _string(content, pos)
-            kind = normalised_type(self._schemas.get(schema, ""))
-            summary = TopicSummary(topic, kind, 0, "ros1" if encoding == "ros1" else "cdr")
+            kind, definition = self._schemas.get(schema, ("", ""))
+            summary = TopicSummary(topic, normalised_type(kind), 0, "ros1" if encoding == "ros1" else "cdr", definition)
             self._channels.setdefault(channel, summary)
         elif op == _MESSAGE:
             channel, _, log_ns = struct.unpack_from("<HIQ", content)

@@ -11,7 +11,7 @@ import bz2
 import heapq
 import struct
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -131,7 +131,7 @@ class Ros1Recovery:
         counts: dict[int, int] = {}
         complete = self._scan(counts)
         self.topics = merged_topics(
-            [TopicSummary(s.name, s.type, counts.get(i, 0), "ros1") for i, s in self._names.items()]
+            [replace(s, count=counts.get(i, 0)) for i, s in self._names.items()]
         )
         self.start_ns = min((c.start_ns for c in self._chunks), default=0)
         self.end_ns = max((c.end_ns for c in self._chunks), default=0) + 1
@@ -206,7 +206,10 @@ class Ros1Recovery:
             part for part in fields.get(b"topic", b"").decode("utf-8", "replace").split("/") if part
         )
         kind = normalised_type(inner[b"type"].decode("utf-8", "replace"))
-        self._names.setdefault(struct.unpack("<I", fields[b"conn"])[0], TopicSummary(name, kind, 0, "ros1"))
+        definition = inner.get(b"message_definition", b"").decode("utf-8", "replace")
+        digest = inner.get(b"md5sum", b"").decode("ascii", "replace")
+        summary = TopicSummary(name, kind, 0, "ros1", definition, digest)
+        self._names.setdefault(struct.unpack("<I", fields[b"conn"])[0], summary)
 
     def messages(self, topics: Collection[str], start_ns: int | None, stop_ns: int | None) -> Iterator[RawMessage]:
         low = 0 if start_ns is None else start_ns

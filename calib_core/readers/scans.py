@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib_core.readers.cloud import RawCloud, StructArray
 from calib_core.readers.point_time import PointTiming, raw_times
-from calib_core.types import POINT_DTYPE, BoolArray, FloatArray, PointArray, Scan
+from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, IntArray, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.
 MEMORY_BYTES = 256 * (1 << 20)
@@ -43,37 +43,59 @@ def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int) -> tu
     return np.multiply(values - base, scale, dtype=np.float64), base * int(scale)
 
 
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The points of a cloud that count. keep: (N,) over the cloud's points.   xyz: (K, 3) and times_ns: (K,) of those
+    kept, the times counted from base_ns.
+    """
+
+    keep: BoolArray
+    xyz: Float32Array
+    times_ns: IntArray
+    base_ns: int
+    counts: ScanCounts
+
+
+def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, range_max_m: float) -> Selection:
+    """The returns inside the range whose time lies inside the sweep: the one place where points are masked."""
+    points = cloud.points
+    xyz = np.empty((points.size, 3), np.float32)
+    xyz[:, 0], xyz[:, 1], xyz[:, 2] = points["x"], points["y"], points["z"]
+    with np.errstate(invalid="ignore", over="ignore"):
+        squared = np.einsum("ij,ij->i", xyz, xyz)
+        nearest, farthest = np.float32(range_min_m) ** 2, np.float32(range_max_m) ** 2
+        returned: BoolArray = (squared >= nearest) & (squared <= farthest) & (squared > 0)
+        times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
+        keep = returned & (times_ns >= timing.low_ns) & (times_ns <= timing.high_ns)
+    n_returned, n_kept = int(np.count_nonzero(returned)), int(np.count_nonzero(keep))
+    counts = ScanCounts(points.size, points.size - n_returned, n_returned - n_kept)
+    if n_kept < points.size:
+        xyz, times_ns = xyz[keep], times_ns[keep]
+    return Selection(keep, xyz, np.rint(times_ns).astype(np.int64), base_ns + timing.shift_ns, counts)
+
+
+def scan_of(cloud: RawCloud, index: int, selection: Selection) -> Scan | None:
+    """The scan of the selected points; None where there are none."""
+    n_kept = selection.times_ns.size
+    if n_kept == 0:
+        return None
+    first_ns = int(selection.times_ns.min())
+    points = cloud.points if n_kept == cloud.points.size else cloud.points[selection.keep]
+    out = np.empty(n_kept, POINT_DTYPE)
+    out["xyz"] = selection.xyz
+    out["offset_ns"] = selection.times_ns - first_ns
+    out["intensity"] = _optional(points, _INTENSITY_NAMES)
+    out["ring"] = _optional(points, _RING_NAMES)
+    out["reserved"] = 0
+    return Scan(index, selection.base_ns + first_ns, out)
+
+
 def make_scan(
     cloud: RawCloud, index: int, timing: PointTiming, range_min_m: float, range_max_m: float
 ) -> tuple[Scan | None, ScanCounts]:
     """The scan's valid points with their own times, None where no point is left; and what was left out."""
-    points = cloud.points
-    n = points.size
-    xyz = np.empty((n, 3), np.float32)
-    xyz[:, 0], xyz[:, 1], xyz[:, 2] = points["x"], points["y"], points["z"]
-    with np.errstate(invalid="ignore", over="ignore"):
-        squared = np.einsum("ij,ij->i", xyz, xyz)
-        near_far = np.float32(range_min_m) ** 2, np.float32(range_max_m) ** 2
-        returned: BoolArray = (squared >= near_far[0]) & (squared <= near_far[1]) & (squared > 0)
-        times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
-        in_sweep = (times_ns >= timing.low_ns) & (times_ns <= timing.high_ns)
-    keep = returned & in_sweep
-    n_returned = int(np.count_nonzero(returned))
-    n_kept = int(np.count_nonzero(keep))
-    counts = ScanCounts(n, n - n_returned, n_returned - n_kept)
-    if n_kept == 0:
-        return None, counts
-    if n_kept < n:
-        xyz, times_ns, points = xyz[keep], times_ns[keep], points[keep]
-    whole_ns = np.rint(times_ns).astype(np.int64)
-    first_ns = int(whole_ns.min())
-    out = np.empty(n_kept, POINT_DTYPE)
-    out["xyz"] = xyz
-    out["offset_ns"] = whole_ns - first_ns
-    out["intensity"] = _optional(points, _INTENSITY_NAMES)
-    out["ring"] = _optional(points, _RING_NAMES)
-    out["reserved"] = 0
-    return Scan(index, base_ns + timing.shift_ns + first_ns, out), counts
+    selection = select_points(cloud, timing, range_min_m, range_max_m)
+    return scan_of(cloud, index, selection), selection.counts
 
 
 def _optional(points: StructArray, names: Sequence[str]) -> NDArray[np.generic] | int:

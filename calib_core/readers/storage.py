@@ -37,12 +37,17 @@ class RawMessage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TopicSummary:
-    """One topic. type: `package/msg/Name` whatever the container.   count: messages stored."""
+    """One topic. type: `package/msg/Name` whatever the container.   count: messages stored.
+
+    definition, digest: the type's text and hash as the container holds them, "" where it holds none.
+    """
 
     name: str
     type: str
     count: int
     encoding: Encoding
+    definition: str = ""
+    digest: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +125,8 @@ class RosbagsStorage:
 
 
 def _summary(connection: Connection, encoding: Encoding) -> TopicSummary:
-    return TopicSummary(connection.topic, normalised_type(connection.msgtype), connection.msgcount, encoding)
+    kind, text = normalised_type(connection.msgtype), connection.msgdef.data
+    return TopicSummary(connection.topic, kind, connection.msgcount, encoding, text, connection.digest)
 
 
 def merged_topics(summaries: list[TopicSummary]) -> list[TopicSummary]:
