@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from app import cli, commands
+from app.serving import listen
 from calib_core import api
-from calib_core.errors import Cancelled, PointTimeError
+from calib_core.errors import Cancelled, InputError, PointTimeError
 from calib_core.events import LogEvent, StageEvent
 from calib_core.result import CalibrationResult, Status
 from tests.core.exporters.results import make_result
@@ -272,7 +273,8 @@ def test_closed_pipe_is_no_failure(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     command = [sys.executable, "-m", "app.cli", "export", str(path), "--format", "matrix"]
-    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    buffered = {**os.environ, "PYTHONUNBUFFERED": ""}
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False, env=buffered)
     os.close(writer)
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -283,6 +285,8 @@ def test_busy_port_and_missing_folder_are_one_sentence(capsys: pytest.CaptureFix
         port = busy.getsockname()[1]
         assert cli.run(["serve", "--port", str(port), "--data-dir", str(tmp_path)]) == 2
         assert f"Port {port} of 127.0.0.1 cannot be used" in last_line(capsys)
+    with listen("127.0.0.1", 0) as first, pytest.raises(InputError, match="cannot be used"):
+        listen("127.0.0.1", first.getsockname()[1])
     assert cli.run(["serve", "--recordings", str(tmp_path / "none")]) == 2
     assert "--recordings" in last_line(capsys)
     assert cli.run(["serve", "--port", "99999"]) == 2

@@ -1,0 +1,85 @@
+"""The benchmark's gate lets good numbers pass and no bad one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.metrics import Direction, Metric, slips
+from bench.store import bless, read_baseline, write_results
+from bench.workloads import Run, Workload, metrics_of
+
+
+def ratio(value: float, direction: Direction = "lower", key: str = "a", tolerance: float = 0.1) -> Metric:
+    return Metric(key=key, value=value, unit="ratio", direction=direction, tolerance=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("direction", "before", "good", "bad"),
+    [
+        ("lower", 1.0, 1.09, 1.11),
+        ("higher", 1.0, 0.91, 0.89),
+        ("near-one", 1.2, 0.7, 0.67),
+        ("near-one", 1.0, 1.09, 1.11),
+    ],
+)
+def test_slips_by_direction(direction: Direction, before: float, good: float, bad: float) -> None:
+    """Fails if a direction is turned round or the tolerance is not a share of the baseline (seen: negated)."""
+    baseline = {"a": ratio(before, direction)}
+    assert slips([ratio(good, direction)], baseline) == []
+    assert [slip.key for slip in slips([ratio(bad, direction)], baseline)] == ["a"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_nothing_finite_is_a_slip(value: float) -> None:
+    """Fails if NaN compares its way through the gate."""
+    for direction in ("lower", "near-one"):
+        assert slips([ratio(value, direction)], {"a": ratio(1.0, direction)})
+    assert slips([ratio(math.nan, "higher")], {"a": ratio(1.0, "higher")})
+
+
+def test_seconds_are_never_judged_and_new_ratios_must_be_blessed() -> None:
+    """Fails if the machine's speed can break the gate, or a new ratio passes unseen."""
+    seconds = Metric(key="t", value=9.0, unit="s", direction="lower")
+    assert slips([seconds], {"t": seconds.model_copy(update={"value": 1.0})}) == []
+    assert "bless" in slips([ratio(1.0)], {})[0].text
+
+
+def test_bless_keeps_the_others(tmp_path: Path) -> None:
+    """Fails if blessing one workload forgets the rest, or seconds enter the baseline."""
+    path = tmp_path / "baseline.json"
+    bless([ratio(1.0, key="a"), ratio(2.0, key="b")], path)
+    bless([ratio(3.0, key="b"), Metric(key="t", value=1.0, unit="s")], path)
+    assert {key: metric.value for key, metric in read_baseline(path).items()} == {"a": 1.0, "b": 3.0}
+    assert write_results("x", [ratio(1.0)], tmp_path / "results").is_file()
+
+
+def test_honest_runs_have_ratios_near_one() -> None:
+    """Errors drawn from the stated covariance: every ratio is 1 within its spread. Fails if degrees, millimetres or
+    the three components are mixed up (seen: mean instead of sum of the variances)."""
+    rng = np.random.default_rng(1)
+    std = np.array([1e-4, 2e-4, 1e-4, 3e-4, 5e-4, 3e-4, 1e-5])
+    errors = rng.standard_normal((2000, 7)) * std
+    runs = [
+        Run(seed, "calibrated", e[:3], e[3:6], float(e[6]), np.diag(std**2), solve_s=6.0, kernel_s=2.0)
+        for seed, e in enumerate(errors)
+    ]
+    values = {metric.key.removeprefix("w."): metric.value for metric in metrics_of(Workload("w", "s", "t"), runs)}
+    for key in ("e_R_over_sigma", "e_p_over_sigma", "e_dt_over_sigma", "nees_over_freedom"):
+        assert values[key] == pytest.approx(1.0, abs=0.05)
+    assert values["e_R_rms_deg"] == pytest.approx(np.rad2deg(np.linalg.norm(std[:3])), rel=0.05)
+    assert values["e_p_rms_mm"] == pytest.approx(1e3 * np.linalg.norm(std[3:6]), rel=0.05)
+    assert values["time_over_kernel"] == 3.0
+
+
+def test_refused_runs_lower_the_share_solved() -> None:
+    """Fails if runs without an answer vanish from the count."""
+    none = np.full(3, np.nan)
+    good = Run(1, "calibrated", np.ones(3) * 1e-4, np.ones(3) * 1e-4, 1e-6, np.eye(7) * 1e-8, 1.0, 1.0)
+    bad = Run(2, "refused", none, none, math.nan, np.eye(7), 1.0, 1.0)
+    metrics = {metric.key: metric for metric in metrics_of(Workload("w", "s", "t"), [good, bad])}
+    assert metrics["w.solved"].value == 0.5
+    assert slips(metrics_of(Workload("w", "s", "t"), [bad]), {"w.solved": metrics["w.solved"]})
