@@ -23,8 +23,12 @@ from calib_core.types import FloatArray, IntArray, Plane, Scan
 #: Few hypotheses, because a scan of the target is mostly its planes; the first scan is given more. What could be an
 #: imaginary cut is let through: a plane must still match one that is followed, and a partly seen one is wanted.
 _EACH_SCAN = SegmentSettings(
-    hypotheses=150, subsample=1200, max_planes=6, min_points=100, dominance=0.0, min_breadth_m=0.05, min_incidence=0.03
+    hypotheses=80, subsample=800, max_planes=6, min_points=40, dominance=0.0, min_breadth_m=0.05, min_incidence=0.03
 )
+#: Points of a later scan among which planes are sought; all points on them are used.
+_SEGMENTED_POINTS = 2500
+#: Least half-width of the band around a plane in which points belong to it.
+_LEAST_BAND_M = 0.02
 _FIRST_SCAN = SegmentSettings(hypotheses=1500, subsample=5000, max_planes=8, min_points=150)
 #: Followed planes differ by more than this in direction: nearest normals could not tell parallel ones apart.
 _MIN_ANGLE_RAD = np.radians(30.0)
@@ -86,7 +90,7 @@ def run_front_end(
         if should_cancel():
             raise Cancelled("stopped while planes were tracked from scan to scan; nothing was written")
         view = _view(scans[position], selection)
-        found = segment_planes(view.points_lidar, seed=selection.seed, settings=_EACH_SCAN)
+        found = _segmented(view, selection.seed)
         limit = min(_MAX_TURN_RAD * (position - tracked[-1].position), _MAX_TURN_AFTER_LOSS_RAD)
         match = match_normals(_normals(fits), _normals(found), max_turn_rad=limit)
         if match is None:
@@ -133,6 +137,19 @@ def _view(scan: Scan, selection: Selection) -> _View:
     azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
     kept = np.abs(azimuth) <= np.radians(selection.field_of_view_deg)
     return _View(xyz[kept], scan.points["offset_ns"][kept] * 1e-9)
+
+
+def _segmented(view: _View, seed: int) -> list[PlaneFit]:
+    """The planes of a scan, found among some of its points, with all points in their bands."""
+    # At random: a stride could leave out whole rings.
+    n_points = view.points_lidar.shape[0]
+    some = np.random.default_rng(seed).permutation(n_points)[:_SEGMENTED_POINTS]
+    thinned = view.points_lidar[np.sort(some)]
+    fits = []
+    for fit in segment_planes(thinned, seed=seed, settings=_EACH_SCAN):
+        distance = np.abs(view.points_lidar @ fit.normal + fit.offset_m)
+        fits.append(replace(fit, inliers=distance < max(3.0 * fit.rms_m, _LEAST_BAND_M)))
+    return fits
 
 
 def _normals(fits: Sequence[PlaneFit]) -> FloatArray:

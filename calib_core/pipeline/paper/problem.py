@@ -158,7 +158,7 @@ class PaperProblem:
             system.corner[_FIRST_ATTITUDE] = system.corner[:, _FIRST_ATTITUDE] = 0.0
             system.corner[_FIRST_ATTITUDE, _FIRST_ATTITUDE] = np.eye(2)
             system.gradient_shared[_FIRST_ATTITUDE] = 0.0
-        free = np.where(held, 0.0, 1.0)
+        free: FloatArray = (~held).astype(np.float64)
         system.diagonal *= free[:, :, None] * free[:, None, :]
         system.diagonal[:, np.arange(9), np.arange(9)] += 1.0 - free
         system.lower *= free[1:, :, None] * free[:-1, None, :]
@@ -171,8 +171,9 @@ def covariance_of_calibration(solution: ArrowSolution) -> FloatArray:
 
     The contract's standing prior (1 rad, 10 m, 10 s; as wide for the biases and the first attitude) keeps it finite.
     """
-    standing = np.repeat([1.0, 10.0, 10.0, 1.0, 10.0, 1.0], [3, 3, 1, 3, 3, 2])
-    covariance: FloatArray = np.linalg.inv(solution.information + np.diag(standing**-2.0))[:7, :7]
+    standing: FloatArray = np.array([1.0] * 3 + [10.0] * 4 + [1.0] * 3 + [10.0] * 3 + [1.0] * 2)
+    information: FloatArray = solution.information + np.diag(1.0 / standing**2)
+    covariance = np.linalg.inv(information)[:7, :7]
     return 0.5 * (covariance + covariance.T)
 
 
