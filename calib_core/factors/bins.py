@@ -22,8 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.planes.extent import PlaneExtents
-from calib_core.types import BoolArray, FloatArray, IntArray
+from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel
+from calib_core.planes.extent import CELL_M, HALF_CELLS, PlaneExtents
+from calib_core.planes.segment import plane_axes
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
 _UPPER = np.triu_indices(5)
@@ -76,16 +78,17 @@ class SlicePoses:
 class Hits:
     """Where a scan's points meet the planes (N points, P planes). `plane` is -1 where no plane is seen face on.
 
-    x_hit, ray: (N, 3) lidar frame at the slice's centre.   hit_map: (N, 3).   d, cosine, range_error: (N,).
-    ambiguous_m: (N,) distance of the hit to the nearest other plane.
+    x_hit: (N, 3) lidar frame at the slice's centre.   d [m], cosine: (N,).
+    ambiguous_m: (N,) distance of the hit to the nearest other plane.   slice_index: (N,).
     """
 
     plane: IntArray
+    slice_index: IntArray
     x_hit: FloatArray
-    hit_map: FloatArray
     d: FloatArray
     cosine: FloatArray
     ambiguous_m: FloatArray
+    poses: SlicePoses
 
 
 @dataclass(frozen=True)
@@ -98,46 +101,44 @@ class MicroBins:
     count: IntArray
 
 
-def slice_indices(offset_s: FloatArray) -> IntArray:
-    """The slice of each point of a scan, from its time after the scan's first point. (N,)."""
-    return np.maximum(offset_s / SLICE_S, 0.0).astype(np.int64)
-
-
 def find_hits(
-    points_m: FloatArray, offset_s: FloatArray, poses: SlicePoses, normals: FloatArray, offsets_m: FloatArray, gate: Gate
+    points_m: Float32Array,
+    offset_s: FloatArray,
+    poses: SlicePoses,
+    normals: FloatArray,
+    offsets_m: FloatArray,
+    gate: Gate,
+    *,
+    field_of_view_deg: float | None = None,
 ) -> Hits:
     """The plane each ray most plausibly ended on, and where the ray meets it.
 
-    points_m: (N, 3) lidar frame at each point's time.   offset_s: (N,).   normals (P, 3), offsets_m (P,): map frame,
-    normals towards where the plane was seen from.
+    points_m: (N, 3) lidar frame at each point's time.   offset_s: (N,) after the scan's first point, any order.   normals
+    (P, 3), offsets_m (P,): map frame, normals towards where the plane was seen from.   field_of_view_deg: keep azimuths
+    within +-.
     """
-    index = slice_indices(offset_s)
-    tau = (offset_s - (index + 0.5) * SLICE_S)[:, None]
-    turned = points_m + tau * np.cross(poses.omega_rad_s[index], points_m)
-    centred = turned + tau * poses.v_m_s[index]
-    ray = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-    R = poses.R[index]
-    x_map = (R @ centred[:, :, None])[:, :, 0] + poses.p[index]
-    ray_map = (R @ ray[:, :, None])[:, :, 0]
-    D = x_map @ normals.T + offsets_m
-    C = ray_map @ normals.T
-    facing = -gate.min_cosine > C
-    error = np.where(facing, D / np.where(facing, C, 1.0), np.inf)
-    rows = np.arange(len(points_m))
-    plane = np.argmin(np.abs(error), axis=1)
-    e = error[rows, plane]
-    seen = np.isfinite(e) & poses.usable[index]
-    e = np.where(seen, e, 0.0)
-    beside = np.abs(D - e[:, None] * C)
-    beside[rows, plane] = np.inf
-    return Hits(
-        plane=np.where(seen, plane, -1),
-        x_hit=centred - e[:, None] * ray,
-        hit_map=x_map - e[:, None] * ray_map,
-        d=D[rows, plane],
-        cosine=C[rows, plane],
-        ambiguous_m=beside.min(axis=1, initial=np.inf),
-    )
+    n = len(points_m)
+    n_lidar = np.einsum("pi,sij->spj", normals, poses.R)
+    w_lidar = poses.p @ normals.T + offsets_m
+    plane, index = np.empty(n, np.int64), np.empty(n, np.int64)
+    x_hit = np.zeros((n, 3))
+    d, cosine, beside = np.zeros(n), np.zeros(n), np.zeros(n)
+    azimuth = -2.0 if field_of_view_deg is None else float(np.cos(np.radians(field_of_view_deg)))
+    hits_kernel(
+        points_m, offset_s, SLICE_S, n_lidar, w_lidar, poses.omega_rad_s, poses.v_m_s, poses.usable, gate.min_cosine, azimuth,
+        plane, index, x_hit, d, cosine, beside,
+    )  # fmt: skip
+    return Hits(plane, index, x_hit, d, cosine, beside, poses)
+
+
+def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
+    """Row and column of every hit in its plane's grid, (N, 2), -1 where there is no plane. extents_normals: (P, 3)."""
+    axes = plane_axes(extents_normals)
+    u = np.einsum("pai,sij->spaj", axes, hits.poses.R)
+    origin = np.einsum("pai,si->spa", axes, hits.poses.p)
+    cell = np.empty((len(hits.plane), 2), np.int64)
+    cells_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, cell)
+    return cell
 
 
 def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> tuple[BoolArray, FloatArray]:
@@ -145,32 +146,19 @@ def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | No
     std = noise.distance_std_m(hits.cosine)
     keep = (hits.plane >= 0) & (np.abs(hits.d) < gate.sigmas * std + gate.extra_m) & (hits.ambiguous_m > gate.margin_m)
     if extents is not None:
-        keep[keep] = extents.contain(hits.plane[keep], hits.hit_map[keep])
+        keep &= extents.contain(hits.plane, cells_of(hits, extents.normals))
     scale = gate.robust_sigmas * std + gate.extra_m
     robust = np.maximum(1.0 - (hits.d / scale) ** 2, 0.0) ** 2
     return keep, robust / std**2
 
 
-def collapse(hits: Hits, index: IntArray, keep: BoolArray, weight: FloatArray, n_planes: int) -> MicroBins:
-    """The kept points' scatter matrices by (slice, plane). index: (N,) slice of each point."""
-    chosen = np.flatnonzero(keep)
-    key = index[chosen] * n_planes + hits.plane[chosen]
-    order = np.argsort(key, kind="stable")
-    chosen, key = chosen[order], key[order]
-    if len(chosen) == 0:
-        return MicroBins(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 15)), np.zeros(0, np.int64))
-    starts = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
-    y = np.empty((len(chosen), 5))
-    y[:, :3] = hits.x_hit[chosen]
-    y[:, 3] = 1.0
-    y[:, 4] = hits.d[chosen]
-    products = weight[chosen, None] * y[:, _UPPER[0]] * y[:, _UPPER[1]]
-    return MicroBins(
-        slice_index=key[starts] // n_planes,
-        plane=key[starts] % n_planes,
-        scatter=np.add.reduceat(products, starts, axis=0),
-        count=np.diff(np.append(starts, len(chosen))),
-    )
+def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> MicroBins:
+    """The kept points' scatter matrices by (slice, plane)."""
+    bins = len(hits.poses.p) * n_planes
+    scatter, count = np.zeros((bins, 15)), np.zeros(bins, np.int64)
+    collapse_kernel(keep, hits.plane, hits.slice_index, hits.x_hit, hits.d, weight, n_planes, scatter, count)
+    filled = np.flatnonzero(count)
+    return MicroBins(filled // n_planes, filled % n_planes, scatter[filled], count[filled])
 
 
 def unpack(scatter: FloatArray) -> FloatArray:

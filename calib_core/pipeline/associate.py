@@ -16,11 +16,11 @@ from calib_core.factors.bins import (
     Hits,
     LidarNoise,
     MicroBins,
+    cells_of,
     collapse,
     find_hits,
     move,
     select,
-    slice_indices,
     sum_by_key,
     unpack,
 )
@@ -55,20 +55,19 @@ class View:
     settings: CalibrateSettings
     threads: int = 1
 
-    def hits(self, position: int, gate: Gate, stride: int = 1) -> tuple[Hits, IntArray]:
-        """Where a scan's points meet the planes, and each point's slice."""
+    def hits(self, position: int, gate: Gate, stride: int = 1) -> Hits:
+        """Where a scan's points meet the planes, point by point."""
         scan = self.scans[position]
         points = scan.points[::stride] if stride > 1 else scan.points
-        xyz = points["xyz"].astype(np.float64)
         offset = points["offset_ns"] * 1e-9
-        chosen = _usable_points(xyz, self.settings.field_of_view_deg)
-        xyz, offset = xyz[chosen], offset[chosen]
-        index = slice_indices(offset)
+        slices = int(offset.max(initial=0.0) / SLICE_S) + 1
         start_s = (scan.stamp_ns - self.epoch_ns) * 1e-9
-        centres = start_s + (np.arange(int(index.max(initial=0)) + 1) + 0.5) * SLICE_S
+        centres = start_s + (np.arange(slices) + 0.5) * SLICE_S
         e = self.estimate
         poses = self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
-        return find_hits(xyz, offset, poses, e.normals, e.offsets_m, gate), index
+        return find_hits(
+            points["xyz"], offset, poses, e.normals, e.offsets_m, gate, field_of_view_deg=self.settings.field_of_view_deg
+        )
 
     def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""
@@ -76,13 +75,6 @@ class View:
             return [job(i) for i in positions]
         with ThreadPoolExecutor(self.threads) as pool:
             return list(pool.map(job, positions))
-
-
-def _usable_points(xyz: FloatArray, field_of_view_deg: float | None) -> BoolArray:
-    keep = np.einsum("ij,ij->i", xyz, xyz) > 1e-6
-    if field_of_view_deg is not None:
-        keep &= np.abs(np.arctan2(xyz[:, 1], xyz[:, 0])) <= np.radians(field_of_view_deg)
-    return keep
 
 
 def associate(
@@ -100,13 +92,13 @@ def associate(
     cap = view.settings.points_per_plane_per_scan
 
     def one(position: int) -> MicroBins:
-        hits, index = view.hits(position, gate, stride)
+        hits = view.hits(position, gate, stride)
         keep, weight = select(hits, noise, gate, extents)
         if cap is not None:
             keep = _capped(hits, keep, cap, seed=view.settings.random_seed + position)
         if on_scan is not None:
             on_scan(position)
-        return collapse(hits, index, keep, weight, n_planes)
+        return collapse(hits, keep, weight, n_planes)
 
     parts = view.over_scans(positions, one)
     starts = [(view.scans[i].stamp_ns - view.epoch_ns) * 1e-9 for i in positions]
@@ -155,15 +147,16 @@ def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, 
     """The cells of every plane, from where the scans' returns lie on and beside it."""
     total = ExtentSurvey.empty(view.estimate.normals)
 
-    def one(position: int) -> tuple[IntArray, FloatArray, BoolArray]:
-        hits, _ = view.hits(position, gate, stride)
+    def one(position: int) -> tuple[IntArray, IntArray, BoolArray]:
+        hits = view.hits(position, gate, stride)
         std = noise.distance_std_m(hits.cosine)
-        close = (hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m)
+        close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m))
+        cells = cells_of(hits, view.estimate.normals)
         on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
-        return hits.plane[close], hits.hit_map[close], on[close]
+        return hits.plane[close], cells[close], on[close]
 
-    for plane, hit, on in view.over_scans(positions, one):
-        total.add(plane, hit, on)
+    for plane, cell, on in view.over_scans(positions, one):
+        total.add(plane, cell, on)
     return total.finish()
 
 
@@ -176,7 +169,7 @@ def measure_noise(view: View, positions: Sequence[int], start: LidarNoise, gate:
     edges = np.linspace(0.0, 1.0, 13)
 
     def one(position: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        hits, _ = view.hits(position, wide)
+        hits = view.hits(position, wide)
         keep, _ = select(hits, start, wide, extents)
         return hits.d[keep], hits.cosine[keep] ** 2, hits.plane[keep]
 

@@ -112,8 +112,15 @@ class Solved:
     micro: Micro
     lidar_noise: LidarNoise
     extents: PlaneExtents | None
-    reference: Estimate
+    map_time_s: float
     rounds: int
+
+    @property
+    def map_pose(self) -> tuple[FloatArray, FloatArray]:
+        """The lidar's pose at the first used scan's time, in the frame of the solve: R (3, 3), p (3,). It defines the map."""
+        e = self.estimate
+        pose = self.problem.motion(e).lidar_at(np.array([self.map_time_s - e.time_offset_s]), e.R_imu_lidar, e.p_imu_lidar)
+        return pose.R[0], pose.p[0]
 
 
 class NoStart(Exception):
@@ -235,7 +242,7 @@ def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -
     return Priors(reference, tuple(rows), settings.gravity.magnitude_m_s2, settings.gravity.std_m_s2, gyro_walk=walk[0], accel_walk=walk[1])
 
 
-def solve(ctx: Context, lidar: LidarTrack, motions: Sequence[ScanMotion], start: Start, planes: Sequence[Plane], guess: InitialGuess | None) -> Solved:
+def solve(ctx: Context, lidar: LidarTrack, motions: Sequence[ScanMotion], start: Start, planes: Sequence[Plane], reference: int, guess: InitialGuess | None) -> Solved:
     """All rounds of association and joint solve."""
     first, last = float(lidar.start_s[0]), float(lidar.start_s[-1] + lidar.sweep_s[-1])
     knots = knots_over(ctx, first, last, start.rotation.time_offset_s)
@@ -252,7 +259,7 @@ def solve(ctx: Context, lidar: LidarTrack, motions: Sequence[ScanMotion], start:
     lidar_noise = LidarNoise(0.02, 0.005)
     empty = np.zeros(0, np.int64)
     problem = build_problem(ctx, readings, estimate, nodes, priors, Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s), gauge)
-    rounds = _Rounds(ctx, problem, estimate, positions, lidar_noise)
+    rounds = _Rounds(ctx, problem, estimate, positions, lidar_noise, reference)
     return rounds.run()
 
 
@@ -265,6 +272,7 @@ class _Rounds:
     estimate: Estimate
     positions: list[int]
     lidar_noise: LidarNoise
+    reference: int
     extents: PlaneExtents | None = None
     micro: Micro | None = None
     minimum: Minimum[Estimate] | None = None
@@ -286,7 +294,7 @@ class _Rounds:
             if minimum.first_decrease < 1e-3 and minimum.outcome is not Outcome.SINGULAR:
                 break
         assert self.micro is not None and self.minimum is not None
-        return Solved(self.problem, self.estimate, self.minimum, self.micro, self.lidar_noise, self.extents, self.estimate, self.number)
+        return Solved(self.problem, self.estimate, self.minimum, self.micro, self.lidar_noise, self.extents, float(self.ctx.clocks.scan_s[self.reference]), self.number)
 
     def view(self) -> View:
         return View(self.ctx.recording.scans, self.ctx.clocks.lidar_epoch_ns, self.problem.motion(self.estimate), self.estimate, self.ctx.settings, self.ctx.threads)

@@ -217,7 +217,7 @@ class JointProblem:
         s = solution.step_shared
         layout = self.layout(estimate)
         planes = s[layout.plane(0).start :].reshape(-1, 3)
-        axes = np.array([plane_axes(n) for n in estimate.normals])
+        axes = plane_axes(estimate.normals)
         normals = estimate.normals + np.einsum("pi,pij->pj", planes[:, :2], axes)
         # Turning a normal about the origin and renormalising: the offset follows the same scale.
         length = np.linalg.norm(normals, axis=1)
@@ -315,7 +315,7 @@ def bin_jacobian(
     """Jacobian of [n_lidar, w_lidar] of every bin, (B, 4, 19): knot phi p v | theta p_c offset | plane."""
     Rc, pc = estimate.R_imu_lidar, estimate.p_imu_lidar
     R, n, m, omega = part["R"], part["n"], part["m"], part["omega"]
-    axes = np.array([plane_axes(normal) for normal in estimate.normals])[plane]
+    axes = plane_axes(estimate.normals)[plane]
     J = np.zeros((len(a), 4, 19))
     J[:, :3, 0:3] = Rc.T @ hat(m)
     J[:, 3, 0:3] = np.cross(pc, m)

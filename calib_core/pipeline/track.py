@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.factors.kernels import register_kernel
 from calib_core.geometry import exp, log
 from calib_core.planes.segment import determinacy
 from calib_core.types import FloatArray, Plane, Scan
@@ -44,7 +45,7 @@ class ScanMotion:
 class TrackSettings:
     """points: sampled from each scan.   scales_m: of the weight, iteration by iteration.   Tie: 1 sigma to the previous scan."""
 
-    points: int = 1800
+    points: int = 1500
     scales_m: tuple[float, ...] = (0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
     inlier_m: float = 0.1
     tie_rotation_rad: float = 0.06
@@ -85,29 +86,16 @@ def register(
     predicted rotation, position, rate, velocity.
     """
     R, p, omega, v = start.R, start.p, start.omega_rad_s, start.v_m_s
-    prior = tie.copy()
-    d = np.empty(0)
-    weight = np.empty(0)
-    plane = np.empty(0, dtype=np.int64)
+    d = np.empty(len(points_m))
+    plane = np.empty(len(points_m), dtype=np.int64)
     for scale in settings.scales_m:
-        y = np.einsum("nij,nj->ni", exp(tau_s[:, None] * omega), points_m)
-        ray = y @ R.T
-        x = ray + p + tau_s[:, None] * v
-        distance = x @ normals.T + offsets_m
-        # A surface is seen from the side its normal points to: rays that would leave through its face do not count.
-        behind = (ray @ normals.T) > 0
-        plane = np.argmin(np.where(behind, np.inf, np.abs(distance)), axis=1)
-        d = distance[np.arange(len(x)), plane]
-        weight = np.where(behind[np.arange(len(x)), plane], 0.0, (1.0 + (d / scale) ** 2) ** -2)
-        n = normals[plane]
-        turn = np.cross(y, n @ R)
-        jacobian = np.hstack([turn, n, tau_s[:, None] * turn, tau_s[:, None] * n])
-        info = weight / settings.lidar_std_m**2
-        hessian = (jacobian * info[:, None]).T @ jacobian + np.diag(prior)
+        upper, gradient = np.zeros((12, 12)), np.zeros(12)
+        register_kernel(points_m, tau_s, normals, offsets_m, R, p, omega, v, scale, upper, gradient, d, plane)
+        hessian = (upper + np.triu(upper, 1).T) / settings.lidar_std_m**2 + np.diag(tie)
         deviation = np.concatenate([log(start.R.T @ R), p - start.p, omega - start.omega_rad_s, v - start.v_m_s])
-        step = -np.linalg.solve(hessian, jacobian.T @ (info * d) + prior * deviation)
+        step = -np.linalg.solve(hessian, gradient / settings.lidar_std_m**2 + tie * deviation)
         R, p, omega, v = R @ exp(step[:3]), p + step[3:6], omega + step[6:9], v + step[9:12]
-    inlier = (np.abs(d) < settings.inlier_m) & (weight > 0)
+    inlier = (plane >= 0) & (np.abs(d) < settings.inlier_m)
     return ScanMotion(
         position=position,
         R=R,

@@ -10,73 +10,55 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calib_core.planes.segment import plane_axes
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 CELL_M = 0.2
-_HALF = 512  # cells either side of a plane's own origin: 100 m
-
-
-def cell_indices(normals: FloatArray, plane: IntArray, points_map: FloatArray) -> IntArray:
-    """A flat index (plane, row, column) of the cell each point falls in; points beyond the grid are clipped to its rim.
-
-    normals: (P, 3).   plane: (N,).   points_map: (N, 3).
-    """
-    axes = np.array([plane_axes(n) for n in normals])  # (P, 2, 3)
-    uv = np.einsum("nij,nj->ni", axes[plane], points_map)
-    grid = np.clip(np.floor(uv / CELL_M).astype(np.int64) + _HALF, 0, 2 * _HALF - 1)
-    return (plane * 2 * _HALF + grid[:, 0]) * 2 * _HALF + grid[:, 1]
+#: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.
+HALF_CELLS = 500
 
 
 @dataclass(frozen=True)
 class PlaneExtents:
-    """The cells of every plane. axes: (P, 3) normals that define the grids. cells: sorted flat indices."""
+    """The cells of every plane. normals: (P, 3) that define the grids' axes. inside: (P, rows, columns)."""
 
     normals: FloatArray
-    cells: IntArray
+    inside: NDArray[np.bool_]
 
-    def contain(self, plane: IntArray, points_map: FloatArray) -> BoolArray:
-        """Whether each point's cell belongs to its plane. (N,)."""
-        index = cell_indices(self.normals, plane, points_map)
-        if len(self.cells) == 0:
-            return np.zeros(len(index), dtype=bool)
-        place = np.minimum(np.searchsorted(self.cells, index), len(self.cells) - 1)
-        return self.cells[place] == index
+    def contain(self, plane: IntArray, cell: IntArray) -> BoolArray:
+        """Whether each hit's cell belongs to its plane. plane: (N,), -1 for none. cell: (N, 2)."""
+        return (plane >= 0) & self.inside[plane, cell[:, 0], cell[:, 1]]
 
     def area_m2(self, plane: int) -> float:
         """Area of a plane's cells."""
-        return float((self.cells // (2 * _HALF) ** 2 == plane).sum()) * CELL_M**2
-
-    def centres_m(self, plane: int) -> FloatArray:
-        """In-plane coordinates (u, v) of a plane's cells, (C, 2)."""
-        mine = self.cells[self.cells // (2 * _HALF) ** 2 == plane] % (2 * _HALF) ** 2
-        grid = np.stack([mine // (2 * _HALF), mine % (2 * _HALF)], axis=1) - _HALF
-        return (grid + 0.5) * CELL_M
+        return float(self.inside[plane].sum()) * CELL_M**2
 
 
 @dataclass
 class ExtentSurvey:
-    """Counts of returns on and beside every plane, cell by cell, gathered scan by scan."""
+    """Counts of returns on and beside every plane, cell by cell, gathered scan by scan. on, beside: (P, rows, columns)."""
 
     normals: FloatArray
-    on: dict[int, int]
-    beside: dict[int, int]
+    on: IntArray
+    beside: IntArray
 
     @staticmethod
     def empty(normals: FloatArray) -> ExtentSurvey:
         """No counts yet."""
-        return ExtentSurvey(normals, {}, {})
+        shape = (len(normals), 2 * HALF_CELLS, 2 * HALF_CELLS)
+        return ExtentSurvey(normals, np.zeros(shape, np.int64), np.zeros(shape, np.int64))
 
-    def add(self, plane: IntArray, hit_map: FloatArray, on_plane: BoolArray) -> None:
-        """Count returns: where their rays meet the plane, and whether they lie on it or beside it."""
-        index = cell_indices(self.normals, plane, hit_map)
+    def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray) -> None:
+        """Count returns: the cell in which their rays meet the plane, and whether they lie on it or beside it."""
+        flat = (plane * 2 * HALF_CELLS + cell[:, 0]) * 2 * HALF_CELLS + cell[:, 1]
         for counts, mask in ((self.on, on_plane), (self.beside, ~on_plane)):
-            cells, number = np.unique(index[mask], return_counts=True)
-            for cell, n in zip(cells.tolist(), number.tolist(), strict=True):
-                counts[cell] = counts.get(cell, 0) + n
+            cells, number = np.unique(flat[mask], return_counts=True)
+            counts.reshape(-1)[cells] += number
 
     def finish(self, *, least: int = 8, share: float = 0.75) -> PlaneExtents:
         """The cells with at least `least` returns of which `share` lie on the plane."""
-        good = [cell for cell, n in self.on.items() if n >= least and n >= share * (n + self.beside.get(cell, 0))]
-        return PlaneExtents(self.normals, np.array(sorted(good), dtype=np.int64))
+        inside = (self.on >= least) & (self.on >= share * (self.on + self.beside))
+        inside[:, [0, -1], :] = False
+        inside[:, :, [0, -1]] = False
+        return PlaneExtents(self.normals, inside)

@@ -29,14 +29,14 @@ class SegmentSettings:
 
     distance_m: float = 0.06
     distance_per_range: float = 0.002
-    hypotheses: int = 1500
+    hypotheses: int = 700
     max_planes: int = 12
     min_points: int = 150
     min_share: float = 0.006
     min_breadth_m: float = 0.12
     min_incidence: float = 0.06
     dominance: float = 0.6
-    subsample: int = 5000
+    subsample: int = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,12 +206,13 @@ def _merge(points: FloatArray, fits: list[PlaneFit]) -> list[PlaneFit]:
     return merged
 
 
-def plane_axes(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors that span the plane, a smooth choice: (e1, e2, normal) is right-handed. normal: (3,)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    e1 = np.cross(helper, normal)
-    e1 /= np.linalg.norm(e1)
-    return e1, np.cross(normal, e1)
+def plane_axes(normals: FloatArray) -> FloatArray:
+    """Two unit vectors that span each plane: (e1, e2, normal) is right-handed. normals: (..., 3). Returns (..., 2, 3)."""
+    n = np.asarray(normals)
+    helper = np.eye(3)[np.argmin(np.abs(n), axis=-1)]
+    e1 = np.cross(helper, n)
+    e1 /= np.linalg.norm(e1, axis=-1, keepdims=True)
+    return np.stack([e1, np.cross(n, e1)], axis=-2)
 
 
 def determinacy(normals: FloatArray, weights: NDArray[np.float64] | None = None) -> float:

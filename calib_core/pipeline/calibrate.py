@@ -1,0 +1,329 @@
+"""The page that is the whole calibration: a recording in, the result document and the motion out.
+
+Follow one recording: noise of its IMU -> reference planes -> lidar-only track -> start values -> joint rounds ->
+what is known -> verdict. Every way in which that can fail ends in a result with status `refused` and its reason.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from calib_core.errors import SettingsError
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.geometry import log
+from calib_core.gp.training import fit_hyper
+from calib_core.imu.links import NoiseDensity
+from calib_core.pipeline.full import Clocks, Context, NoStart, Solved, read_clocks, solve, start_values, track_lidar
+from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
+from calib_core.pipeline.observability import Knowledge, advice, assess
+from calib_core.pipeline.propose import find_reference, named_planes, propose_planes
+from calib_core.pipeline.report import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.pipeline.track import ScanMotion
+from calib_core.presets import find_imu_preset
+from calib_core.result import (
+    CalibrationResult,
+    Message,
+    Observability,
+    PlaneQuality,
+    Provenance,
+    Quality,
+    RecordingProvenance,
+    Transform,
+    Uncertainty,
+)
+from calib_core.settings import CalibrateSettings, ImuNoise
+from calib_core.solver.levenberg import Outcome
+from calib_core.types import InitialGuess, Plane, Recording, Trajectory
+
+__all__ = ["Calibration", "calibrate", "find_reference"]
+
+#: Less motion than this over the whole recording is standing still.
+_LEAST_TURN_RAD = np.radians(1.0)
+_LEAST_MOVE_M = 0.05
+#: How far the mean squared residual may stray before the solve has not explained the data.
+_WORST_CHI2 = 4.0
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The result document, and the motion (None where the calibration was refused)."""
+
+    result: CalibrationResult
+    trajectory: Trajectory | None
+
+
+def calibrate(
+    recording: Recording,
+    settings: CalibrateSettings,
+    *,
+    planes: Sequence[Plane] | None = None,
+    initial_guess: InitialGuess | None = None,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> Calibration:
+    """The calibration of one recording.
+
+    planes: in the map frame (the lidar frame at the first used scan's time); None: found.   Raises SettingsError and
+    Cancelled; whatever the recording cannot give is a result with status `refused`.
+    """
+    started = time.monotonic()
+    log_of: list[Message] = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]
+
+    def listen(event: object) -> None:
+        if isinstance(event, LogEvent):
+            log_of.append(Message(code=event.code, level=event.level, text=event.text))
+        on_event(event)  # type: ignore[arg-type]
+
+    # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
+    with threadpool_limits(limits=1, user_api="blas"):
+        if settings.method == "paper":
+            from calib_core.pipeline.published import calibrate_published
+
+            return calibrate_published(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
+        return _calibrate_full(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
+
+
+def _calibrate_full(
+    recording: Recording,
+    settings: CalibrateSettings,
+    planes: Sequence[Plane] | None,
+    guess: InitialGuess | None,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
+    messages: list[Message],
+    started: float,
+) -> Calibration:
+    def refuse(code: str, text: str) -> Calibration:
+        messages.append(Message(code=code, level="error", text=text))
+        return Calibration(refused(recording, settings, messages, time.monotonic() - started), None)
+
+    if len(recording.scans) < 10 or len(recording.imu.stamps_ns) < 50:
+        return refuse(
+            "recording.too_short",
+            f"a calibration needs at least 10 scans and 50 IMU readings, the recording has {len(recording.scans)} and "
+            f"{len(recording.imu.stamps_ns)}; record for half a minute or more",
+        )
+    ctx = make_context(recording, settings, on_event, should_cancel)
+    try:
+        reference, used_planes = _reference(ctx, planes)
+        if not used_planes:
+            return refuse("planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m")
+        motions = track_lidar(ctx, used_planes, reference)
+        still = _standing_still(motions)
+        if still is not None:
+            return refuse("motion.none", still)
+        lidar, start = start_values(ctx, motions, guess)
+        solved = solve(ctx, lidar, motions, start, used_planes, reference, guess)
+    except NoStart as error:
+        return refuse(error.code, str(error))
+    if solved.minimum.solution is None or solved.minimum.outcome is Outcome.SINGULAR or not np.isfinite(solved.minimum.cost):
+        return refuse("solve.diverged", "the joint solve found no stable answer; the planes or the motion do not fit the data")
+    points = int(solved.micro.count.sum())
+    chi2 = 2.0 * solved.minimum.cost / max(points, 1)
+    if points < 1000 or chi2 > _WORST_CHI2:
+        return refuse(
+            "solve.inconsistent",
+            f"the best answer leaves residuals {np.sqrt(chi2):.1f} times their noise on {points} points; the stamps, the "
+            "per-point times or the planes are not what they seem: see `unsweep inspect`",
+        )
+    frozen = not settings.estimate_time_offset
+    knowledge = assess(solved.minimum.solution.information, solved.problem.priors, frozen_offset=frozen)
+    if not knowledge.rotation_known:
+        return refuse("motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least")
+    result = _document(ctx, solved, knowledge, messages, used_planes, time.monotonic() - started)
+    return Calibration(result, trajectory_of(ctx.clocks, solved))
+
+
+def make_context(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Context:
+    """Clocks and the IMU's noise and interpolation, once for the whole run."""
+    on_event(StageEvent(stage="initialise", fraction=0.0, text="noise of the IMU"))
+    clocks = read_clocks(recording)
+    imu = recording.imu
+    noise = _imu_noise(recording, settings, clocks, on_event)
+    hyper = fit_hyper(clocks.imu_s, np.hstack([imu.gyro_rad_s, imu.accel_m_s2]), noise_std=noise.sample_std)
+    return Context(recording, settings, clocks, noise, hyper, on_event, should_cancel)
+
+
+def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks, on_event: OnEvent) -> ImuNoiseLevel:
+    """The noise the user gave, else measured: never a number taken on trust while the data can tell."""
+    imu = recording.imu
+    period = float(np.median(np.diff(clocks.imu_s)))
+    given = settings.imu_noise
+    if isinstance(given, str):
+        preset = find_imu_preset(given)
+        if preset is None:
+            raise SettingsError(f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names")
+        given = preset.noise
+    if isinstance(given, ImuNoise):
+        density = np.repeat([given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz], 3)
+        return ImuNoiseLevel(NoiseDensity(density[:3], density[3:]), density / np.sqrt(period), "the densities given")
+    still = longest_still(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2)
+    level = measure_imu_noise(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, still)
+    on_event(
+        LogEvent(
+            level="info",
+            code="imu.noise",
+            text=f"IMU noise from {level.source}: gyroscope {level.density.gyro_rad_s_sqrt_hz[0]:.2g} rad/s/sqrt(Hz), "
+            f"accelerometer {level.density.accel_m_s2_sqrt_hz[0]:.2g} m/s2/sqrt(Hz)",
+        )
+    )
+    return level
+
+
+def _reference(ctx: Context, planes: Sequence[Plane] | None) -> tuple[int, list[Plane]]:
+    """The reference scan and the planes to use: the user's, else those found around it."""
+    if planes is not None:
+        reference, _ = find_reference(ctx.recording.scans, ctx.settings, should_cancel=ctx.should_cancel)
+        return reference, list(planes)
+    proposals = propose_planes(ctx.recording, ctx.settings, on_event=ctx.on_event, should_cancel=ctx.should_cancel)
+    return proposals.reference_scans[0], [patch.plane for patch in proposals.patches]
+
+
+def _standing_still(motions: Sequence[ScanMotion]) -> str | None:
+    """Why the motion is no motion, or None."""
+    first = motions[0]
+    turn = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
+    move = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
+    if turn > _LEAST_TURN_RAD or move > _LEAST_MOVE_M:
+        return None
+    return (
+        f"the lidar stood still: it turned {np.degrees(turn):.2f} deg and moved {move * 1e3:.0f} mm in the whole recording; "
+        "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
+    )
+
+
+def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
+    """The lidar's solved motion at every knot, in the map frame."""
+    e = solved.estimate
+    knots = solved.problem.readings.knots_s
+    poses = solved.problem.motion(e).lidar_at(knots, e.R_imu_lidar, e.p_imu_lidar)
+    linked = solved.problem.readings.linked
+    valid = np.concatenate([linked, [True]]) & np.concatenate([[True], linked])
+    R0, p0 = solved.map_pose
+    return Trajectory(clocks.lidar_epoch_ns, knots + e.time_offset_s, R0.T @ poses.R, (poses.p - p0) @ R0, valid)
+
+
+def _document(
+    ctx: Context, solved: Solved, knowledge: Knowledge, messages: list[Message], planes: Sequence[Plane], duration_s: float
+) -> CalibrationResult:
+    """The result document of a solve."""
+    e = solved.estimate
+    cov = knowledge.covariance
+    std = np.sqrt(np.diag(cov))
+    gravity_std = _gravity_std(solved)
+    rate = ctx.recording.imu.gyro_rad_s
+    residuals = plane_residuals(solved.problem, e)
+    R0, p0 = solved.map_pose
+    normals = e.normals @ R0
+    offsets = e.offsets_m + e.normals @ p0
+    total = sum(n for _, n in residuals)
+    rms = float(np.sqrt(sum(r**2 * n for r, n in residuals) / max(total, 1)))
+    offset_ns = ctx.clocks.offset_ns(e.time_offset_s)
+    weak = knowledge.is_weak
+    for direction in knowledge.weak:
+        messages.append(Message(code="observability.weak", level="warning", text=direction.text))
+    return CalibrationResult(
+        status="weak" if weak else "calibrated",
+        messages=messages,
+        T_imu_lidar=Transform(
+            matrix=transform_matrix(e.R_imu_lidar, e.p_imu_lidar).tolist(),
+            translation_m=e.p_imu_lidar.tolist(),
+            quaternion_xyzw=quaternion_xyzw(e.R_imu_lidar),
+            euler_xyz_deg=euler_xyz_deg(e.R_imu_lidar),
+        ),
+        time_offset_s=offset_ns * 1e-9,
+        time_offset_ns=offset_ns,
+        gyroscope_bias_rad_s=e.gyro_bias.mean(axis=0).tolist(),
+        accelerometer_bias_m_s2=e.accel_bias.mean(axis=0).tolist(),
+        gravity_m_s2=float(np.linalg.norm(e.gravity)),
+        uncertainty=Uncertainty(
+            rotation_std_deg=np.degrees(std[:3]).tolist(),
+            translation_std_m=std[3:6].tolist(),
+            time_offset_std_s=float(std[6]),
+            gravity_std_m_s2=gravity_std,
+            covariance=cov.tolist(),
+        ),
+        observability=Observability(
+            weak_directions=list(knowledge.weak),
+            advice=advice(knowledge, np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0)), e.R_imu_lidar),
+        ),
+        quality=Quality(
+            point_to_plane_rms_m=rms,
+            points_used=total,
+            scans_used=len(np.unique(solved.micro.scan)),
+            scans_total=ctx.recording.scans_total or len(ctx.recording.scans),
+            planes=[
+                PlaneQuality(name=p.name, normal=n.tolist(), offset_m=float(w), points=count, rms_m=r)
+                for p, n, w, (r, count) in zip(planes, normals, offsets, residuals, strict=True)
+            ],
+            iterations=ctx.iterations,
+            duration_s=duration_s,
+        ),
+        provenance=provenance(ctx.recording, ctx.settings),
+    )
+
+
+def _gravity_std(solved: Solved) -> float:
+    """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
+    assert solved.minimum.solution is not None
+    block = np.linalg.inv(solved.minimum.solution.information)[7:10, 7:10]
+    up = solved.estimate.gravity / np.linalg.norm(solved.estimate.gravity)
+    return float(np.sqrt(max(up @ block @ up, 0.0)))
+
+
+def provenance(recording: Recording, settings: CalibrateSettings) -> Provenance:
+    """Where the result comes from."""
+    return Provenance(
+        recording=RecordingProvenance(
+            name=recording.name,
+            sha256=recording.sha256,
+            duration_s=recording.duration_s,
+            lidar_topic=recording.lidar.topic,
+            imu_topic=recording.imu.topic,
+            lidar_frame_id=recording.lidar.frame_id,
+            imu_frame_id=recording.imu.frame_id,
+        ),
+        settings=settings.model_dump(mode="json"),
+        software={"unsweep": _version("unsweep"), "numpy": np.__version__, "python": platform.python_version()},
+    )
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def refused(recording: Recording, settings: CalibrateSettings, messages: list[Message], duration_s: float) -> CalibrationResult:
+    """The document of a recording that cannot give the answer; messages has the reasons."""
+    return CalibrationResult(
+        status="refused",
+        messages=messages,
+        T_imu_lidar=None,
+        time_offset_s=None,
+        time_offset_ns=None,
+        gyroscope_bias_rad_s=None,
+        accelerometer_bias_m_s2=None,
+        gravity_m_s2=None,
+        uncertainty=None,
+        observability=Observability(),
+        quality=Quality(
+            point_to_plane_rms_m=0.0,
+            points_used=0,
+            scans_used=0,
+            scans_total=recording.scans_total or len(recording.scans),
+            planes=[],
+            iterations=0,
+            duration_s=duration_s,
+        ),
+        provenance=provenance(recording, settings),
+    )
+

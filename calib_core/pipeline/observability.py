@@ -1,0 +1,128 @@
+"""What the recording says about each calibration parameter, and what to record where it says too little.
+
+Knots, biases, gravity and planes are eliminated; what remains, 7 x 7 in the contract's order, is the calibration's
+information. Priors on the calibration itself are diagonal and are taken out exactly: the verdict is the data's. Its
+eigenvectors, in units of 1 deg, 10 mm and 1 ms, are the directions that are known well or badly together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.pipeline.joint import CALIBRATION, Priors
+from calib_core.result import WeakDirection
+from calib_core.types import FloatArray
+
+#: One unit of each parameter: 1 deg, 10 mm, 1 ms.
+UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
+#: A direction is weak where its spread along any parameter exceeds 0.5 deg, 20 mm or 2 ms.
+LIMITS = np.array([0.5] * 3 + [2.0] * 3 + [2.0])
+#: The standing prior of 1 rad, 10 m, 10 s in the same units: along an undetermined direction this is all there is.
+STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
+_LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
+_NAMES = (
+    "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
+    "translation along the IMU's x axis", "translation along the IMU's y axis", "translation along the IMU's z axis",
+    "time offset",
+)  # fmt: skip
+_SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """covariance: (7, 7) with priors, SI. data_std: (7,) without priors, SI, at most the standing prior's size.
+
+    weak: directions the data leave weak. rotation_known: whether the data determine any component of the rotation.
+    """
+
+    covariance: FloatArray
+    data_std: FloatArray
+    weak: tuple[WeakDirection, ...]
+    rotation_known: bool
+
+    @property
+    def is_weak(self) -> bool:
+        """Whether some standard deviation of the data alone exceeds the contract's limits."""
+        return bool((self.data_std > LIMITS * UNITS).any()) or bool(self.weak)
+
+
+def assess(information: FloatArray, priors: Priors, *, inflation: float = 1.0, frozen_offset: bool = False) -> Knowledge:
+    """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations."""
+    covariance = np.linalg.inv(information)[:CALIBRATION, :CALIBRATION] * inflation**2
+    calibration = np.linalg.inv(covariance)
+    prior = np.zeros(CALIBRATION)
+    for row in priors.rows:
+        prior[row.column] += 1.0 / row.std**2
+    data = (calibration - np.diag(prior) / inflation**2) * UNITS[:, None] * UNITS[None, :]
+    if frozen_offset:
+        data[6, 6] = 1e12
+    values, vectors = np.linalg.eigh(0.5 * (data + data.T))
+    # What is left of an undetermined direction after subtracting the prior is round-off, of either sign.
+    values = np.maximum(values, 1e-16)
+    spread = 1.0 / np.sqrt(values)
+    longest = 1.0 / np.sqrt(np.sum((vectors / STANDING[:, None]) ** 2, axis=0))
+    spread = np.minimum(spread, longest)
+    data_std = np.sqrt((vectors**2) @ spread**2) * UNITS
+    weak = []
+    for k in range(CALIBRATION):
+        along = np.abs(vectors[:, k]) * spread[k]
+        if (along > LIMITS).any():
+            weak.append(_describe(vectors[:, k], float(spread[k]), undetermined=bool(spread[k] > 0.2 * longest[k])))
+    rotation = np.linalg.eigvalsh(data[:3, :3])
+    return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / 5.0**2))
+
+
+def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakDirection:
+    """One weak direction in words."""
+    largest = int(np.argmax(np.abs(vector)))
+    vector = vector * np.sign(vector[largest])
+    alone = bool(abs(vector[largest]) > 0.95)
+    what = _NAMES[largest] if alone else "the combination " + ", ".join(
+        f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > 0.1
+    ) + " (in units of 1 deg, 10 mm, 1 ms)"
+    if undetermined:
+        text = f"The recording does not determine {what}; the value given is the prior's, not a measurement."
+    else:
+        amount = _amount(vector, spread, largest)
+        text = f"The recording determines {what} only to {amount} (1 sigma)."
+    return WeakDirection(label=_LABELS[largest] if alone else None, vector=[float(v) for v in vector], std_scaled=spread, text=text)
+
+
+def _amount(vector: FloatArray, spread: float, largest: int) -> str:
+    size = abs(float(vector[largest])) * spread
+    if largest < 3:
+        return f"{size:.2g} deg"
+    if largest < 6:
+        return f"{size * 10:.3g} mm"
+    return f"{size:.2g} ms"
+
+
+def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[str]:
+    """What to record next, from the weak directions and from how much the IMU turned about each of its axes.
+
+    turning_std_rad_s: (3,) rms angular rate about the IMU's axes.
+    """
+    if not knowledge.weak:
+        return []
+    out: list[str] = []
+    weak = np.array([d.vector for d in knowledge.weak])
+    axes = "xyz"
+    lever = np.linalg.norm(weak[:, 3:6], axis=0)
+    for i in range(3):
+        if lever[i] > 0.3:
+            others = [a for a in range(3) if a != i]
+            quiet = min(others, key=lambda a: turning_std_rad_s[a])
+            out.append(
+                f"To determine the lever arm along the IMU's {axes[i]} axis, turn to and fro about the IMU's {axes[quiet]} axis "
+                f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick reversals is good)."
+            )
+    rotation = np.linalg.norm(weak[:, :3], axis=0)
+    if (rotation > 0.3).any():
+        lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
+        quiet_axis = int(np.argmin(lidar_turning))
+        out.append(f"To determine the rotation, turn about two different axes; there is least turning about the lidar's {axes[quiet_axis]} axis.")
+    if np.abs(weak[:, 6]).max() > 0.3:
+        out.append("To determine the time offset, turn faster and reverse direction often.")
+    return out

@@ -1,0 +1,196 @@
+"""The reference scan, the cloud of the standstill around it, and the planes in that cloud.
+
+The map frame is the lidar frame at the reference scan's first point: the first scan from which the planes determine a
+pose. Scans that follow without motion are merged into its cloud.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from calib_core.errors import Cancelled
+from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.geometry import log
+from calib_core.pipeline.track import ScanMotion, TrackSettings, register, sample_points
+from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, plane_axes, segment_planes
+from calib_core.settings import CalibrateSettings
+from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Recording, Scan
+
+#: Smallest eigenvalue of the mean n n^T over the planes that a reference scan must offer.
+_LEAST_DETERMINACY = 0.02
+_STILL_SCANS = 20
+_CLOUD_POINTS = 200_000
+_CELL_M = 0.2
+
+
+def scan_points(scan: Scan, field_of_view_deg: float | None = None) -> FloatArray:
+    """The scan's points (N, 3) [m] in the lidar frame, within the field of view."""
+    xyz = scan.points["xyz"].astype(np.float64)
+    if field_of_view_deg is not None:
+        xyz = xyz[np.abs(np.arctan2(xyz[:, 1], xyz[:, 0])) <= np.radians(field_of_view_deg)]
+    return xyz
+
+
+def find_reference(
+    scans: Sequence[Scan], settings: CalibrateSettings, *, should_cancel: ShouldCancel = never_cancel
+) -> tuple[int, list[PlaneFit]]:
+    """Position of the first scan whose planes determine a pose, and its planes; the best seen where none does."""
+    best: tuple[float, int, list[PlaneFit]] = (-1.0, 0, [])
+    candidates = list(range(min(3, len(scans)))) + list(range(5, len(scans), max(5, len(scans) // 40)))
+    for position in candidates:
+        if should_cancel():
+            raise Cancelled("the search for planes was cancelled")
+        fits = segment_planes(scan_points(scans[position], settings.field_of_view_deg), seed=settings.random_seed)
+        score = determinacy(np.array([f.normal for f in fits])) if len(fits) >= 3 else 0.001 * len(fits)
+        if score > best[0]:
+            best = (score, position, fits)
+        if score >= _LEAST_DETERMINACY:
+            break
+    return best[1], best[2]
+
+
+def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) -> list[int]:
+    """The reference scan and those after it during which the lidar did not move."""
+    s = TrackSettings()
+    normals, offsets = np.array([p.normal for p in planes]), np.array([p.offset_m for p in planes])
+    tie = np.repeat([1 / 0.03**2, 1 / 0.03**2, 1 / 0.5**2, 1 / 0.2**2], 3)
+    start = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, 0.0, 1.0)
+    still = []
+    for position in range(reference, min(reference + _STILL_SCANS, len(scans))):
+        points, tau = sample_points(scans[position], s.points)
+        if len(points) < 60:
+            break
+        motion = register(points, tau, normals, offsets, start, tie=tie, settings=s, position=position)
+        turned, moved = np.degrees(np.linalg.norm(log(motion.R))), np.linalg.norm(motion.p)
+        if turned > 0.15 or moved > 0.006 or np.linalg.norm(motion.omega_rad_s) > 0.06 or np.linalg.norm(motion.v_m_s) > 0.06:
+            break
+        still.append(position)
+    return still or [reference]
+
+
+def propose_planes(
+    recording: Recording,
+    settings: CalibrateSettings,
+    *,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> PlaneProposals:
+    """The planes of the reference cloud as patches, largest first, all confirmed, and the cloud itself."""
+    on_event(StageEvent(stage="planes", fraction=0.0, text="looking for planes"))
+    scans = recording.scans
+    reference, fits = find_reference(scans, settings, should_cancel=should_cancel)
+    still = [reference]
+    if len(fits) >= 3:
+        still = still_after(scans, reference, named_planes(fits))
+    on_event(StageEvent(stage="planes", fraction=0.5, text=f"merging {len(still)} scans"))
+    cloud = np.concatenate([scan_points(scans[i], settings.field_of_view_deg) for i in still])
+    intensity = np.concatenate([_intensity(scans[i], settings.field_of_view_deg) for i in still])
+    stride = max(1, len(cloud) // _CLOUD_POINTS + 1)
+    cloud, intensity = cloud[::stride], intensity[::stride]
+    if len(still) > 1:
+        merged = segment_planes(cloud, seed=settings.random_seed)
+        if len(merged) >= len(fits):
+            fits = merged
+    patch = np.full(len(cloud), -1, dtype=np.int16)
+    patches = []
+    for j, plane in enumerate(named_planes(fits)):
+        near = _near(cloud, plane) & (patch < 0)
+        patch[near] = j
+        patches.append(make_patch(plane, cloud[near]))
+    on_event(StageEvent(stage="planes", fraction=1.0, text=f"{len(patches)} planes"))
+    return PlaneProposals(
+        patches=tuple(patches),
+        cloud_m=cloud.astype(np.float32),
+        cloud_patch=patch,
+        cloud_intensity=intensity,
+        reference_scans=tuple(still),
+        static=len(still) >= 3,
+    )
+
+
+def named_planes(fits: Sequence[PlaneFit]) -> list[Plane]:
+    """Fits as planes named by their rank."""
+    return [Plane(f"plane {j + 1}", f.normal, f.offset_m) for j, f in enumerate(fits)]
+
+
+def _intensity(scan: Scan, field_of_view_deg: float | None) -> np.ndarray[tuple[int], np.dtype[np.float32]]:
+    values = scan.points["intensity"].astype(np.float32)
+    if field_of_view_deg is None:
+        return values
+    xyz = scan.points["xyz"]
+    return values[np.abs(np.arctan2(xyz[:, 1], xyz[:, 0])) <= np.radians(field_of_view_deg)]
+
+
+def _near(cloud_m: FloatArray, plane: Plane) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Points on a plane, by the segmentation's own tolerance."""
+    s = SegmentSettings()
+    tolerance = s.distance_m + s.distance_per_range * np.linalg.norm(cloud_m, axis=1)
+    face_on = np.abs(cloud_m @ plane.normal) > s.min_incidence * np.linalg.norm(cloud_m, axis=1)
+    return np.asarray(face_on & (np.abs(cloud_m @ plane.normal + plane.offset_m) < tolerance))
+
+
+def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) -> PlanePatch:
+    """A plane with the outline, area and roughness of its points. points_m: (N, 3), map frame."""
+    axes = plane_axes(plane.normal)
+    uv = points_m @ axes.T
+    foot = -plane.offset_m * plane.normal
+    try:
+        corners = uv[ConvexHull(uv).vertices]
+    except (QhullError, ValueError):
+        corners = uv[:0]
+    cells = np.unique(np.floor(uv / _CELL_M).astype(np.int64), axis=0)
+    distance = points_m @ plane.normal + plane.offset_m
+    return PlanePatch(
+        plane=plane,
+        outline_m=foot + corners @ axes,
+        n_points=len(points_m),
+        rms_m=float(np.sqrt(np.mean(distance**2))) if len(distance) else 0.0,
+        area_m2=float(len(cells)) * _CELL_M**2,
+        confirmed=confirmed,
+    )
+
+
+def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | None:
+    """The plane around a point of the reference cloud, from points that belong to none yet; None where there is none.
+
+    seed_m: (3,) map frame. The neighbourhood widens until its points lie on a plane that passes the seed.
+    """
+    cloud = proposals.cloud_m.astype(np.float64)
+    free = proposals.cloud_patch < 0
+    away = np.linalg.norm(cloud - seed_m, axis=1)
+    for radius in (0.3, 0.6, 1.0, 1.6):
+        near = free & (away < radius)
+        if near.sum() < 40:
+            continue
+        settings = replace(SegmentSettings(), min_points=30, min_share=0.2, min_breadth_m=0.04, max_planes=3)
+        for fit in segment_planes(cloud[near], settings=settings):
+            if abs(fit.normal @ seed_m + fit.offset_m) < 0.08:
+                return _spread(cloud, free, fit, seed_m, f"plane {len(proposals.patches) + 1}")
+    return None
+
+
+def _spread(cloud: FloatArray, free: np.ndarray[tuple[int], np.dtype[np.bool_]], fit: PlaneFit, seed_m: FloatArray, name: str) -> PlanePatch | None:
+    """A local fit grown over the connected cells of free points on its plane, then refitted."""
+    plane = Plane(name, fit.normal, fit.offset_m)
+    on = np.flatnonzero(free & _near(cloud, plane))
+    axes = plane_axes(plane.normal)
+    cells = np.floor(cloud[on] @ axes.T / 0.4).astype(np.int64)
+    filled = {(int(a), int(b)) for a, b in np.unique(cells, axis=0)}
+    start = np.floor(axes @ seed_m / 0.4).astype(np.int64)
+    reached: set[tuple[int, int]] = set()
+    frontier = [(int(start[0]) + a, int(start[1]) + b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    while frontier:
+        cell = frontier.pop()
+        if cell in filled and cell not in reached:
+            reached.add(cell)
+            frontier.extend((cell[0] + a, cell[1] + b) for a in (-1, 0, 1) for b in (-1, 0, 1))
+    mine = on[[(int(a), int(b)) in reached for a, b in cells]]
+    if len(mine) < 30:
+        return None
+    normal, offset, _ = fit_plane(cloud[mine])
+    sign = 1.0 if offset >= 0 else -1.0
+    return make_patch(Plane(name, normal * sign, offset * sign), cloud[mine])
