@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.readers.cloud import RawCloud
+from calib_core.readers.cloud import RawCloud, StructArray
 from calib_core.readers.pointcloud2 import MAX_POINTS
 from calib_core.readers.storage import RawMessage
 from calib_core.readers.wire import Encoding, MalformedMessage, Wire
@@ -32,6 +32,19 @@ def read_custom_msg(message: RawMessage, encoding: Encoding) -> RawCloud:
     """The cloud of one stored CustomMsg; `offset_time` counts from the header's stamp."""
     wire = Wire(message.payload, encoding)
     header_ns, frame_id = wire.header()
+    points = _points(wire)
+    return RawCloud(header_ns, message.receive_ns, frame_id, points, points.size, 1)
+
+
+def custom_msg_points(payload: bytes | bytearray, encoding: Encoding) -> StructArray:
+    """(N,) structured view of a message's points; writable where the payload is."""
+    wire = Wire(payload, encoding)
+    wire.header()
+    return _points(wire)
+
+
+def _points(wire: Wire) -> StructArray:
+    """The points of a message whose header has been read."""
     wire.u64()  # timebase: the header's stamp again, in the sensor's own count
     declared = wire.u32()
     wire.view(4)  # lidar_id, rsvd[3]
@@ -39,10 +52,9 @@ def read_custom_msg(message: RawMessage, encoding: Encoding) -> RawCloud:
     if n_points > MAX_POINTS or declared != n_points:
         raise MalformedMessage(f"{declared} points announced, {n_points} sent")
     dtype = _DTYPES[wire.order]
-    stride = dtype.itemsize if encoding == "ros1" else dtype.itemsize + 1
+    stride = dtype.itemsize if wire.encoding == "ros1" else dtype.itemsize + 1
     wire.align(4)
     if n_points == 0:
-        return RawCloud(header_ns, message.receive_ns, frame_id, np.zeros(0, dtype), 0, 1)
+        return np.zeros(0, dtype)
     body = wire.view((n_points - 1) * stride + dtype.itemsize)
-    points = np.ndarray((n_points,), dtype, body, strides=(stride,))
-    return RawCloud(header_ns, message.receive_ns, frame_id, points, n_points, 1)
+    return np.ndarray((n_points,), dtype, body, strides=(stride,))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -38,9 +39,11 @@ def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int) -> tu
         return np.multiply(values, scale, dtype=np.float64), header_ns
     sparse = values[:: max(1, values.size // 256)]
     sparse = np.sort(sparse[np.isfinite(sparse) & (sparse != 0)])
-    base = int(sparse[sparse.size // 2]) if sparse.size else 0
-    # Subtract before changing the unit: the difference of near numbers is exact.
-    return np.multiply(values - base, scale, dtype=np.float64), base * int(scale)
+    # The window is around the scan's own middle. Subtract before changing the unit: near numbers differ exactly.
+    middle = sparse[sparse.size // 2] if sparse.size else values.dtype.type(0)
+    whole = math.floor(middle)
+    base_ns = whole * int(scale) + round(float(middle - whole) * scale)
+    return np.multiply(values - middle, scale, dtype=np.float64), base_ns
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ class Wire:
 
     __slots__ = ("_base", "_order", "buffer", "encoding", "pos")
 
-    def __init__(self, payload: bytes | memoryview, encoding: Encoding) -> None:
+    def __init__(self, payload: bytes | bytearray | memoryview, encoding: Encoding) -> None:
         self.buffer = memoryview(payload)
         self.encoding = encoding
         self._order = "<"

@@ -1,0 +1,79 @@
+"""Bags written message by message from serialized bytes, by rosbags' writers."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+
+from calib_core.readers.storage import TopicSummary
+
+
+class BagWriter(Protocol):
+    """An open bag."""
+
+    def write(self, topic: str, receive_ns: int, payload: bytes) -> None:
+        """Append a serialized message."""
+        ...
+
+
+class _Ros1:
+    def __init__(self, writer: Ros1Writer, connections: dict[str, Connection]) -> None:
+        self._writer, self._connections = writer, connections
+
+    def write(self, topic: str, receive_ns: int, payload: bytes) -> None:
+        self._writer.write(self._connections[topic], receive_ns, payload)
+
+
+class _Ros2:
+    def __init__(self, writer: Ros2Writer, connections: dict[str, Connection]) -> None:
+        self._writer, self._connections = writer, connections
+
+    def write(self, topic: str, receive_ns: int, payload: bytes) -> None:
+        self._writer.write(self._connections[topic], receive_ns, payload)
+
+
+def _definition(topic: TopicSummary, *, ros_version: int) -> tuple[str, str]:
+    """The type's text and hash: the recording's own, else those of the standard types, else none."""
+    if topic.definition and (topic.digest or ros_version == 2):
+        return topic.definition, topic.digest or "RIHS01_" + "0" * 64
+    store = get_typestore(Stores.ROS1_NOETIC if ros_version == 1 else Stores.ROS2_HUMBLE)
+    if topic.type in store.fielddefs:
+        text, digest = store.generate_msgdef(topic.type, ros_version=ros_version)
+        return text, digest if ros_version == 1 else store.hash_rihs01(topic.type)
+    return "", "*" if ros_version == 1 else "RIHS01_" + "0" * 64
+
+
+@contextmanager
+def ros1_writer(file: Path, topics: Sequence[TopicSummary]) -> Iterator[BagWriter]:
+    """A ROS 1 bag at `file`."""
+    with Ros1Writer(file) as writer:
+        connections = {}
+        for topic in topics:
+            text, digest = _definition(topic, ros_version=1)
+            connections[topic.name] = writer.add_connection(topic.name, topic.type, msgdef=text, md5sum=digest)
+        yield _Ros1(writer, connections)
+
+
+@contextmanager
+def ros2_writer(file: Path, topics: Sequence[TopicSummary]) -> Iterator[BagWriter]:
+    """A lone .mcap or .db3 at `file`: the one storage file of a bag folder that is thrown away."""
+    plugin = StoragePlugin.MCAP if file.suffix == ".mcap" else StoragePlugin.SQLITE3
+    with tempfile.TemporaryDirectory(prefix=".unsweep-", dir=file.parent) as folder:
+        bag = Path(folder) / "bag"
+        with Ros2Writer(bag, version=9, storage_plugin=plugin) as writer:
+            connections = {}
+            for topic in topics:
+                text, digest = _definition(topic, ros_version=2)
+                connections[topic.name] = writer.add_connection(topic.name, topic.type, msgdef=text, rihs01=digest)
+            yield _Ros2(writer, connections)
+        shutil.move(next(bag.glob(f"*{file.suffix}")), file)

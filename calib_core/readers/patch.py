@@ -1,0 +1,111 @@
+"""Moved points put back into the bytes they came from, or written as a cloud or .ply of their own."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.readers.cloud import RawCloud, StructArray
+from calib_core.readers.livox import custom_msg_points
+from calib_core.readers.pointcloud2 import TYPE as POINTCLOUD2
+from calib_core.readers.pointcloud2 import cloud_dtype, parse_pointcloud2
+from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.wire import Encoding
+from calib_core.types import FloatArray, IntArray
+
+_DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+_PLY_TYPES = {
+    "i1": "char",
+    "u1": "uchar",
+    "i2": "short",
+    "u2": "ushort",
+    "i4": "int",
+    "u4": "uint",
+    "f4": "float",
+    "f8": "double",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MovedPoints:
+    """rows: (K,) indices into the cloud's points.   xyz_m: (K, 3) their new coordinates."""
+
+    rows: IntArray
+    xyz_m: FloatArray
+
+
+def patched_payload(message: RawMessage, topic: TopicSummary, moved: MovedPoints) -> bytes:
+    """The message's bytes with only the moved points' x y z changed."""
+    payload = bytearray(message.payload)
+    if topic.type == POINTCLOUD2:
+        parsed = parse_pointcloud2(message.payload, topic.encoding)
+        dtype = cloud_dtype(parsed.fields, parsed.point_step, parsed.is_bigendian)
+        row_step = parsed.row_step if parsed.height > 1 and parsed.row_step else parsed.width * parsed.point_step
+        grid = np.ndarray(
+            (parsed.height, parsed.width), dtype, payload, parsed.body_pos, (row_step, parsed.point_step)
+        )
+        at: tuple[IntArray, ...] = np.unravel_index(moved.rows, grid.shape)
+    else:
+        grid = custom_msg_points(payload, topic.encoding)
+        at = (moved.rows,)
+    for axis, name in enumerate("xyz"):
+        grid[name][at] = moved.xyz_m[:, axis]
+    return bytes(payload)
+
+
+def _moved_copy(cloud: RawCloud, moved: MovedPoints | None) -> StructArray:
+    """The cloud's scalar fields, packed little-endian, coordinates as float32 metres."""
+    names = [n for n in cloud.names if cloud.points.dtype[n].shape == ()]
+    formats = [(n, "<f4") if n in "xyz" else (n, cloud.points.dtype[n].newbyteorder("<")) for n in names]
+    points = np.empty(cloud.points.size, np.dtype(formats))
+    for name in names:
+        points[name] = cloud.points[name]
+    if moved is not None:
+        for axis, name in enumerate("xyz"):
+            points[name][moved.rows] = moved.xyz_m[:, axis]
+    return points
+
+
+def ply_bytes(cloud: RawCloud, moved: MovedPoints | None) -> bytes:
+    """A binary little-endian .ply of all points, invalid ones included, with all fields."""
+    points = _moved_copy(cloud, moved)
+    dtype = points.dtype
+    properties = "".join(f"property {_PLY_TYPES[dtype[n].str[1:]]} {n.replace(' ', '_')}\n" for n in dtype.names or ())
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {points.size}\n{properties}end_header\n"
+    return head.encode("ascii", "replace") + points.tobytes()
+
+
+def pointcloud2_payload(cloud: RawCloud, moved: MovedPoints | None, encoding: Encoding) -> bytes:
+    """The cloud as a serialized sensor_msgs/PointCloud2 of one row."""
+    points = _moved_copy(cloud, moved)
+    dtype = points.dtype
+    out = bytearray(b"" if encoding == "ros1" else b"\x00\x01\x00\x00")
+    base = len(out)
+
+    def put(code: str, *values: int) -> None:
+        for value in values:
+            if encoding == "cdr":
+                out.extend(b"\0" * (-(len(out) - base) % struct.calcsize("<" + code)))
+            out.extend(struct.pack("<" + code, value))
+
+    def text(value: str) -> None:
+        encoded = value.encode() + (b"\0" if encoding == "cdr" else b"")
+        put("I", len(encoded))
+        out.extend(encoded)
+
+    seconds, nanoseconds = divmod(cloud.header_ns, 1_000_000_000)
+    put("I", *((0,) if encoding == "ros1" else ()), seconds, nanoseconds)
+    text(cloud.frame_id)
+    put("I", 1, points.size, len(dtype.names or ()))
+    for name in dtype.names or ():
+        text(name)
+        put("I", int(dtype.fields[name][1]) if dtype.fields is not None else 0)
+        put("B", _DATATYPES[dtype[name].str[1:]])
+        put("I", 1)
+    put("B", 0)
+    put("I", dtype.itemsize, dtype.itemsize * points.size, points.nbytes)
+    out.extend(points.tobytes())
+    put("B", 1)
+    return bytes(out)

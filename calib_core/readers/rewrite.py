@@ -1,0 +1,166 @@
+"""A recording written again with its points moved: a bag of the same kind, or a folder of .ply files.
+
+Everything but the coordinates of valid points stays as it was: fields, invalid points, stamps, order, other topics.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from calib_core.errors import Cancelled, SettingsError
+from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.readers.bag_writer import BagWriter, ros1_writer, ros2_writer
+from calib_core.readers.container import OpenRecording, open_recording
+from calib_core.readers.decoders import CloudDecoder, cloud_decoder
+from calib_core.readers.layouts import recognise_layout
+from calib_core.readers.livox import TYPES as LIVOX_TYPES
+from calib_core.readers.patch import MovedPoints, patched_payload, ply_bytes, pointcloud2_payload
+from calib_core.readers.pointcloud2 import TYPE as POINTCLOUD2
+from calib_core.readers.reading import sample_clouds, span_ns
+from calib_core.readers.scans import scan_of, select_points
+from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.synthesise import point_timing
+from calib_core.readers.topics import choose_lidar
+from calib_core.readers.wire import MalformedMessage
+from calib_core.settings import ReadSettings
+from calib_core.types import Float32Array, FloatArray, Scan
+
+#: New coordinates (N, 3) of a scan's points in the lidar frame, in their order; None leaves the scan as it is.
+Transform = Callable[[Scan], FloatArray | Float32Array | None]
+#: Every return is moved, however near or far: the range limits of a calibration are not the recording's.
+_NEAREST_M, _FARTHEST_M = 1e-4, 1e6
+_SUFFIXES = {"ros1": (".bag",), "ros2": (".mcap", ".db3")}
+_EVENT_EVERY = 10
+
+
+def rewrite_clouds(
+    path: Path,
+    topic: str | None,
+    out: Path,
+    transform: Transform,
+    *,
+    settings: ReadSettings | None = None,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> int:
+    """Number of scans written to `out`, whose suffix says what it becomes: .bag, .mcap, .db3; none, a folder of .ply.
+
+    topic: the lidar topic, None where only one fits.   transform: gets every scan with all its returns.
+    Raises SettingsError where `out` does not fit the recording or exists; nothing is left behind on failure.
+    """
+    with open_recording(path) as recording:
+        lidar = choose_lidar(recording.topics, topic, recording.name)
+        rewriter = _Rewriter(recording, lidar, transform, settings or ReadSettings(), on_event, should_cancel)
+        _check_out(out, recording)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".unsweep-", dir=out.parent) as folder:
+            made = Path(folder) / out.name
+            count = rewriter.write_ply(made) if out.suffix == "" else rewriter.write_bag(made)
+            if out.is_dir():
+                out.rmdir()  # only an empty one passed the check
+            shutil.move(made, out)
+        return count
+
+
+def _check_out(out: Path, recording: OpenRecording) -> None:
+    allowed = ("", *_SUFFIXES[recording.kind])
+    if out.suffix not in allowed:
+        bags = " or ".join(_SUFFIXES[recording.kind])
+        raise SettingsError(
+            f"The output {out.name} does not fit {recording.name}: give a folder (no suffix) for .ply files, or a {bags} file."
+        )
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise SettingsError(f"The output {out} exists already; remove it or choose another name.")
+
+
+class _Rewriter:
+    """One pass over the recording, moving the points of one topic."""
+
+    def __init__(
+        self,
+        recording: OpenRecording,
+        lidar: TopicSummary,
+        transform: Transform,
+        settings: ReadSettings,
+        on_event: OnEvent,
+        should_cancel: ShouldCancel,
+    ) -> None:
+        self._recording, self._lidar, self._transform = recording, lidar, transform
+        self._settings, self._on_event, self._should_cancel = settings, on_event, should_cancel
+        self._span = span_ns(recording, settings)
+        # Fields are written as they came; the decoder that makes up times is only asked for the times.
+        self._plain: CloudDecoder = cloud_decoder(lidar)
+        sample = sample_clouds(recording, lidar, self._plain, self._span)
+        help_text = recognise_layout(sample[0], lidar.name).help_text
+        self._timed, self._timing, _ = point_timing(
+            sample, self._plain, settings, topic=lidar.name, help_text=help_text
+        )
+        self._count = 0
+
+    def write_ply(self, folder: Path) -> int:
+        """One .ply per scan, numbered in input order."""
+        folder.mkdir()
+        for message in self._messages((self._lidar.name,)):
+            try:
+                cloud = self._plain(message)
+            except MalformedMessage:
+                continue
+            xyz = self._moved(message)
+            (folder / f"{self._count:06d}.ply").write_bytes(ply_bytes(cloud, xyz))
+            self._advance()
+        return self._count
+
+    def write_bag(self, file: Path) -> int:
+        """All topics, the lidar's with its points moved. Packets become PointCloud2, for they cannot hold moved points."""
+        is_packets = self._lidar.type not in (POINTCLOUD2, *LIVOX_TYPES)
+        topics = [
+            TopicSummary(t.name, POINTCLOUD2, t.count, t.encoding) if t == self._lidar and is_packets else t
+            for t in self._recording.topics
+        ]
+        writer: BagWriter
+        with ros1_writer(file, topics) if file.suffix == ".bag" else ros2_writer(file, topics) as writer:
+            for message in self._messages(tuple(t.name for t in topics)):
+                if message.topic == self._lidar.name:
+                    writer.write(message.topic, message.receive_ns, self._moved_payload(message, is_packets))
+                    self._advance()
+                else:
+                    writer.write(message.topic, message.receive_ns, message.payload)
+        return self._count
+
+    def _messages(self, topics: tuple[str, ...]) -> Iterator[RawMessage]:
+        return self._recording.messages(topics, start_ns=self._span[0], stop_ns=self._span[1])
+
+    def _moved_payload(self, message: RawMessage, is_packets: bool) -> bytes:
+        try:
+            xyz = self._moved(message)
+        except MalformedMessage:
+            return message.payload
+        if is_packets:
+            return pointcloud2_payload(self._plain(message), xyz, self._lidar.encoding)
+        return message.payload if xyz is None else patched_payload(message, self._lidar, xyz)
+
+    def _moved(self, message: RawMessage) -> MovedPoints | None:
+        """The coordinates to be written, and of which points; None where the scan stays as it is."""
+        cloud = self._timed(message)
+        selection = select_points(cloud, self._timing, _NEAREST_M, _FARTHEST_M)
+        scan = scan_of(cloud, self._count, selection)
+        moved = None if scan is None else self._transform(scan)
+        if scan is None or moved is None:
+            return None
+        if moved.shape != (scan.points.size, 3):
+            raise ValueError(f"transform gave {moved.shape} for {scan.points.size} points")
+        return MovedPoints(np.flatnonzero(selection.keep), np.asarray(moved, np.float64))
+
+    def _advance(self) -> None:
+        self._count += 1
+        if self._count % _EVENT_EVERY == 0:
+            if self._should_cancel():
+                raise Cancelled("Rewriting was stopped.")
+            share = min(1.0, self._count / max(self._lidar.count, 1))
+            text = f"{self._count} of {self._lidar.count} scans"
+            self._on_event(StageEvent(stage="deskew", fraction=share, text=text))
