@@ -79,7 +79,9 @@ def _swing(base: Pose, *, shift: float, turn: float, start: Start) -> Sway:
 HANDHELD = _swing(
     Pose((0.0, 33.0, -135.0), (1.30, 1.28, 0.95)), shift=0.897, turn=0.836, start=Start(static_s=3.0, ramp_s=2.0)
 )
-OUTDOOR = _swing(Pose((2.0, 1.0, -138.0), (2.5, 2.3, 1.35)), shift=0.8, turn=1.2, start=Start(static_s=3.0, ramp_s=2.0))
+OUTDOOR = _swing(
+    Pose((2.0, -6.0, -138.0), (3.3, 3.0, 1.35)), shift=0.8, turn=1.2, start=Start(static_s=3.0, ramp_s=2.0)
+)
 ATTIC = _swing(Pose((0.0, 25.0, -125.0), (1.7, 1.5, 1.0)), shift=0.5, turn=1.2, start=Start(static_s=2.0, ramp_s=1.5))
 OUSTER = _swing(Pose((0.0, 20.0, -140.0), (1.5, 1.4, 1.1)), shift=0.6, turn=1.1, start=Start(static_s=2.0, ramp_s=1.5))
 LIVOX = _swing(Pose((0.0, 10.0, -137.0), (2.7, 2.5, 1.3)), shift=0.8, turn=1.0, start=Start(static_s=2.0, ramp_s=1.5))

@@ -122,10 +122,10 @@ FREE_CORNER = Scene(
     ),
 )
 
-#: The outer corner of a building on sloping asphalt.
+#: The outer corner of a building on a sloping terrace, with open country below.
 BUILDING_CORNER = Scene(
     faces=(
-        Face("ground", (0.014, 0.021, 1.0), (0.0, 0.0, 0.0), reflectivity=0.06),
+        wall("ground", (0.014, 0.021, 1.0), (-9.0, -11.5, 0.3675), (17.5, 0.0, -0.245), (0.0, 19.5, -0.4095), 0.15),
         wall("facade east", (1.0, 0.0, 0.0), (0.0, -11.0, -0.6), (0.0, 11.0, 0.0), (0.0, 0.0, 9.0), 0.45),
         wall("facade north", (0.02, 1.0, 0.0), (-9.0, 0.18, -0.6), (9.0, -0.18, 0.0), (0.0, 0.0, 9.0), 0.45),
     ),
@@ -134,7 +134,7 @@ BUILDING_CORNER = Scene(
             furniture.tree(9.0, 3.5),
             furniture.tree(-4.0, 9.5, 7.5),
             furniture.car(6.5, -6.0, 85.0),
-            furniture.person(3.25, 3.05, carried=0.7),
+            furniture.person(4.05, 3.65, carried=0.7),
             (Cylinder("lamp post", (4.0, 7.0, 2.5), 0.07, 5.0, 0.4),),
         )
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -94,12 +95,12 @@ class Truth:
     @property
     def time_offset_ns(self) -> int:
         """To be added to IMU stamps to express them in the lidar clock."""
-        return round(self.scenario.time_offset_s * 1e9)
+        return round(Fraction(self.scenario.time_offset_s) * 1_000_000_000)
 
     @property
     def time_offset_s(self) -> float:
         """The same in seconds."""
-        return self.time_offset_ns * 1e-9
+        return self.time_offset_ns / 1e9
 
     @property
     def gravity_m_s2(self) -> float:
