@@ -14,7 +14,7 @@ from app import cli_options as options
 from app.atomic import check_writable, write_text
 from app.terminal import Manner, choose_manner, listener
 from calib_core import api
-from calib_core.errors import SettingsError
+from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
 
@@ -72,11 +72,13 @@ def calibrate(chosen: argparse.Namespace) -> None:
 
 def deskew(chosen: argparse.Namespace) -> None:
     """Write the recording's scans with the motion removed."""
-    from app.deskewing import deskew_recording
-
-    result = api.read_result(chosen.calibration)
-    with listener(_manner(chosen)) as on_event:
-        deskew_recording(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+    result, manner = api.read_result(chosen.calibration), _manner(chosen)
+    if chosen.output.exists() and not (chosen.output.is_dir() and not any(chosen.output.iterdir())):
+        raise InputError(f"The output {chosen.output} exists already; remove it or choose another name.")
+    with listener(manner) as on_event:
+        count = api.deskew(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+    if manner in {Manner.live, Manner.plain}:
+        sys.stderr.write(f"Wrote {count} scans without their motion to {chosen.output}\n")
 
 
 def export(chosen: argparse.Namespace) -> None:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "calibrate",
+    "deskew",
     "deskew_points",
     "export",
     "export_names",
@@ -124,6 +125,31 @@ def calibrate(
         on_event=on_event,
         should_cancel=should_cancel,
     )
+
+
+def deskew(
+    path: Path,
+    result: CalibrationResult,
+    out: Path,
+    settings: ReadSettings | None = None,
+    *,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> int:
+    """Write the recording at `path` to `out` with the motion taken out of every scan; the number of scans.
+
+    out: without suffix a folder of .ply files, else a bag of the same kind.
+    """
+    from calib_core import readers
+    from calib_core.pipeline.held import deskewer, held_calibration
+    from calib_core.readers.rewrite import rewrite_clouds
+
+    settings = settings or ReadSettings()
+    held_calibration(result)  # says so before the recording is read where there is none
+    recording = readers.load(path, settings, on_event=on_event, should_cancel=should_cancel)
+    moved = deskewer(recording, result, on_event=on_event, should_cancel=should_cancel)
+    topic = recording.lidar.topic
+    return rewrite_clouds(path, topic, out, moved, settings=settings, on_event=on_event, should_cancel=should_cancel)
 
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
