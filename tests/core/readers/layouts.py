@@ -62,6 +62,12 @@ def start_ns(k: int) -> int:
     return build.EPOCH_NS + k * PERIOD_NS
 
 
+def seconds(k: int, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Absolute seconds as float64, rounded once: half a step at 1.7e9 s is 119 ns."""
+    whole_ns = start_ns(k) + np.rint(time_s * 1e9).astype(np.int64)
+    return whole_ns // 1_000_000_000 + (whole_ns % 1_000_000_000) / 1e9
+
+
 def truth(k: int, cdr: bool, points: NDArray[np.void], time_s: NDArray[np.float64], **options: object) -> Truth:
     """The message whose header is at the first packet unless `header_ns` says otherwise."""
     header_ns = int(options.pop("header_ns", start_ns(k)))  # type: ignore[call-overload]
@@ -136,14 +142,14 @@ HESAI = packed(
 
 def hesai(k: int, cdr: bool) -> Truth:
     scan = build.sweep(seed=k)
-    absolute = start_ns(k) * 1e-9 + scan["time_s"]
+    absolute = seconds(k, scan["time_s"])
     return truth(k, cdr, filled(HESAI, scan, timestamp=absolute), scan["time_s"], frame_id="hesai_lidar", dense=False)
 
 
 def robosense(k: int, cdr: bool) -> Truth:
     """Shipped defaults of the code: header at the last point; NaN kept."""
     scan = build.sweep(seed=k)
-    absolute = start_ns(k) * 1e-9 + scan["time_s"]
+    absolute = seconds(k, scan["time_s"])
     scan["xyz"][::7] = np.nan
     points = filled(HESAI, scan, timestamp=absolute)
     return truth(k, cdr, points, scan["time_s"], frame_id="rslidar", header_ns=start_ns(k) + PERIOD_NS, dense=False)
@@ -202,7 +208,7 @@ def seyond(k: int, cdr: bool) -> Truth:
     """Times in steps of ten microseconds."""
     scan = build.sweep(seed=k)
     time_s = np.floor(scan["time_s"] * 1e5) * 1e-5
-    points = filled(SEYOND, scan, timestamp=start_ns(k) * 1e-9 + time_s, scan_id=np.arange(len(time_s)) % 65536)
+    points = filled(SEYOND, scan, timestamp=seconds(k, time_s), scan_id=np.arange(len(time_s)) % 65536)
     return truth(k, cdr, points, time_s, frame_id="seyond")
 
 
@@ -312,10 +318,10 @@ LAYOUTS: dict[str, Layout] = {
     "velodyne-organised": Layout(velodyne_organised, "time", "s", "header-first", "velodyne", 8),
     "ouster": Layout(ouster, "t", "ns", "header-first", "ouster", 0),
     "ouster-old-ring": Layout(lambda k, cdr: ouster(k, cdr, ring_type="u1"), "t", "ns", "header-first", "ouster", 0),
-    "hesai": Layout(hesai, "timestamp", "s", "absolute", "hesai", 240),
-    "robosense": Layout(robosense, "timestamp", "s", "absolute", "robosense", 240),
+    "hesai": Layout(hesai, "timestamp", "s", "absolute", "hesai", 120),
+    "robosense": Layout(robosense, "timestamp", "s", "absolute", "robosense", 120),
     "nebula": Layout(nebula, "time_stamp", "ns", "header-first", "nebula", 0),
-    "seyond": Layout(seyond, "timestamp", "s", "absolute", "seyond", 240),
+    "seyond": Layout(seyond, "timestamp", "s", "absolute", "seyond", 120),
     "livox-driver2": Layout(livox2, "timestamp", "ns", "absolute", "livox-driver2-pointcloud2", 256),
     "livox-custom-1": Layout(custom("livox_frame"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver/msg/CustomMsg"),
     "livox-custom-2": Layout(custom("f"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"),
