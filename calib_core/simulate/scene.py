@@ -91,10 +91,10 @@ class Path:
                 moved[axis] += wave.amplitude * np.sin(2.0 * np.pi * wave.frequency_hz * rays.t_s + wave.phase_rad)
         return moved
 
-    def wander_m(self, rays: Rays, span_s: float) -> float:
-        """A bound on how far any of these displacements is from that of a ray `span_s` away in time."""
+    def wander_m(self, span_s: float, lidar_spread_m: float) -> float:
+        """A bound on how far displacements differ within `span_s` in which the lidar moved by `lidar_spread_m`."""
         speed = sum(2.0 * np.pi * wave.frequency_hz * abs(wave.amplitude) for waves in self.waves for wave in waves)
-        return speed * span_s + abs(self.carried) * float(np.linalg.norm(np.ptp(rays.lidar_m, axis=1)))
+        return float(speed * span_s + abs(self.carried) * lidar_spread_m)
 
 
 class Body(Protocol):
@@ -216,8 +216,9 @@ class Scene:
         hits = _Nearest(np.zeros(n), np.zeros(n), np.full(n, -1, dtype=np.int16))
         for index, face in enumerate(self.faces):
             _cast_face(index, face, rays, hits)
+        spread_m = max(float(np.linalg.norm(np.ptp(places, axis=1))) for places in (rays.origins_m, rays.lidar_m))
         for index, body in enumerate(self.bodies, start=len(self.faces)):
-            _cast_body(index, body, rays, hits)
+            _cast_body(index, body, rays, hits, spread_m)
         with np.errstate(divide="ignore"):
             return Hits(1.0 / hits.closeness_1_m, hits.cosine, hits.surface)
 
@@ -270,16 +271,19 @@ def _inside(face: Face, normal: FloatArray, rays: Rays, closeness: FloatArray) -
     return inside
 
 
-def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest) -> None:
-    """Only rays that can pass the bounding sphere, wherever it and the lidar are within the sweep, look closer."""
+def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest, spread_m: float) -> None:
+    """Only rays that can pass the bounding sphere, wherever it and the lidar are within the sweep, look closer.
+
+    spread_m: a bound on the distance between any two of the rays' origins, and of the lidar's places.
+    """
     ends = rays.subset(np.array([0, rays.t_s.shape[0] - 1]))
     span_s = float(ends.t_s[1] - ends.t_s[0])
     start_m = rays.origins_m[:, 0]
     to_center = np.asarray(body.center_m, dtype=np.float64) - start_m
-    radius = body.bounding_radius_m + float(np.linalg.norm(np.ptp(rays.origins_m, axis=1)))
+    radius = body.bounding_radius_m + spread_m
     if body.path is not None:
         to_center = to_center + body.path.displacement(ends)[:, 0]
-        radius += body.path.wander_m(rays, span_s)
+        radius += body.path.wander_m(span_s, spread_m)
     distance2 = float(to_center @ to_center)
     nearest = np.sqrt(distance2 - radius**2) if distance2 > radius**2 else -np.inf
     chosen = np.flatnonzero(to_center @ rays.directions >= nearest)

@@ -163,3 +163,4 @@ def test_a_random_room_is_closed_and_nearly_square(seed: int) -> None:
     assert np.isfinite(room.cast(rays).range_m).all()
     for face, square in zip(room.faces, ("z", "z", "x", "y", "x", "y"), strict=True):
         assert abs(face.unit_normal["xyz".index(square)]) >= np.cos(np.deg2rad(2.0))
+        assert (face.unit_normal @ rays.origins_m + face.offset_m > 0.5).all()
