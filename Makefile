@@ -50,7 +50,7 @@ bench: system-run $(STAMPS)/project $(STAMPS)/test
 	$(BIN)/python -m bench gate
 
 bench-paper: system-run $(STAMPS)/project $(STAMPS)/test
-	$(BIN)/python -m bench paper
+	$(BIN)/python -m bench.paper
 
 system-run system-test: system-%:
 	@$(PYTHON) tools/system_packages.py $*

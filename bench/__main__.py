@@ -1,10 +1,12 @@
 """`python -m bench`: measure, judge, bless.
 
-python -m bench list                    what can be measured
-python -m bench run NAME... [--jobs N]  measure, show, write bench/results/NAME.json
-python -m bench gate [--jobs N]         measure the gated workloads; exit 1 where a ratio slipped
-python -m bench bless NAME...           measure and make the ratios the new baseline (commit it with a reason)
-python -m bench paper [--jobs N]        the tables and figures of the paper, both methods side by side
+    list                    what can be measured
+    run NAME... [--jobs N]  measure, show, write bench/results/NAME.json
+    gate [--jobs N]         measure the gated workloads; exit 1 where a ratio slipped
+    bless NAME...           measure and make the ratios the new baseline (commit it with a reason)
+    readme                  write the README's table from bench/results
+
+The tables and figures of the paper, both methods side by side, are `python -m bench.paper`.
 """
 
 from __future__ import annotations
@@ -15,29 +17,28 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from bench.metrics import Metric, slips
+from bench.readme import README, table, with_table
 from bench.store import bless, read_baseline, write_results
-from bench.workloads import PAPER_EXPERIMENTS, WORKLOADS, metrics_of, runs_of
+from bench.workloads import WORKLOADS, metrics_of, runs_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one of the commands; its exit code."""
     parser = argparse.ArgumentParser(prog="python -m bench", description="Measure, judge, bless.")
-    parser.add_argument("command", choices=("list", "run", "gate", "bless", "paper"))
+    parser.add_argument("command", choices=("list", "run", "gate", "bless", "readme"))
     parser.add_argument("names", nargs="*", metavar="NAME", help="workloads; all gated ones where none is named")
     parser.add_argument("--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), help="processes (%(default)s)")
     chosen = parser.parse_args(arguments)
-    known = PAPER_EXPERIMENTS if chosen.command == "paper" else WORKLOADS
-    unknown = [name for name in chosen.names if name not in known]
+    unknown = [name for name in chosen.names if name not in WORKLOADS]
     if unknown:
-        sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(known)}.\n")
+        sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(WORKLOADS)}.\n")
         return 2
     match chosen.command:
         case "list":
             for workload in WORKLOADS.values():
                 sys.stdout.write(f"{workload.name:24}{workload.text} Seeds {workload.seeds}.\n")
-        case "paper":
-            for name in chosen.names or PAPER_EXPERIMENTS:
-                PAPER_EXPERIMENTS[name](chosen.jobs)
+        case "readme":
+            README.write_text(with_table(README.read_text(encoding="utf-8"), table()), encoding="utf-8")
         case "gate":
             return _gate(_measure(chosen.names or _gated(), chosen.jobs))
         case "bless":

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_context
@@ -171,6 +171,3 @@ WORKLOADS: dict[str, Workload] = {
         Workload("handheld", "handheld", "A minute carried by hand.", seeds=(1, 2, 3), is_gated=False),
     )
 }
-
-#: Called by `python -m bench paper`; each writes its table and plots under bench/results.
-PAPER_EXPERIMENTS: dict[str, Callable[[int], None]] = {}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bench.metrics import Direction, Metric, slips
+from bench.readme import README, START, table, with_table
 from bench.store import bless, read_baseline, write_results
 from bench.workloads import Run, Workload, metrics_of
 
@@ -55,6 +56,13 @@ def test_bless_keeps_the_others(tmp_path: Path) -> None:
     bless([ratio(3.0, key="b"), Metric(key="t", value=1.0, unit="s")], path)
     assert {key: metric.value for key, metric in read_baseline(path).items()} == {"a": 1.0, "b": 3.0}
     assert write_results("x", [ratio(1.0)], tmp_path / "results").is_file()
+
+
+def test_readme_shows_the_committed_numbers() -> None:
+    """Fails when results are committed and the README is not (`python -m bench readme`), or it is edited by hand."""
+    text = README.read_text(encoding="utf-8")
+    assert START in text
+    assert with_table(text, table()) == text
 
 
 def test_honest_runs_have_ratios_near_one() -> None:
