@@ -11,6 +11,7 @@ import heapq
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Literal
@@ -113,13 +114,11 @@ class OpenRecording:
         if file.stat().st_size == 0:
             raise UnreadableRecording(f"The file {file.name} of {self.name} is empty; record or copy it again.")
         try:
-            return RosbagsStorage(file)
+            return RosbagsStorage(file, partial(recovered, file))
         except StorageError as error:
             reason = str(error).rstrip(".")
         try:
-            if _storage_suffix(file) == ".bag":
-                return Ros1Recovery(file, reason)
-            return McapRecovery(file, reason) if file.suffix == ".mcap" else SqliteRecovery(file, reason)
+            return recovered(file, reason)
         except (StorageError, OSError) as error:
             raise UnreadableRecording(
                 f"The file {file.name} is no readable recording ({str(error).rstrip('.')}); expected {_ACCEPTED}."
@@ -140,6 +139,13 @@ def open_recording(path: Path) -> OpenRecording:
         raise UnreadableRecording(f"The file {error.filename} may not be read by this user; change its mode.") from error
     except OSError as error:
         raise UnreadableRecording(f"The recording {path.name} cannot be read: {error.strerror or error}.") from error
+
+
+def recovered(file: Path, reason: str) -> Storage:
+    """The file read without its index. Raises StorageError where nothing of it can be read.   reason: why."""
+    if _storage_suffix(file) == ".bag":
+        return Ros1Recovery(file, reason)
+    return McapRecovery(file, reason) if file.suffix == ".mcap" else SqliteRecovery(file, reason)
 
 
 def storage_files(path: Path) -> list[Path]:

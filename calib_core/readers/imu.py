@@ -9,12 +9,15 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.readers.imu_messages import RawImu
 from calib_core.readers.imu_units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
+from calib_core.readers.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, ImuData, IntArray
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 #: A pause longer than this many sample periods is a gap.
 GAP_PERIODS = 3.5
+#: No gyroscope shows this in deg/s, no accelerometer in m/s2: damaged bytes do. NaN fails the comparison as well.
+_IMPOSSIBLE_READING = 1e5
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +78,24 @@ def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray) -> StampStatisti
 def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     """The readings in SI units, and what was found. Raises InputError where nothing usable is left."""
     stamps_ns = raw.receive_ns if settings.stamps == "receive" else raw.header_ns
-    statistics = stamp_statistics(stamps_ns, raw.receive_ns)
+    good = (
+        plausible_stamps(stamps_ns, raw.receive_ns)
+        & (np.abs(raw.gyro) < _IMPOSSIBLE_READING).all(axis=1)
+        & (np.abs(raw.accel) < _IMPOSSIBLE_READING).all(axis=1)
+    )
+    statistics = stamp_statistics(stamps_ns[good], raw.receive_ns[good])
     findings = list(_stamp_findings(statistics, topic))
-    finite = np.isfinite(raw.gyro).all(axis=1) & np.isfinite(raw.accel).all(axis=1)
-    n_bad = int(np.count_nonzero(~finite)) + raw.n_malformed
+    n_bad = int(np.count_nonzero(~good)) + raw.n_malformed
     if n_bad:
         findings.append(_bad_readings(n_bad, stamps_ns.size + raw.n_malformed, topic))
     # unique() sorts and keeps the first of equal stamps, in receive order
-    unique_ns, first = np.unique(stamps_ns[finite], return_index=True)
+    unique_ns, first = np.unique(stamps_ns[good], return_index=True)
     if unique_ns.size < 2:
         raise InputError(
             f"The IMU topic {topic} holds {unique_ns.size} usable readings, at least 2 are needed; pick another topic or recording.",
             code="imu.empty",
         )
-    gyro, accel = raw.gyro[finite][first], raw.accel[finite][first]
+    gyro, accel = raw.gyro[good][first], raw.accel[good][first]
     accel_unit, finding = detect_accelerometer_unit(unique_ns, gyro, accel, settings, topic)
     findings.append(finding)
     accel = accel * (STANDARD_GRAVITY_M_S2 if accel_unit == "g" else 1.0)
@@ -103,7 +110,7 @@ def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
     return Finding(
         code="imu.bad_readings",
         level="warning",
-        text=f"{n_bad} of {total} readings on {topic} are not finite or malformed and were left out.",
+        text=f"{n_bad} of {total} readings on {topic} are not finite, impossible or malformed and were left out.",
         evidence=(Evidence("bad readings", n_bad), Evidence("readings", total)),
         consequence="the motion between their neighbours is interpolated",
     )

@@ -138,9 +138,9 @@ def _windows(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray) -> _Windo
     """Gravity's direction before and after each window, and the readings of angle (rate times step) inside it."""
     times_s = (stamps_ns - stamps_ns[0]) * 1e-9
     sums = np.vstack([np.zeros(3), np.cumsum(accel, axis=0)])
-    edges = np.arange(_AVERAGE_S, times_s[-1] - _AVERAGE_S, _WINDOW_S)
-    if edges.size > _MAX_WINDOWS:
-        edges = edges[np.linspace(0, edges.size - 1, _MAX_WINDOWS).astype(np.int64)]
+    n_windows = max(0, int((times_s[-1] - 2 * _AVERAGE_S) / _WINDOW_S))
+    chosen = np.linspace(0, n_windows - 1, min(n_windows, _MAX_WINDOWS)).astype(np.int64)
+    edges = _AVERAGE_S + chosen * _WINDOW_S
     before, after, angles = [], [], []
 
     def direction(at_s: float) -> FloatArray | None:

@@ -160,6 +160,7 @@ def scan_period_s(clouds: Sequence[RawCloud]) -> float:
     return 0.1
 
 
+@np.errstate(invalid="ignore", over="ignore")  # damaged floats are masked, not warned of
 def detect_point_time(
     clouds: Sequence[RawCloud], settings: ReadSettings, *, topic: str, help_text: str = ""
 ) -> tuple[PointTiming, tuple[Finding, ...]]:

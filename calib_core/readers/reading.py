@@ -6,6 +6,8 @@ import errno
 import itertools
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from calib_core.errors import Cancelled, InputError, UnreadableRecording
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.readers.cloud import RawCloud
@@ -14,6 +16,7 @@ from calib_core.readers.decoders import CloudDecoder
 from calib_core.readers.imu_messages import ImuCollector
 from calib_core.readers.point_time import PointTiming
 from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
+from calib_core.readers.stamps import plausible_stamps
 from calib_core.readers.storage import RawMessage, TopicSummary
 from calib_core.readers.wire import MalformedMessage
 from calib_core.settings import ReadSettings
@@ -84,6 +87,7 @@ class Reading:
     should_cancel: ShouldCancel
     imu: ImuCollector = field(default_factory=lambda: ImuCollector("cdr"))
     scans: StoredScans = field(default_factory=StoredScans)
+    indices: list[int] = field(default_factory=list)
     header_ns: list[int] = field(default_factory=list)
     receive_ns: list[int] = field(default_factory=list)
     counts: list[ScanCounts] = field(default_factory=list)
@@ -102,12 +106,21 @@ class Reading:
             n_seen += 1
             if n_seen % _EVENT_EVERY == 0:
                 self._report(n_seen, lidar.count)
+        self._drop_impossible_stamps()
         if not len(self.scans):
             raise InputError(
                 f"No scan on {lidar.name} holds a point between {self.settings.range_min_m:g} m and"
                 f" {self.settings.range_max_m:g} m inside its sweep ({n_seen} scans read); check the sensor or the point times.",
                 code="points.none_valid",
             )
+
+    def _drop_impossible_stamps(self) -> None:
+        good = plausible_stamps(np.array(self.header_ns, np.int64), np.array(self.receive_ns, np.int64))
+        bad = {int(index) for index in np.array(self.indices, np.int64)[~good]}
+        if bad:
+            self.n_malformed += len(bad)
+            self.malformed_text = self.malformed_text or f"message {min(bad)}: its stamp is minutes off"
+            self.scans.without([k for k, scan in enumerate(self.scans) if scan.index in bad])
 
     def _report(self, n_seen: int, n_total: int) -> None:
         if self.should_cancel():
@@ -124,6 +137,7 @@ class Reading:
             self.n_malformed += 1
             self.malformed_text = self.malformed_text or f"message {index}: {error}"
             return
+        self.indices.append(index)
         self.header_ns.append(cloud.header_ns)
         self.receive_ns.append(cloud.receive_ns)
         self.counts.append(counts)
@@ -185,9 +199,10 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
     """One finding per damaged file. Raises UnreadableRecording where too little of the recording is left."""
     found: list[Finding] = []
     for damage in recording.damages:
-        lost = damage.lost_from_ns is not None
-        after = f" after {(damage.lost_from_ns - recording.start_ns) * 1e-9:.1f} s" if damage.lost_from_ns is not None else ""
-        if lost and n_scans < MIN_SCANS_OF_DAMAGED:
+        after = ""
+        if damage.kind == "cut":
+            after = f" after {max(0, damage.lost_from_ns - recording.start_ns) * 1e-9:.1f} s"
+        if damage.kind != "index" and n_scans < MIN_SCANS_OF_DAMAGED:
             raise UnreadableRecording(
                 f"The file {damage.file} is {damage.text}{after}, and the {n_scans} scans that are left are too few"
                 f" ({MIN_SCANS_OF_DAMAGED} needed); record or copy it again.",
@@ -195,11 +210,11 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
             )
         found.append(
             Finding(
-                code="recording.truncated" if lost else "recording.damaged",
-                level="warning" if lost else "info",
+                code="recording.truncated" if damage.kind == "cut" else "recording.damaged",
+                level="info" if damage.kind == "index" else "warning",
                 text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used ({n_scans} scans).",
                 evidence=(Evidence("scans recovered", n_scans), Evidence("file", damage.file)),
-                consequence="the result rests on the recovered part only" if lost else "",
+                consequence="" if damage.kind == "index" else "the result rests on the recovered part only",
             )
         )
     return tuple(found)

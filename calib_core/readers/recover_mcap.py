@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from zlib import crc32
@@ -40,6 +41,7 @@ class _Span:
     start_ns: int
     end_ns: int
     is_chunk: bool
+    is_cut: bool = False
 
 
 def _string(content: bytes, pos: int) -> tuple[str, int]:
@@ -50,13 +52,16 @@ def _string(content: bytes, pos: int) -> tuple[str, int]:
     return content[pos + 4 : end].decode("utf-8", "replace"), end
 
 
-def _chunk_records(content: bytes) -> bytes:
-    """The records inside a chunk record; raises ValueError where they fail a check."""
+def _chunk_records(content: bytes, *, cut: bool = False) -> bytes:
+    """The records inside a chunk record; raises ValueError where they fail a check.
+
+    cut: the file ends inside this chunk: what is there is its beginning, which no checksum covers.
+    """
     _, _, size, checksum = struct.unpack_from("<QQQI", content, 0)
     compression, pos = _string(content, 28)
     (stored_size,) = struct.unpack_from("<Q", content, pos)
     stored = content[pos + 8 : pos + 8 + stored_size]
-    if size > MAX_CHUNK_BYTES or len(stored) != stored_size:
+    if size > MAX_CHUNK_BYTES or (len(stored) != stored_size and not cut):
         raise ValueError("chunk size")
     if compression == "zstd":
         records = zstd.ZstdDecompressor().decompress(stored, size + 1)
@@ -66,6 +71,8 @@ def _chunk_records(content: bytes) -> bytes:
         records = stored
     else:
         raise ValueError(f"compression {compression!r}")
+    if cut:
+        return records
     if len(records) != size or (checksum and crc32(records) != checksum):
         raise ValueError("chunk checksum")
     return records
@@ -103,9 +110,9 @@ class McapRecovery:
         self.start_ns = min((s.start_ns for s in self._spans), default=0)
         self.end_ns = max((s.end_ns for s in self._spans), default=0) + 1
         if bad_chunks:
-            self.damages.append(Damage(path.name, f"has {bad_chunks} damaged chunk(s), left out ({reason})", None))
+            self.damages.append(Damage(path.name, f"damaged in {bad_chunks} chunk(s), left out ({reason})", "holes"))
         if not complete:
-            self.damages.append(Damage(path.name, f"cut or damaged ({reason})", self.end_ns))
+            self.damages.append(Damage(path.name, f"cut or damaged ({reason})", "cut", self.end_ns))
 
     def _scan(self, size: int) -> tuple[int, bool]:
         """Every readable chunk and message. Returns how many chunks failed, and whether the data section ended."""
@@ -115,6 +122,10 @@ class McapRecovery:
             op, record_size = struct.unpack("<BQ", self._source.read(9))
             if op == _DATA_END:
                 return bad_chunks, True
+            if op == _CHUNK and pos + 9 + record_size > size:
+                with suppress(struct.error, ValueError, zstd.ZstdError, RuntimeError):
+                    self._visit(op, self._source.read(MAX_CHUNK_BYTES), _Span(pos + 9, size - pos - 9, 0, 0, True, True))
+                return bad_chunks, False
             if op not in _KNOWN or pos + 9 + record_size > size:
                 return bad_chunks, False
             if op in (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK):
@@ -130,13 +141,14 @@ class McapRecovery:
 
     def _visit(self, op: int, content: bytes, span: _Span) -> None:
         if op == _CHUNK:
-            inner = [(o, c) for o, c in _records(_chunk_records(content)) if o in (_SCHEMA, _CHANNEL, _MESSAGE)]
+            records = _records(_chunk_records(content, cut=span.is_cut))
+            inner = [(o, c) for o, c in records if o in (_SCHEMA, _CHANNEL, _MESSAGE)]
             times = [self._define_or_count(o, c) for o, c in inner]
         else:
             times = [self._define_or_count(op, content)]
         stamps = [time_ns for time_ns in times if time_ns is not None]
         if stamps:
-            self._spans.append(_Span(span.pos, span.size, min(stamps), max(stamps), span.is_chunk))
+            self._spans.append(replace(span, start_ns=min(stamps), end_ns=max(stamps)))
 
     def _define_or_count(self, op: int, content: bytes) -> int | None:
         """Note a schema or channel; of a message, count it and give its log time."""
@@ -160,7 +172,7 @@ class McapRecovery:
     def _span_messages(self, span: _Span, wanted: dict[int, str]) -> list[RawMessage]:
         self._source.seek(span.pos)
         content = self._source.read(span.size)
-        records = _records(_chunk_records(content)) if span.is_chunk else iter([(_MESSAGE, content)])
+        records = _records(_chunk_records(content, cut=span.is_cut)) if span.is_chunk else iter([(_MESSAGE, content)])
         found: list[RawMessage] = []
         for op, record in records:
             if op == _MESSAGE:

@@ -135,8 +135,10 @@ class Ros1Recovery:
         )
         self.start_ns = min((c.start_ns for c in self._chunks), default=0)
         self.end_ns = max((c.end_ns for c in self._chunks), default=0) + 1
-        text = "has no index; it was read chunk by chunk" if complete else f"cut or damaged ({reason})"
-        self.damages.append(Damage(path.name, text, None if complete else self.end_ns))
+        if complete:
+            self.damages.append(Damage(path.name, "without an index and was read chunk by chunk", "index"))
+        else:
+            self.damages.append(Damage(path.name, f"cut or damaged ({reason})", "cut", self.end_ns))
 
     def _scan(self, counts: dict[int, int]) -> bool:
         """Find every chunk and connection; count the messages. True where no byte was out of place."""

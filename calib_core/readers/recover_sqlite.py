@@ -48,7 +48,7 @@ class SqliteRecovery:
             raise StorageError(reason)
         self.topics = merged_topics([TopicSummary(s.name, s.type, counts.get(i, 0), "cdr") for i, s in self._names.items()])
         if not complete:
-            self.damages.append(Damage(path.name, f"cut or damaged ({reason})", self.end_ns))
+            self.damages.append(Damage(path.name, f"cut or damaged ({reason})", "cut", self.end_ns))
 
     def messages(self, topics: Collection[str], start_ns: int | None, stop_ns: int | None) -> Iterator[RawMessage]:
         low = 0 if start_ns is None else start_ns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import IO, overload
 
@@ -59,17 +59,17 @@ class Selection:
     counts: ScanCounts
 
 
+@np.errstate(invalid="ignore", over="ignore")  # damaged floats are masked, not warned of
 def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, range_max_m: float) -> Selection:
     """The returns inside the range whose time lies inside the sweep: the one place where points are masked."""
     points = cloud.points
     xyz = np.empty((points.size, 3), np.float32)
     xyz[:, 0], xyz[:, 1], xyz[:, 2] = points["x"], points["y"], points["z"]
-    with np.errstate(invalid="ignore", over="ignore"):
-        squared = np.einsum("ij,ij->i", xyz, xyz)
-        nearest, farthest = np.float32(range_min_m) ** 2, np.float32(range_max_m) ** 2
-        returned: BoolArray = (squared >= nearest) & (squared <= farthest) & (squared > 0)
-        times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
-        keep = returned & (times_ns >= timing.low_ns) & (times_ns <= timing.high_ns)
+    squared = np.einsum("ij,ij->i", xyz, xyz)
+    nearest, farthest = np.float32(range_min_m) ** 2, np.float32(range_max_m) ** 2
+    returned: BoolArray = (squared >= nearest) & (squared <= farthest) & (squared > 0)
+    times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
+    keep = returned & (times_ns >= timing.low_ns) & (times_ns <= timing.high_ns)
     n_returned, n_kept = int(np.count_nonzero(returned)), int(np.count_nonzero(keep))
     counts = ScanCounts(points.size, points.size - n_returned, n_returned - n_kept)
     if n_kept < points.size:
@@ -77,6 +77,7 @@ def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, rang
     return Selection(keep, xyz, np.rint(times_ns).astype(np.int64), base_ns + timing.shift_ns, counts)
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def scan_of(cloud: RawCloud, index: int, selection: Selection) -> Scan | None:
     """The scan of the selected points; None where there are none."""
     n_kept = selection.times_ns.size
@@ -134,6 +135,12 @@ class StoredScans(Sequence[Scan]):
             for array in self._arrays:
                 self._file.write(array.tobytes())
             self._arrays.clear()
+
+    def without(self, positions: Collection[int]) -> None:
+        """Drop the scans at these positions."""
+        dropped = set(positions)
+        self._arrays = [a for k, a in enumerate(self._arrays) if k not in dropped]
+        self._index = [e for k, e in enumerate(self._index) if k not in dropped]
 
     def finish(self) -> StoredScans:
         """Itself, ready to be read."""

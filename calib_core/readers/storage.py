@@ -6,10 +6,11 @@ exception half-way: whoever iterates gets everything up to the damage and finds 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from calib_core.readers.compression import zstd
 from rosbags.interfaces import Connection
@@ -52,11 +53,15 @@ class TopicSummary:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """What is wrong with a file and what was lost: one clause for a sentence. lost_from_ns: receive time, or None."""
+    """What is wrong with a file: one clause for a sentence.
+
+    kind: "index", nothing is lost; "holes", something inside is; "cut", all after lost_from_ns (receive time) is.
+    """
 
     file: str
     text: str
-    lost_from_ns: int | None = None
+    kind: Literal["index", "holes", "cut"]
+    lost_from_ns: int = 0
 
 
 class Storage(Protocol):
@@ -90,10 +95,11 @@ def unpacked(payload: bytes) -> bytes:
 
 
 class RosbagsStorage:
-    """A regular ROS 1 bag, mcap or sqlite3 file, read by rosbags."""
+    """A regular ROS 1 bag, mcap or sqlite3 file, read by rosbags; damage met half-way hands over to `recover`."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, recover: Callable[[str], Storage]) -> None:
         self._path = path
+        self._recover = recover
         self._reader: Ros1Reader | Ros2Reader
         is_ros1 = path.suffix == ".bag"
         try:
@@ -110,15 +116,42 @@ class RosbagsStorage:
         connections = [c for c in self._reader.connections if c.topic in topics]
         if not connections:
             return
-        last_ns = self.start_ns
+        last_ns = None if start_ns is None else start_ns - 1
         try:
             for connection, receive_ns, payload in self._reader.messages(connections, start_ns, stop_ns):
+                message = RawMessage(connection.topic, receive_ns, unpacked(payload))
                 last_ns = receive_ns
-                yield RawMessage(connection.topic, receive_ns, unpacked(payload))
+                yield message
+            return
         except (MemoryError, GeneratorExit):
             raise
-        except Exception as error:  # damage met half-way: keep what was read
-            self.damages.append(Damage(self._path.name, f"damaged ({str(error) or type(error).__name__})", last_ns))
+        except Exception as error:  # decompressors and readers raise what they like at damage
+            reason = str(error) or type(error).__name__
+        yield from self._after_damage(reason, topics, last_ns, stop_ns)
+
+    def _after_damage(
+        self, reason: str, topics: Collection[str], last_ns: int | None, stop_ns: int | None
+    ) -> Iterator[RawMessage]:
+        """What the recovery still finds later than the last message read."""
+        reached_ns = last_ns
+        try:
+            rest = self._recover(reason)
+        except (StorageError, OSError):
+            self._note(Damage(self._path.name, f"damaged ({reason})", "cut", reached_ns or self.start_ns))
+            return
+        with closing(rest):
+            for message in rest.messages(topics, None if last_ns is None else last_ns + 1, stop_ns):
+                reached_ns = message.receive_ns
+                yield message
+        if reached_ns is None or reached_ns == last_ns:
+            self._note(Damage(self._path.name, f"damaged ({reason})", "cut", reached_ns or self.start_ns))
+        else:
+            self._note(Damage(self._path.name, f"damaged in places ({reason})", "holes"))
+
+    def _note(self, damage: Damage) -> None:
+        """Once, however often the file is iterated."""
+        if damage.kind not in {known.kind for known in self.damages}:
+            self.damages.append(damage)
 
     def close(self) -> None:
         self._reader.close()

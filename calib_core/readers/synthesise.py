@@ -35,6 +35,7 @@ class Synthesis:
     start_rad: float = 0.0
 
 
+@np.errstate(invalid="ignore")
 def plan_synthesis(clouds: Sequence[RawCloud]) -> Synthesis:
     """The rule for the clouds of one topic, from a sample of them."""
     period_s = scan_period_s(clouds)
@@ -59,6 +60,7 @@ def plan_synthesis(clouds: Sequence[RawCloud]) -> Synthesis:
     return Synthesis("azimuth", period_s, direction, start)
 
 
+@np.errstate(invalid="ignore")
 def synthesised_times_s(cloud: RawCloud, synthesis: Synthesis) -> FloatArray:
     """(N,) seconds from the sweep's start; NaN for points without a bearing."""
     if synthesis.kind == "order":

@@ -1,0 +1,24 @@
+"""Stamps that cannot be: headers far from where all other headers of the topic are, seen from the recorder's clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.types import BoolArray, IntArray
+
+#: A header this far from its topic's usual distance to the receive time is a damaged number.
+MAX_DEVIATION_NS = 60_000_000_000
+#: Where more than this share deviates it is no damage but a clock that was set; then nothing is left out.
+MAX_SHARE = 0.05
+
+
+def plausible_stamps(header_ns: IntArray, receive_ns: IntArray) -> BoolArray:
+    """(Q,) False for the few headers that are minutes away from where the others say they must be."""
+    if header_ns.size < 3:
+        return np.ones(header_ns.size, bool)
+    # float64 is exact enough here: what counts is a minute in 1e18 ns
+    lag = receive_ns.astype(np.float64) - header_ns.astype(np.float64)
+    good: BoolArray = np.abs(lag - np.median(lag)) <= MAX_DEVIATION_NS
+    if np.count_nonzero(~good) > MAX_SHARE * good.size:
+        return np.ones(header_ns.size, bool)
+    return good

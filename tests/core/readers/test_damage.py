@@ -1,0 +1,178 @@
+"""Cut and damaged recordings: what can be recovered is, with a finding; the rest ends in one sentence. Never a crash."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError, UnreadableRecording
+from calib_core.readers import load, open_recording
+from calib_core.settings import ReadSettings
+from calib_core.types import Recording
+from tests.core.readers import build
+
+N_SCANS = 60
+
+
+def messages(*, cdr: bool) -> list[build.Message]:
+    return build.in_order(build.velodyne_messages(N_SCANS, cdr=cdr), build.still_imu(6.2, cdr=cdr))
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One intact file per container."""
+    folder = tmp_path_factory.mktemp("bags")
+    made = {
+        "plain.bag": build.write_ros1(folder / "plain.bag", messages(cdr=False), chunk=100_000),
+        "lz4.bag": build.write_ros1(folder / "lz4.bag", messages(cdr=False), compression="lz4", chunk=100_000),
+        "plain.mcap": next(build.write_ros2(folder / "m", messages(cdr=True)).glob("*.mcap")),
+        "zstd.mcap": next(build.write_ros2(folder / "z", messages(cdr=True), compress="storage").glob("*.mcap")),
+        "plain.db3": next(build.write_ros2(folder / "s", messages(cdr=True), plugin="sqlite3").glob("*.db3")),
+    }
+    return made
+
+
+def attempt(path: Path) -> Recording | str:
+    """The recording, or the sentence it was refused with."""
+    try:
+        return load(path, ReadSettings())
+    except InputError as error:
+        return str(error)
+
+
+def is_one_sentence(text: str) -> bool:
+    return text.endswith(".") and "\n" not in text and "Traceback" not in text and len(text) < 600
+
+
+@pytest.mark.parametrize("name", ["plain.bag", "lz4.bag", "plain.mcap", "zstd.mcap", "plain.db3"])
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.45, 0.7, 0.95, 0.999])
+def test_truncated(name: str, share: float, bags: dict[str, Path], tmp_path: Path) -> None:
+    """Mutation: return True from `_scan`'s end in recover_ros1 whatever was met (no finding); drop MIN_SCANS_OF_DAMAGED."""
+    whole = bags[name].read_bytes()
+    cut = tmp_path / name
+    cut.write_bytes(whole[: int(len(whole) * share)])
+
+    got = attempt(cut)
+
+    if isinstance(got, str):
+        assert is_one_sentence(got)
+        assert name in got
+        # half of the recording and more is enough, except where SQLite's own tree was cut away
+        assert share < 0.5 or name == "plain.db3"
+        return
+    assert any(f.code == "recording.truncated" and f.level == "warning" for f in got.findings)
+    assert len(got.scans) >= 20
+    if name != "plain.db3":
+        assert len(got.scans) >= int(N_SCANS * share) - 6
+    for scan in got.scans:
+        expected = build.sweep(seed=scan.index)
+        np.testing.assert_array_equal(scan.points["xyz"], expected["xyz"].astype(np.float32))
+
+
+@pytest.mark.parametrize("name", ["plain.bag", "lz4.bag"])
+def test_unindexed_bag_is_read_whole(name: str, bags: dict[str, Path], tmp_path: Path) -> None:
+    """Mutation: stop `Ros1Recovery._scan` at the first connection record outside of chunks."""
+    whole = bytearray(bags[name].read_bytes())
+    at = whole.index(b"index_pos=") + len(b"index_pos=")
+    index_pos = int.from_bytes(whole[at : at + 8], "little")
+    whole[at : at + 8] = bytes(8)
+    (tmp_path / f"{name}.active").write_bytes(whole[:index_pos])  # as a killed recorder leaves it
+    got = attempt(tmp_path / f"{name}.active")
+    assert isinstance(got, Recording)
+    assert len(got.scans) == N_SCANS
+    assert got.imu.stamps_ns.size == 620
+    assert any(f.code == "recording.damaged" and "without an index" in f.text for f in got.findings)
+
+
+@pytest.mark.parametrize("name", ["lz4.bag", "zstd.mcap"])
+def test_a_damaged_chunk_in_the_middle_costs_that_chunk(name: str, bags: dict[str, Path], tmp_path: Path) -> None:
+    """Mutation: do not fall back to recovery after damage met half-way; believe a chunk whose checksum fails."""
+    whole = bytearray(bags[name].read_bytes())
+    middle = len(whole) // 2
+    if name == "zstd.mcap":  # rosbags' writer leaves the checksum out: hit the frame's own head
+        starts = [m.start() for m in re.finditer(re.escape(b"\x28\xb5\x2f\xfd"), bytes(whole))]
+        middle = min(starts, key=lambda at: abs(at - middle))
+    whole[middle : middle + 40] = b"\xa5" * 40
+    (tmp_path / name).write_bytes(whole)
+    got = attempt(tmp_path / name)
+    assert isinstance(got, Recording)
+    assert N_SCANS - 35 <= len(got.scans) < N_SCANS
+    assert any(f.code.startswith("recording.") and f.level == "warning" for f in got.findings)
+    if name == "lz4.bag":
+        assert len(got.scans) >= N_SCANS - 12
+        assert got.scans[-1].stamp_ns - got.scans[0].stamp_ns > 5.5e9
+
+
+@pytest.mark.parametrize("name", ["plain.bag", "lz4.bag", "plain.mcap", "zstd.mcap", "plain.db3"])
+def test_flipped_bytes_never_crash(name: str, bags: dict[str, Path], tmp_path: Path) -> None:
+    """Mutation: raise KeyError instead of MalformedMessage in `Wire.unpack`; believe any chunk size.
+
+    Twelve seeds a container here; the thousand of the must-show run with UNSWEEP_DAMAGE_SEEDS=1000.
+    """
+    whole = bags[name].read_bytes()
+    for seed in range(int(os.environ.get("UNSWEEP_DAMAGE_SEEDS", "12"))):
+        chooser = random.Random(seed)
+        damaged = bytearray(whole)
+        for _ in range(chooser.choice((1, 10, 200))):
+            # half of the hits in the first and last 5 %, where headers and indexes are
+            where = chooser.random()
+            if chooser.random() < 0.5:
+                where = where * 0.05 if chooser.random() < 0.5 else 1 - where * 0.05
+            damaged[min(int(where * len(damaged)), len(damaged) - 1)] = chooser.randrange(256)
+        path = tmp_path / name
+        path.write_bytes(damaged)
+        got = attempt(path)
+        if isinstance(got, str):
+            assert is_one_sentence(got), f"seed {seed}: {got}"
+        else:
+            for scan in got.scans:
+                assert np.isfinite(scan.points["xyz"]).all(), f"seed {seed}"
+                assert scan.points["offset_ns"].min() == 0, f"seed {seed}"
+
+
+def test_a_lying_chunk_size_does_not_take_memory(bags: dict[str, Path], tmp_path: Path) -> None:
+    """Mutation: drop MAX_CHUNK_BYTES from `_usable` and read the claimed size at once."""
+    whole = bytearray(bags["plain.bag"].read_bytes())
+    whole[whole.index(b"index_pos=") + 10 :][:8] = bytes(8)
+    at = whole.index(b"compression=none")
+    at = whole.index(b"size=", at)
+    whole[at + 5 + 4 : at + 5 + 8] = (0xFFFFFFF0).to_bytes(4, "little")
+    (tmp_path / "liar.bag").write_bytes(whole)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    attempt(tmp_path / "liar.bag")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "expected"),
+    [
+        ("empty.bag", b"", "is empty"),
+        ("text.bag", b"hello, this is no bag\n" * 20, "no readable recording"),
+        ("text.mcap", b"hello, this is no bag\n" * 20, "no readable recording"),
+        ("text.db3", b"hello, this is no bag\n" * 20, "no readable recording"),
+        ("notes.txt", b"hello", "is no recording"),
+        ("bad.zip", b"PK\x03\x04nonsense", "is damaged"),
+        ("bad.tar.gz", b"\x1f\x8bnonsense", "is damaged"),
+    ],
+)
+def test_files_that_are_no_recording(name: str, body: bytes, expected: str, tmp_path: Path) -> None:
+    """Mutation: let StorageError out of `_open_file`; drop the size check in `_open_all`."""
+    (tmp_path / name).write_bytes(body)
+    with pytest.raises(UnreadableRecording, match=expected) as caught:
+        open_recording(tmp_path / name)
+    assert is_one_sentence(str(caught.value))
+    assert name in str(caught.value)
+
+
+def test_paths_that_are_no_recording(tmp_path: Path) -> None:
+    """Mutation: drop the existence check in `_open_all`."""
+    with pytest.raises(UnreadableRecording, match="There is no file or folder"):
+        open_recording(tmp_path / "nowhere.bag")
+    with pytest.raises(UnreadableRecording, match=r"holds no \.mcap"):
+        open_recording(tmp_path)
