@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from calib_core.simulate.bodies import Body, Box, Cylinder, Path, Sphere
 from calib_core.simulate.motion import Wave
-from calib_core.simulate.scene import Body, Box, Cylinder, Path, Sphere
 
 AxisWaves = tuple[tuple[Wave, ...], tuple[Wave, ...], tuple[Wave, ...]]
 

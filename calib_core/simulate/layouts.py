@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.simulate.lidar import Sweep
-from calib_core.simulate.sensors import Layout, Lidar, Spinning
+from calib_core.simulate.patterns import Spinning
+from calib_core.simulate.sensors import Layout, Lidar
 from calib_core.types import POINT_DTYPE, BoolArray, IntArray, Scan
 
 StructArray = NDArray[np.void]

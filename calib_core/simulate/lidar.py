@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.simulate.bodies import Rays
 from calib_core.simulate.motion import Kinematics, seconds
-from calib_core.simulate.scene import Hits, Rays, Scene
-from calib_core.simulate.sensors import Firings, Lidar
+from calib_core.simulate.patterns import Firings
+from calib_core.simulate.scene import Hits, Scene
+from calib_core.simulate.sensors import Lidar
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 

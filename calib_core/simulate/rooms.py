@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from calib_core.simulate import furniture
+from calib_core.simulate.bodies import Body, Box, Cylinder
 from calib_core.simulate.motion import Vector
-from calib_core.simulate.scene import Body, Box, Cylinder, Face, Scene
+from calib_core.simulate.scene import Face, Scene
 
 
 def closed_room(

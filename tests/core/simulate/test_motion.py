@@ -43,8 +43,8 @@ def test_velocity_and_acceleration_are_the_derivatives_of_position(name: str) ->
     for t in INSTANTS_S:
         around = MOTIONS[name].kinematics(t + _STEP_S * _OFFSETS)
         here = MOTIONS[name].kinematics(np.array([t]))
-        np.testing.assert_allclose(_difference(around.p_m), here.v_m_s[0], atol=1e-8)
-        np.testing.assert_allclose(_difference(around.v_m_s), here.a_m_s2[0], atol=1e-7)
+        np.testing.assert_allclose(_difference(around.p_m), here.v_m_s[0], rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(_difference(around.v_m_s), here.a_m_s2[0], rtol=0.0, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -57,9 +57,9 @@ def test_angular_rate_and_acceleration_are_those_of_the_rotation(name: str) -> N
         around = MOTIONS[name].kinematics(t + _STEP_S * _OFFSETS)
         here = MOTIONS[name].kinematics(np.array([t]))
         spin = here.R_world[0].T @ _difference(around.R_world)
-        np.testing.assert_allclose(spin, -spin.T, atol=1e-8)
-        np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], here.omega_rad_s[0], atol=1e-8)
-        np.testing.assert_allclose(_difference(around.omega_rad_s), here.alpha_rad_s2[0], atol=1e-6)
+        np.testing.assert_allclose(spin, -spin.T, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], here.omega_rad_s[0], rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(_difference(around.omega_rad_s), here.alpha_rad_s2[0], rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -75,11 +75,11 @@ def test_a_fixed_frame_moves_as_its_own_positions_say(name: str) -> None:
         moved = MOTIONS[name].kinematics(np.array([t])).at(R, lever)
         places = around.R_world @ lever + around.p_m
         velocities = np.stack([k @ lever for k in _rates(MOTIONS[name], t)]) + around.v_m_s
-        np.testing.assert_allclose(_difference(places), moved.v_m_s[0], atol=1e-8)
-        np.testing.assert_allclose(_difference(velocities), moved.a_m_s2[0], atol=1e-6)
+        np.testing.assert_allclose(_difference(places), moved.v_m_s[0], rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(_difference(velocities), moved.a_m_s2[0], rtol=0.0, atol=1e-6)
         turned = around.R_world @ R
         spin = moved.R_world[0].T @ _difference(turned)
-        np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], moved.omega_rad_s[0], atol=1e-8)
+        np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], moved.omega_rad_s[0], rtol=0.0, atol=1e-8)
 
 
 def _rates(motion: Motion, t: float) -> list[FloatArray]:
@@ -106,7 +106,7 @@ def test_rotation_is_the_product_of_its_stages() -> None:
         * Rotation.from_rotvec(first[:, None] * np.array([0.0, 0.0, 1.0]))
         * Rotation.from_rotvec(second[:, None] * np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0))
     )
-    np.testing.assert_allclose(motion.kinematics(t).R_world, expected.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(motion.kinematics(t).R_world, expected.as_matrix(), rtol=0.0, atol=1e-14)
 
 
 def test_it_stands_still_and_then_starts_without_a_jerk() -> None:
@@ -117,8 +117,8 @@ def test_it_stands_still_and_then_starts_without_a_jerk() -> None:
     np.testing.assert_array_equal(still.p_m, still.p_m[:1].repeat(3, axis=0))
     for edge in (1.0, 2.5):
         before, after = (motions.PAPER_NORMAL.kinematics(np.array([edge + side * 1e-6])) for side in (-1.0, 1.0))
-        np.testing.assert_allclose(after.a_m_s2, before.a_m_s2, atol=1e-4)
-        np.testing.assert_allclose(after.alpha_rad_s2, before.alpha_rad_s2, atol=1e-4)
+        np.testing.assert_allclose(after.a_m_s2, before.a_m_s2, rtol=0.0, atol=1e-4)
+        np.testing.assert_allclose(after.alpha_rad_s2, before.alpha_rad_s2, rtol=0.0, atol=1e-4)
 
 
 def test_a_gentle_clock_is_the_integral_of_the_ramp() -> None:
@@ -126,7 +126,7 @@ def test_a_gentle_clock_is_the_integral_of_the_ramp() -> None:
     fine = np.linspace(0.0, 6.0, 60_001)
     rate = jets.smooth_step(jets.time(fine), 1.0, 2.5).f
     integral = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * np.diff(fine))])
-    np.testing.assert_allclose(jets.smooth_start(jets.time(fine), 1.0, 2.5).f, integral, atol=1e-8)
+    np.testing.assert_allclose(jets.smooth_start(jets.time(fine), 1.0, 2.5).f, integral, rtol=0.0, atol=1e-8)
 
 
 def test_the_quotes_of_the_table_hold() -> None:

@@ -29,8 +29,8 @@ def test_every_scenario_that_was_asked_for_is_there() -> None:
 @pytest.mark.parametrize("slug", SCENARIOS)
 def test_every_scenario_can_be_made(slug: str) -> None:
     """Fails when a scan is empty at the start, leaves its sweep, or a sensor starts inside a wall."""
-    recording, truth = generate(slug, duration_s=0.6)
-    assert recording.scans_total == len(recording.scans) == 6
+    recording, truth = generate(slug, duration_s=0.5)
+    assert recording.scans_total == len(recording.scans) == 5
     for index, scan in enumerate(recording.scans):
         offset = scan.points["offset_ns"]
         assert scan.index == index

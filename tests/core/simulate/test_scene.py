@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.simulate import rooms
+from calib_core.simulate.bodies import Body, Box, Cylinder, Path, Rays, Sphere
 from calib_core.simulate.motion import Wave
-from calib_core.simulate.scene import Body, Box, Cylinder, Face, Path, Rays, Scene, Sphere
+from calib_core.simulate.scene import Face, Scene
 from calib_core.types import BoolArray, FloatArray
 
 BODIES: dict[str, Body] = {
