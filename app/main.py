@@ -1,22 +1,53 @@
-"""The application factory and the server's entry point."""
+"""The application factory, its lifespan, and the server's entry point."""
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from socket import socket
+
+import uvicorn
+from anyio import to_thread
 from fastapi import FastAPI
 
-from app.api import jobs, planes, recordings, results, server, uploads, view
+from app.api import jobs, planes, recordings, results, scene, server, uploads, view
+from app.client import CompressText, install_client
 from app.errors import install_error_handler
+from app.jobs.launch import Launcher
 from app.openapi import document, operation_id
+from app.recordings.uploads import TusHeaders, make_tus_router
+from app.security import Gatekeeper
+from app.services import Services
 from app.settings import AppSettings
+from calib_core import __version__
 
-VERSION = "0.1.0"
+#: The largest message a browser may send to the scene.
+WEBSOCKET_MESSAGE_BYTES = 100 * 2**20
+#: How long open requests may take to end when the server stops.
+STOP_GRACE_S = 3
 
 
-def create_app(settings: AppSettings) -> FastAPI:
-    """The application. Nothing is opened or written before its lifespan starts."""
+def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> FastAPI:
+    """The application. Nothing is opened or written before its lifespan starts.
+
+    launcher: what runs jobs; None: one process each.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        services = await to_thread.run_sync(Services, settings, launcher)
+        app.state.services = services
+        await to_thread.run_sync(services.start)
+        try:
+            yield
+        finally:
+            await to_thread.run_sync(services.close)
+
     app = FastAPI(
         title="unsweep",
-        version=VERSION,
+        version=__version__,
+        lifespan=lifespan,
         openapi_url="/api/openapi.json",
         docs_url="/api/docs",
         redoc_url=None,
@@ -25,6 +56,62 @@ def create_app(settings: AppSettings) -> FastAPI:
     app.state.settings = settings
     app.openapi = lambda: document(app)  # type: ignore[method-assign]
     install_error_handler(app)
-    for module in (server, recordings, uploads, jobs, planes, results, view):
+    for module in (server, recordings, uploads, jobs, planes, results, view, scene):
         app.include_router(module.router)
+    app.include_router(make_tus_router(settings))
+    install_client(app)
+    # The last one added is the first to see a request.
+    app.add_middleware(TusHeaders)
+    app.add_middleware(CompressText)
+    app.add_middleware(Gatekeeper, settings=settings)
     return app
+
+
+class Server(uvicorn.Server):
+    """uvicorn that ends event streams and scenes before it waits for open requests, which they would never end."""
+
+    def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self._app = app
+
+    async def shutdown(self, sockets: list[socket] | None = None) -> None:
+        """Stop."""
+        services: Services | None = getattr(self._app.state, "services", None)
+        if services is not None:
+            await to_thread.run_sync(services.end_streams)
+        await super().shutdown(sockets)
+
+
+def make_server(settings: AppSettings, *, launcher: Launcher | None = None) -> Server:
+    """The server, ready to run on a bound socket or on the settings' address."""
+    app = create_app(settings, launcher=launcher)
+    config = uvicorn.Config(
+        app,
+        host=settings.host,
+        port=settings.port,
+        log_level="warning",
+        access_log=False,
+        # Compressing clouds takes ten times longer than sending them.
+        ws_per_message_deflate=False,
+        ws_max_size=WEBSOCKET_MESSAGE_BYTES,
+        timeout_graceful_shutdown=STOP_GRACE_S,
+    )
+    return Server(app, config)
+
+
+def serve(
+    *,
+    host: str,
+    port: int,
+    data_dir: Path | None,
+    recordings_dir: Path | None,
+    token: str | None,
+    on_address: Callable[[str], None],
+) -> None:
+    """Serve until Ctrl-C or SIGTERM. on_address: called with what to open in a browser, token included."""
+    from app.serving import address, listen, server_settings
+
+    settings = server_settings(host=host, port=port, data_dir=data_dir, recordings_dir=recordings_dir, token=token)
+    with listen(settings.host, settings.port) as listening:
+        on_address(address(settings, listening.getsockname()[1]))
+        make_server(settings).run(sockets=[listening])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 
 from fastapi import FastAPI
@@ -52,8 +53,20 @@ def document(app: FastAPI) -> dict[str, object]:
             for operation in path.values():
                 operation["responses"].pop("422", None)
                 operation["responses"]["default"] = error
-        app.openapi_schema = made
+        app.openapi_schema = _short_names(made)
     return app.openapi_schema
+
+
+def _short_names(made: dict[str, object]) -> dict[str, object]:
+    """The document with readable names where both the wire and the doctor's report call a model the same.
+
+    The wire's own model keeps the name, the report's gets `Report` before it.
+    """
+    text = json.dumps(made)
+    text = re.sub(r"calib_core__doctor__report__(\w+?)\b", r"Report\1", text)
+    text = re.sub(r"app__schemas__\w+?__([A-Z]\w*)\b", r"\1", text)
+    named: dict[str, object] = json.loads(text)
+    return named
 
 
 def main() -> None:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from app.deps import RecordingDep
+from app.deps import RecordingDep, ServicesDep
 from app.schemas.recordings import UploadTarget
 
 router = APIRouter(prefix="/api/uploads", tags=["uploads"])
 
 
 @router.get("/{recording_id}/recording")
-def read_upload_target(recording: RecordingDep) -> UploadTarget:
+def read_upload_target(services: ServicesDep, recording: RecordingDep) -> UploadTarget:
     """Which recording an upload becomes (the last part of its tus address), and how much has arrived."""
-    return UploadTarget(
-        recording_id=recording.id, state=recording.state, received_bytes=recording.received_bytes
-    )
+    received_bytes = services.recordings.received_bytes(recording)
+    return UploadTarget(recording_id=recording.id, state=recording.state, received_bytes=received_bytes)

@@ -1,8 +1,7 @@
-"""The doctor's report as the wire carries it."""
+"""The doctor's report as the wire carries it: calib_core's own model, untouched."""
 
 from __future__ import annotations
 
-from pydantic import JsonValue
+from calib_core.doctor.report import DoctorReport
 
-#: The report is calib_core's own model; its JSON is passed on untouched.
-Report = dict[str, JsonValue]
+Report = DoctorReport

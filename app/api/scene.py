@@ -1,0 +1,88 @@
+"""The 3D scene's page and its websocket, under our own origin: viser itself listens on loopback only."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated
+
+from anyio import to_thread
+from fastapi import APIRouter, Path, Response, WebSocket
+from fastapi.responses import HTMLResponse
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+from websockets.typing import Subprotocol
+
+from app.deps import RecordingDep, ServicesDep, get_services
+from app.errors import ApiError
+from app.scene.page import scene_page
+
+router = APIRouter(include_in_schema=False)
+
+#: Close codes of our own: no such recording; the scene could not be opened.
+GONE = 4404
+TRY_AGAIN = 1013
+
+
+@router.get("/scene/{recording_id}/")
+def read_scene_page(recording: RecordingDep) -> Response:
+    """The scene's page. Never cached: it must be of the very version of viser that serves the websocket."""
+    return HTMLResponse(scene_page(), headers={"Cache-Control": "no-cache"})
+
+
+@router.get("/api/recordings/{recording_id}/scene.html", include_in_schema=True, tags=["view"])
+def download_scene(services: ServicesDep, recording: RecordingDep) -> HTMLResponse:
+    """The scene as it is shown now, as one self-contained page to share."""
+    headers = {"Content-Disposition": 'attachment; filename="scene.html"'}
+    return HTMLResponse(services.scenes.export_html(recording.id), headers=headers)
+
+
+@router.websocket("/scene/{recording_id}")  # viser's client strips the slash of its page's address
+@router.websocket("/scene/{recording_id}/")
+async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(pattern="^[0-9a-f]{32}$")]) -> None:
+    """Everything the browser and its viser server say to each other. Origin and token were checked before this."""
+    services = get_services(browser)
+    try:
+        port = await to_thread.run_sync(services.scenes.port, recording_id)
+    except ApiError:
+        await browser.close(GONE)
+        return
+    wanted = [Subprotocol(name) for name in browser.scope["subprotocols"]]
+    try:
+        upstream = await connect(
+            f"ws://127.0.0.1:{port}/",
+            subprotocols=wanted or None,
+            compression=None,
+            max_size=None,
+            ping_interval=None,
+            open_timeout=5,
+            proxy=None,
+        )
+    except (OSError, TimeoutError):
+        await browser.close(TRY_AGAIN)
+        return
+    await browser.accept(subprotocol=upstream.subprotocol)
+    tasks = [asyncio.create_task(_downward(upstream, browser)), asyncio.create_task(_upward(browser, upstream))]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await upstream.close()
+
+
+async def _downward(upstream: ClientConnection, browser: WebSocket) -> None:
+    async for message in upstream:
+        if isinstance(message, bytes):
+            await browser.send_bytes(message)
+        else:
+            await browser.send_text(message)
+    await browser.close(upstream.close_code or 1000)
+
+
+async def _upward(browser: WebSocket, upstream: ClientConnection) -> None:
+    try:
+        while (message := await browser.receive())["type"] != "websocket.disconnect":
+            await upstream.send(message["bytes"] if message.get("bytes") is not None else message["text"])
+    except ConnectionClosed:
+        return

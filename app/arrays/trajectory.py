@@ -1,0 +1,35 @@
+"""A solved motion on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from calib_core.types import Trajectory
+
+
+def write_trajectory(path: Path, trajectory: Trajectory) -> None:
+    """Write the motion to `path` (.npz), whole or not at all."""
+    fresh = path.with_suffix(".part.npz")
+    np.savez(
+        fresh,
+        epoch_ns=np.array(trajectory.epoch_ns, dtype=np.int64),
+        times_s=trajectory.times_s,
+        R_map_lidar=trajectory.R_map_lidar,
+        p_map_lidar=trajectory.p_map_lidar,
+        valid=trajectory.valid,
+    )
+    fresh.rename(path)
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """The motion as it was written."""
+    with np.load(path, allow_pickle=False) as arrays:
+        return Trajectory(
+            epoch_ns=int(arrays["epoch_ns"]),
+            times_s=arrays["times_s"],
+            R_map_lidar=arrays["R_map_lidar"],
+            p_map_lidar=arrays["p_map_lidar"],
+            valid=arrays["valid"],
+        )

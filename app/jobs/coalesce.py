@@ -1,0 +1,51 @@
+"""Fewer messages, none that matters lost: progress and iterations at most every `interval_s`, log lines all.
+
+Only the last of a burst of progress is of interest. A held message goes out before anything of another kind, so order
+is kept, and at the end at the latest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from calib_core.events import IterationEvent, LogEvent, StageEvent
+
+AnyEvent = StageEvent | IterationEvent | LogEvent
+
+
+class Coalescer:
+    """A listener that passes events on to `send`.
+
+    clock: seconds from anywhere, never backwards.
+    """
+
+    def __init__(self, send: Callable[[AnyEvent], None], *, clock: Callable[[], float], interval_s: float = 0.05) -> None:
+        self._send = send
+        self._clock = clock
+        self._interval_s = interval_s
+        self._held: AnyEvent | None = None
+        self._sent_at_s = float("-inf")
+
+    def __call__(self, event: AnyEvent) -> None:
+        """Take an event; pass it on now, or hold it for a newer one of its kind."""
+        if self._held is not None and not _replaces(event, self._held):
+            self.flush()
+        if isinstance(event, LogEvent):
+            self._send(event)
+            return
+        self._held = event
+        if self._clock() - self._sent_at_s >= self._interval_s:
+            self.flush()
+
+    def flush(self) -> None:
+        """Pass on what is held."""
+        if self._held is not None:
+            held, self._held = self._held, None
+            self._sent_at_s = self._clock()
+            self._send(held)
+
+
+def _replaces(newer: AnyEvent, held: AnyEvent) -> bool:
+    if isinstance(newer, StageEvent) and isinstance(held, StageEvent):
+        return newer.stage == held.stage
+    return isinstance(newer, IterationEvent) and isinstance(held, IterationEvent)

@@ -1,0 +1,141 @@
+"""The jobs themselves, run in worker processes: thin steps around calib_core.api that leave files behind.
+
+    simulate   a sample recording            -> the recording's source
+    inspect    the doctor's report           -> {job}/report.json
+    planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
+    solve      calibrate                     -> {job}/result.json, trajectory.npz, thickness.json
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from app.arrays.proposals import has_proposals, read_proposals, write_proposals
+from app.arrays.recording import has_recording, read_recording, write_recording
+from app.arrays.trajectory import write_trajectory
+from app.jobs.orders import Order, OrderedPlane
+from app.results.thickness import measure_thickness
+from app.results.verdict import solve_outcome
+from app.schemas.jobs import InitialGuess as WireGuess
+from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
+from app.storage.files import tree_size
+from calib_core import api
+from calib_core.errors import Cancelled, SettingsError
+from calib_core.events import OnEvent, ShouldCancel, StageEvent
+from calib_core.types import InitialGuess, Plane, Recording
+
+#: A sample is the same recording for everybody.
+SAMPLE_SEED = 1
+
+
+def recording_arrays(cache: Path) -> Path:
+    """Where the decoded recording is kept."""
+    return cache / "recording"
+
+
+def proposal_arrays(cache: Path) -> Path:
+    """Where the proposed planes are kept."""
+    return cache / "planes"
+
+
+def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
+    """Run the ordered job; its outcome."""
+    match order.kind:
+        case "simulate":
+            return run_simulate(order, on_event)
+        case "inspect":
+            return run_inspect(order, on_event, should_cancel)
+        case "planes":
+            return run_planes(order, on_event, should_cancel)
+        case "solve":
+            return run_solve(order, on_event, should_cancel)
+
+
+def run_simulate(order: Order, on_event: OnEvent) -> SimulateOutcome:
+    """Write the sample where uploads end up."""
+    on_event(StageEvent(stage="write", fraction=0.0, text="simulating the sensors"))
+    order.source.parent.mkdir(parents=True, exist_ok=True)
+    api.simulate(order.scenario, order.source, seed=SAMPLE_SEED)
+    return SimulateOutcome(size_bytes=tree_size(order.source))
+
+
+def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> InspectOutcome:
+    """Write the doctor's report."""
+    report = api.inspect(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
+    _write(order.folder / "report.json", report.model_dump_json(by_alias=True))
+    return InspectOutcome()
+
+
+def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> PlanesOutcome:
+    """Decode the recording unless that is done, and propose planes."""
+    recording = decoded(order, on_event, should_cancel)
+    folder = proposal_arrays(order.cache)
+    if not has_proposals(folder):
+        proposals = api.propose_planes(
+            recording, order.request.settings, on_event=on_event, should_cancel=should_cancel
+        )
+        write_proposals(folder, proposals)
+    proposals = read_proposals(folder)
+    return PlanesOutcome(patches=len(proposals.patches), points=len(proposals.cloud_m), static=proposals.static)
+
+
+def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
+    """Calibrate and write what the answer is shown with."""
+    recording = decoded(order, on_event, should_cancel)
+    calibration = api.calibrate(
+        recording,
+        order.request.settings,
+        planes=None if order.request.planes is None else [_plane(plane) for plane in order.request.planes],
+        initial_guess=_guess(order.request.initial_guess),
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+    if should_cancel():
+        raise Cancelled("Stopped before anything was written.")
+    order.folder.mkdir(parents=True, exist_ok=True)
+    if calibration.trajectory is not None:
+        on_event(StageEvent(stage="deskew", fraction=0.0, text="measuring the walls"))
+        write_trajectory(order.folder / "trajectory.npz", calibration.trajectory)
+        walls = measure_thickness(recording, calibration.trajectory, calibration.result.quality.planes)
+        _write(order.folder / "thickness.json", walls.model_dump_json())
+    _write(order.folder / "result.json", calibration.result.to_json())
+    return solve_outcome(calibration.result)
+
+
+def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Recording:
+    """The recording from its array file, which is made first where it is missing."""
+    folder = recording_arrays(order.cache)
+    if not has_recording(folder):
+        recording = api.load(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
+        write_recording(folder, replace(recording, name=order.recording_name))
+    return replace(read_recording(folder), name=order.recording_name)
+
+
+def _plane(plane: OrderedPlane) -> Plane:
+    return Plane(name=plane.name, normal=np.array(plane.normal, dtype=np.float64), offset_m=plane.offset_m)
+
+
+def _guess(wire: WireGuess | None) -> InitialGuess | None:
+    if wire is None:
+        return None
+    offset_ns = None if wire.time_offset_s is None else round(wire.time_offset_s * 1e9)
+    if wire.matrix is None:
+        return InitialGuess(time_offset_ns=offset_ns)
+    matrix = np.array(wire.matrix, dtype=np.float64)
+    rotation = matrix[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0:
+        raise SettingsError(
+            "Expected a rotation in the initial guess's matrix, but its columns are not orthonormal; correct it."
+        )
+    left, _, right = np.linalg.svd(rotation)
+    return InitialGuess(R_imu_lidar=left @ right, p_imu_lidar=matrix[:3, 3], time_offset_ns=offset_ns)
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(path.name + ".part")
+    fresh.write_text(text, encoding="utf-8")
+    fresh.rename(path)

@@ -1,0 +1,83 @@
+"""A list of messages that threads append to and coroutines follow, from any place in it."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import AsyncIterator
+from typing import Generic, TypeVar
+
+Entry = TypeVar("Entry")
+
+
+class Journal(Generic[Entry]):
+    """Entries numbered from `first`; the newest `limit` are kept. After `close` followers come to their end."""
+
+    def __init__(self, *, first: int = 0, limit: int | None = None) -> None:
+        self._entries: deque[Entry] = deque(maxlen=limit)
+        self._next = first
+        self._closed = False
+        self._lock = threading.Lock()
+        self._followers: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
+
+    @property
+    def oldest(self) -> int:
+        """The number of the oldest entry still kept."""
+        with self._lock:
+            return self._next - len(self._entries)
+
+    @property
+    def end(self) -> int:
+        """The number the next entry will have."""
+        with self._lock:
+            return self._next
+
+    def append(self, entry: Entry) -> int:
+        """Add an entry; its number."""
+        with self._lock:
+            number = self._next
+            self._entries.append(entry)
+            self._next += 1
+        self._wake()
+        return number
+
+    def close(self) -> None:
+        """Nothing more will come."""
+        with self._lock:
+            self._closed = True
+        self._wake()
+
+    def since(self, number: int) -> tuple[list[tuple[int, Entry]], bool]:
+        """Kept entries from `number` on with their numbers, and whether nothing more will come."""
+        with self._lock:
+            oldest = self._next - len(self._entries)
+            start = max(number, oldest)
+            kept = list(self._entries)[start - oldest :]
+            return list(enumerate(kept, start=start)), self._closed
+
+    async def follow(self, number: int) -> AsyncIterator[tuple[int, Entry]]:
+        """Entries from `number` on, as they come, until the journal is closed."""
+        follower = (asyncio.get_running_loop(), asyncio.Event())
+        with self._lock:
+            self._followers.add(follower)
+        try:
+            while True:
+                follower[1].clear()
+                entries, closed = self.since(number)
+                for found, entry in entries:
+                    yield found, entry
+                    number = found + 1
+                if closed:
+                    return
+                await follower[1].wait()
+        finally:
+            with self._lock:
+                self._followers.discard(follower)
+
+    def _wake(self) -> None:
+        with self._lock:
+            followers = list(self._followers)
+        for loop, event in followers:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(event.set)

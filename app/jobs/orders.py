@@ -1,0 +1,78 @@
+"""What goes into a worker process and what comes out of it, as JSON: no pickled objects cross."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from app.schemas.common import ErrorFacts
+from app.schemas.jobs import InitialGuess, JobKind, Outcome
+from calib_core.events import IterationEvent, LogEvent, StageEvent
+from calib_core.settings import CalibrateSettings, ReadSettings
+
+
+class _Parcel(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class OrderedPlane(_Parcel):
+    """A confirmed plane, map frame: n . x + offset_m = 0."""
+
+    name: str
+    normal: tuple[float, float, float]
+    offset_m: float
+
+
+class StoredRequest(_Parcel):
+    """What a job was asked for, kept with it: enough to run it again."""
+
+    settings: CalibrateSettings = CalibrateSettings()
+    initial_guess: InitialGuess | None = None
+    planes: tuple[OrderedPlane, ...] | None = None
+
+
+class Order(_Parcel):
+    """One job, complete: the worker knows nothing else."""
+
+    job_id: str
+    kind: JobKind
+    recording_name: str
+    source: Path
+    cache: Path = Field(description="the recording's arrays as read with `read_settings`; made if missing")
+    folder: Path = Field(description="the job's own folder")
+    scenario: str = ""
+    read_settings: ReadSettings = ReadSettings()
+    request: StoredRequest = StoredRequest()
+
+
+class Happened(_Parcel):
+    """Something to tell those who watch."""
+
+    parcel: Literal["event"] = "event"
+    event: Annotated[StageEvent | IterationEvent | LogEvent, Field(discriminator="event")]
+
+
+class Finished(_Parcel):
+    """The job is done."""
+
+    parcel: Literal["finished"] = "finished"
+    outcome: Outcome
+
+
+class Failed(_Parcel):
+    """The job failed."""
+
+    parcel: Literal["failed"] = "failed"
+    error: ErrorFacts
+
+
+class Stopped(_Parcel):
+    """The job stopped because it was asked to."""
+
+    parcel: Literal["stopped"] = "stopped"
+
+
+Parcel = Annotated[Happened | Finished | Failed | Stopped, Field(discriminator="parcel")]
+PARCEL: TypeAdapter[Happened | Finished | Failed | Stopped] = TypeAdapter(Parcel)

@@ -1,0 +1,317 @@
+"""Jobs: queue, run N at once, cancel, survive restarts. Thread-safe; one supervising thread per running job.
+
+The store is the truth about states, machine.py about what may follow what. Progress lives in memory: it is worth
+nothing after a restart.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import threading
+import uuid
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import cast
+
+from fastapi.sse import ServerSentEvent
+from pydantic import TypeAdapter
+
+from app.errors import Conflict, NotFound, facts_of
+from app.jobs.launch import Launcher, RunningJob
+from app.jobs.log import JobLogs
+from app.jobs.machine import FINAL, SENTENCES, IllegalTransition, Signal, may_start, transition
+from app.jobs.orders import Failed, Finished, Happened, Order, Parcel, Stopped, StoredRequest
+from app.schemas.common import ErrorFacts
+from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, Outcome
+from app.settings import AppSettings
+from app.storage.files import DataFolder
+from app.storage.records import JobRecord
+from app.storage.store import JobStore
+from calib_core.events import IterationEvent, StageEvent
+
+_LOG = logging.getLogger("unsweep")
+_OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
+
+#: How long a deleted recording's jobs have to go away.
+STOP_WAIT_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where a running job is."""
+
+    stage: str | None = None
+    fraction: float = 0.0
+    text: str = ""
+
+
+class JobService:
+    """All jobs of the application.
+
+    make_order: what a job's worker is told.   on_change: called after each change of state, from any thread.
+    on_step: called with the recording's id after each step of a solve.
+    """
+
+    def __init__(
+        self,
+        store: JobStore,
+        files: DataFolder,
+        *,
+        settings: AppSettings,
+        launcher: Launcher,
+        make_order: Callable[[JobRecord], Order],
+        on_change: Callable[[JobRecord, Job], None],
+    ) -> None:
+        self.logs = JobLogs(files)
+        self._store = store
+        self._files = files
+        self._settings = settings
+        self._launcher = launcher
+        self._make_order = make_order
+        self._on_change = on_change
+        self._lock = threading.RLock()
+        self._running: dict[str, RunningJob] = {}
+        self._threads: dict[str, threading.Thread] = {}
+        self._progress: dict[str, Progress] = {}
+        self._closing = False
+        self.on_step: Callable[[str], None] = lambda _: None
+
+    # What there is
+
+    def get(self, job_id: str) -> JobRecord:
+        """The job, or NotFound."""
+        record = self._store.find(job_id)
+        if record is None:
+            raise NotFound("job.not_found", f"No job has the id {job_id}; its recording may have been deleted.")
+        return record
+
+    def list_of(self, recording_id: str) -> list[Job]:
+        """The recording's jobs, newest first."""
+        return [self.wire(record) for record in self._store.of_recording(recording_id)]
+
+    def latest(self, recording_id: str) -> Job | None:
+        """The recording's newest job."""
+        records = self._store.of_recording(recording_id)
+        return self.wire(records[0]) if records else None
+
+    def records_of(self, recording_id: str) -> list[JobRecord]:
+        """The recording's jobs as kept, newest first."""
+        return self._store.of_recording(recording_id)
+
+    def wire(self, record: JobRecord) -> Job:
+        """The job as the wire carries it."""
+        ended_well = record.state == "done"
+        progress = self._progress.get(record.id, Progress(fraction=1.0 if ended_well else 0.0))
+        return Job(
+            id=record.id,
+            recording_id=record.recording_id,
+            kind=record.kind,
+            state=record.state,
+            state_text=SENTENCES[record.state],
+            stage=progress.stage,
+            fraction=progress.fraction,
+            text=progress.text,
+            error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
+            settings=StoredRequest.model_validate_json(record.request_json).settings,
+            result=None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json),
+            retry_of=record.retry_of,
+            created_at=record.created_at,
+            started_at=record.started_at,
+            ended_at=record.ended_at,
+        )
+
+    async def watch(self, job_id: str, last_event_id: str | None) -> AsyncIterator[JobMessage]:
+        """The job's messages after `last_event_id`, as server-sent events, until its final state."""
+        with self._lock:  # so that the job cannot end between the look and the subscription
+            journal = self.logs.journal(job_id, live=self.get(job_id).state not in FINAL)
+        start = int(last_event_id) + 1 if last_event_id and last_event_id.isdecimal() else 0
+        async for number, line in journal.follow(start):
+            # Already JSON: FastAPI passes a ServerSentEvent on as it is; the annotation documents its data.
+            yield cast(JobMessage, ServerSentEvent(raw_data=line, id=str(number)))
+
+    # What can be done
+
+    def submit(
+        self, recording_id: str, kind: JobKind, request: StoredRequest, *, retry_of: str | None = None
+    ) -> Job:
+        """Queue a job."""
+        record = JobRecord(
+            id=uuid.uuid4().hex,
+            recording_id=recording_id,
+            kind=kind,
+            state="queued",
+            request_json=request.model_dump_json(),
+            error_json=None,
+            outcome_json=None,
+            retry_of=retry_of,
+            created_at=datetime.now(UTC),
+            started_at=None,
+            ended_at=None,
+        )
+        self._store.add(record)
+        self._tell(record)
+        self.start_queued()
+        return self.wire(self.get(record.id))
+
+    def cancel(self, job_id: str) -> Job:
+        """Ask the job to stop, and stop it when the grace has passed."""
+        try:
+            record = self._move(job_id, "cancel")
+        except IllegalTransition:
+            found = self.get(job_id)
+            raise Conflict("job.ended", f"The job cannot be cancelled: it is {found.state} already.") from None
+        self._ask_to_stop(job_id)
+        return self.wire(record)
+
+    def stop_all_of(self, recording_id: str) -> None:
+        """Stop the recording's jobs and wait until their processes are gone."""
+        for record in self._store.of_recording(recording_id):
+            if record.state in FINAL:
+                continue
+            try:
+                self._move(record.id, "cancel")
+            except IllegalTransition:
+                continue
+            with self._lock:
+                running, thread = self._running.get(record.id), self._threads.get(record.id)
+            if running is not None:
+                running.terminate()
+            if thread is not None:
+                thread.join(STOP_WAIT_S)
+
+    def recover(self) -> None:
+        """After a start of the server: what ran when it ended was interrupted; what was queued starts."""
+        for record in self._store.in_states(["running", "cancelling"]):
+            self._move(record.id, "lose")
+        self.start_queued()
+
+    def close(self) -> None:
+        """Stop every job; they will be found interrupted and can be run again."""
+        with self._lock:
+            self._closing = True
+            running, threads = list(self._running.values()), list(self._threads.values())
+        for job in running:
+            job.terminate()
+        for thread in threads:
+            thread.join(STOP_WAIT_S)
+        self.logs.close()
+
+    def start_queued(self) -> None:
+        """Start what waits, as far as slots are free."""
+        with self._lock:
+            if self._closing:
+                return
+            queued = self._store.in_states(["queued"])
+            free = may_start(len(queued), len(self._threads), self._settings.concurrent_jobs)
+            starting = [self._change(record, "start") for record in queued[:free]]
+            for record in starting:
+                thread = threading.Thread(target=self._supervise, args=(record,), name=f"job-{record.id[:8]}")
+                thread.daemon = True
+                self._threads[record.id] = thread
+                thread.start()
+
+    # How it is done
+
+    def _supervise(self, record: JobRecord) -> None:
+        try:
+            self._tell(record)
+            ending = self._run(record)
+        except Exception as error:  # noqa: BLE001 - whatever went wrong, the job must not stay "running" for ever
+            status, facts = facts_of(error)
+            if status >= 500:
+                _LOG.exception("job %s could not be run", record.id)
+            ending = Failed(error=facts)
+        try:
+            self._end(record.id, ending)
+        except NotFound:
+            shutil.rmtree(self._files.job(record.id), ignore_errors=True)  # its recording was deleted meanwhile
+        finally:
+            with self._lock:
+                self._running.pop(record.id, None)
+                self._threads.pop(record.id, None)
+                self._progress.pop(record.id, None)
+            self.start_queued()
+
+    def _run(self, record: JobRecord) -> Parcel | None:
+        """Run the job to its end: its last parcel, or None where the process died without a word."""
+        running = self._launcher.launch(self._make_order(record))
+        with self._lock:
+            self._running[record.id] = running
+            stop_now = self._closing
+        if stop_now:
+            running.terminate()
+        elif self.get(record.id).state == "cancelling":  # asked while the process was being started
+            self._ask_to_stop(record.id)
+        ending: Parcel | None = None
+        for parcel in running.parcels():
+            if isinstance(parcel, Happened):
+                self._note(record, parcel)
+            else:
+                ending = parcel
+        return ending
+
+    def _note(self, record: JobRecord, parcel: Happened) -> None:
+        event = parcel.event
+        if isinstance(event, StageEvent):
+            self._progress[record.id] = Progress(event.stage, event.fraction, event.text)
+        self.logs.write(record.id, event)
+        if isinstance(event, IterationEvent):
+            self.on_step(record.recording_id)
+
+    def _end(self, job_id: str, ending: Parcel | None) -> None:
+        if isinstance(ending, Finished):
+            self._move(job_id, "finish", outcome_json=ending.outcome.model_dump_json())
+        elif isinstance(ending, Failed):
+            self._move(job_id, "fail", error_json=ending.error.model_dump_json())
+        elif self._closing:
+            self._move(job_id, "lose")
+        elif self.get(job_id).state == "cancelling":
+            self._move(job_id, "stop")
+        else:
+            text = "The job's process ended without a word, most likely for want of memory: choose a shorter time span."
+            stopped = isinstance(ending, Stopped)
+            error = ErrorFacts(code="job.stopped" if stopped else "job.died", text="The job stopped by itself." if stopped else text)
+            self._move(job_id, "fail", error_json=error.model_dump_json())
+
+    def _ask_to_stop(self, job_id: str) -> None:
+        with self._lock:
+            running = self._running.get(job_id)
+        if running is not None:
+            running.ask_to_stop()
+            timer = threading.Timer(self._settings.cancel_grace_s, running.terminate)
+            timer.daemon = True
+            timer.start()
+
+    def _move(
+        self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
+    ) -> JobRecord:
+        with self._lock:
+            record = self._change(self.get(job_id), signal, outcome_json=outcome_json, error_json=error_json)
+            if record.state in FINAL:
+                self.logs.end(self.wire(record))
+        self._tell(record, logged=record.state in FINAL)
+        return record
+
+    def _change(
+        self, record: JobRecord, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
+    ) -> JobRecord:
+        state: JobState = transition(record.state, signal)
+        now = datetime.now(UTC)
+        return self._store.save(
+            replace(
+                record,
+                state=state,
+                outcome_json=outcome_json if state == "done" else None,
+                error_json=error_json if state == "failed" else None,
+                started_at=now if signal == "start" else record.started_at,
+                ended_at=now if state in FINAL else None,
+            )
+        )
+
+    def _tell(self, record: JobRecord, *, logged: bool = False) -> None:
+        job = self.wire(record)
+        if not logged:
+            self.logs.write(record.id, JobStateEvent(job=job))
+        self._on_change(record, job)

@@ -1,0 +1,94 @@
+"""The child process of one job: reads its order, runs the job's function, tells what happens through a pipe.
+
+Nothing heavy is imported here: the thread caps of launch.py must be in force before NumPy is.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Event as ProcessEvent
+from typing import cast
+
+from app.jobs.coalesce import Coalescer
+from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
+from app.schemas.common import ErrorDetails, ErrorFacts
+from app.schemas.jobs import Outcome
+from calib_core.errors import Cancelled, TopicError, UnsweepError
+from calib_core.events import OnEvent, ShouldCancel
+
+JobFunction = Callable[[Order, OnEvent, ShouldCancel], Outcome]
+
+#: Looked at once a second: a worker whose server was killed must not go on computing.
+PARENT_POLL_S = 1.0
+
+
+def run_worker(entry: str, order_json: str, pipe: Connection, cancel: ProcessEvent) -> None:
+    """Run one job and tell its end. `entry`: module:function of a JobFunction."""
+    order = Order.model_validate_json(order_json)
+    _detach(order)
+    try:
+        parcel = _perform(entry, order, pipe, cancel)
+        pipe.send_bytes(parcel.model_dump_json().encode())
+    except (BrokenPipeError, ConnectionResetError):
+        return  # the server is gone; it will find this job interrupted
+    finally:
+        pipe.close()
+
+
+def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -> Finished | Failed | Stopped:
+    on_event = Coalescer(
+        lambda event: pipe.send_bytes(Happened(event=event).model_dump_json().encode()), clock=time.monotonic
+    )
+    try:
+        outcome = _resolve(entry)(order, on_event, cancel.is_set)
+        on_event.flush()
+        return Finished(outcome=outcome)
+    except Cancelled:
+        return Stopped()
+    except UnsweepError as error:
+        on_event.flush()
+        candidates = list(error.candidates) if isinstance(error, TopicError) else []
+        details = ErrorDetails(candidates=candidates) if candidates else None
+        return Failed(error=ErrorFacts(code=error.code, text=str(error), details=details))
+    except MemoryError:
+        text = "The job needed more memory than this machine has: choose a shorter time span, or a larger machine."
+        return Failed(error=ErrorFacts(code="job.memory", text=text))
+    except (BrokenPipeError, ConnectionResetError):
+        raise
+    except Exception:  # noqa: BLE001 - the boundary: a defect becomes a sentence, its traceback goes to the job's log
+        traceback.print_exc()
+        text = f"The program itself failed in this job; the details are in {order.folder / 'worker.log'}. Please report it."
+        return Failed(error=ErrorFacts(code="defect", text=text))
+
+
+def _resolve(entry: str) -> JobFunction:
+    module, _, name = entry.partition(":")
+    return cast(JobFunction, getattr(importlib.import_module(module), name))
+
+
+def _detach(order: Order) -> None:
+    """Own log file, no Ctrl-C (the server decides), and an end when the server has ended."""
+    order.folder.mkdir(parents=True, exist_ok=True)
+    log = os.open(order.folder / "worker.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    os.close(log)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
+
+
+def _leave_with_parent(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_POLL_S)
+    os._exit(1)

@@ -1,0 +1,123 @@
+"""What editing needs of geometry: one plane through several patches' points, which point is whose, determinacy.
+
+All in the map frame; a plane is n . x + w = 0 with a unit normal n.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.planes.state import EditedPatch, PlaneSet
+from calib_core.types import BoolArray, Float32Array, FloatArray, PlaneProposals
+
+#: Confirmed normals closer than this are one direction: two parallel walls fix one direction of space, not two.
+SAME_DIRECTION_COS = np.cos(np.radians(10.0))
+#: Smallest eigenvalue below which a direction counts as free: normals within about 18 degrees of one plane.
+LEAST_EIGENVALUE = 0.05
+#: How thick a slab around a grown plane is: so many of its standard deviations, and never less than this.
+SLAB_STDS = 3.0
+SLAB_LEAST_M = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class FittedPlane:
+    """A least-squares plane and its extent. normal: (3,).   outline_m: (K, 3) convex, in order."""
+
+    normal: FloatArray
+    offset_m: float
+    rms_m: float
+    outline_m: FloatArray
+    area_m2: float
+
+
+def fit_plane(points_m: Float32Array) -> FittedPlane | None:
+    """The least-squares plane of points (N, 3); None for fewer than three or points on a line."""
+    if len(points_m) < 3:
+        return None
+    points = points_m.astype(np.float64)
+    centroid_m = points.mean(axis=0)
+    values, vectors = np.linalg.eigh(np.cov((points - centroid_m).T, bias=True))
+    if values[1] <= 1e-12 * max(values[2], 1e-12):
+        return None
+    normal: FloatArray = vectors[:, 0]
+    offset_m = -float(normal @ centroid_m)
+    if offset_m < 0:  # the sensor is on the normal's side, whichever way the eigenvector came out
+        normal, offset_m = -normal, -offset_m
+    in_plane = (points - centroid_m) @ vectors[:, 1:]
+    corners = convex_hull(in_plane)
+    x, y = corners[:, 0], corners[:, 1]
+    area_m2 = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    outline_m: FloatArray = centroid_m + corners @ vectors[:, 1:].T
+    return FittedPlane(normal, offset_m, float(np.sqrt(max(values[0], 0.0))), outline_m, area_m2)
+
+
+def convex_hull(points: FloatArray) -> FloatArray:
+    """(K, 2) corners of the convex hull of points (N, 2), counter-clockwise (Andrew's monotone chain)."""
+    order = np.unique(points.round(4), axis=0)
+    if len(order) < 3:
+        return order
+    chains: list[list[FloatArray]] = []
+    for ordered in (order, order[::-1]):
+        chain: list[FloatArray] = []
+        for point in ordered:
+            while len(chain) >= 2 and _turn(chain[-2], chain[-1], point) <= 0:
+                chain.pop()
+            chain.append(point)
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1])
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def labels(proposals: PlaneProposals, planes: PlaneSet) -> NDArray[np.int16]:
+    """(N,) which patch of the set each point of the cloud belongs to, -1 for none."""
+    owner = np.full(len(proposals.patches) + 1, -1, dtype=np.int16)  # the last entry serves the label -1
+    for place, patch in enumerate(planes.patches):
+        owner[list(patch.members)] = place
+    found: NDArray[np.int16] = owner[proposals.cloud_patch]
+    for place, patch in enumerate(planes.patches):
+        if not patch.members:
+            found[(found == -1) & within_patch(proposals.cloud_m, patch)] = place
+    return found
+
+
+def within_patch(points_m: Float32Array, patch: EditedPatch) -> BoolArray:
+    """(N,) whether points (N, 3) lie in the patch's slab and inside its convex outline."""
+    normal = np.array(patch.normal)
+    inside: BoolArray = np.abs(points_m @ normal + patch.offset_m) <= max(SLAB_STDS * patch.rms_m, SLAB_LEAST_M)
+    corners = np.array(patch.outline_m).reshape(-1, 3)
+    if len(corners) < 3:
+        return np.zeros(len(points_m), dtype=np.bool_)
+    centre = corners.mean(axis=0)
+    candidates = np.flatnonzero(inside)
+    chosen = points_m[candidates]
+    kept = np.ones(len(candidates), dtype=np.bool_)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        outward = np.cross(b - a, normal)
+        if outward @ (centre - a) > 0:
+            outward = -outward
+        kept &= (chosen - a) @ outward <= 1e-9
+    inside[candidates] = kept
+    return inside
+
+
+def spread_of_directions(normals: FloatArray) -> tuple[float, FloatArray]:
+    """Smallest eigenvalue of the mean of n n^T over distinct directions, and the direction it belongs to.
+
+    normals: (K, 3), unit. 1/3 for three orthogonal directions; 0 where the returned direction is free.
+    """
+    distinct: list[FloatArray] = []
+    for normal in normals:
+        if all(abs(float(normal @ other)) < SAME_DIRECTION_COS for other in distinct):
+            distinct.append(normal)
+    if not distinct:
+        return 0.0, np.array([0.0, 0.0, 1.0])
+    scatter = np.mean([np.outer(normal, normal) for normal in distinct], axis=0)
+    values, vectors = np.linalg.eigh(scatter)
+    free: FloatArray = vectors[:, 0]
+    return max(float(values[0]), 0.0), free

@@ -1,0 +1,132 @@
+"""The operations: each a pure function from a set of planes to the next one, or a refusal in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from app.errors import BadRequest
+from app.planes.geometry import fit_plane, labels
+from app.planes.state import EditedPatch, PlaneSet, Triple, suggested
+from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Toggle, UseSuggestion
+from calib_core.types import FloatArray, PlanePatch, PlaneProposals
+
+Editing = Confirm | Drop | Toggle | Rename | Merge | Grow | UseSuggestion
+GrowPlane = Callable[[PlaneProposals, FloatArray], PlanePatch | None]
+
+#: Patches are one plane only if their common plane leaves no more than this beside what each alone leaves.
+MERGE_EXTRA_RMS_M = 0.05
+
+
+def apply(planes: PlaneSet, operation: Editing, *, proposals: PlaneProposals, grow: GrowPlane) -> PlaneSet:
+    """The set after the operation."""
+    match operation:
+        case Confirm(index=index):
+            return _with(planes, index, confirmed=True)
+        case Drop(index=index):
+            return _with(planes, index, confirmed=False)
+        case Toggle(index=index):
+            return _with(planes, index, confirmed=not _patch(planes, index).confirmed)
+        case Rename(index=index, name=name):
+            return _renamed(planes, index, name.strip())
+        case Merge(indices=indices):
+            return _merged(planes, indices, proposals)
+        case Grow(seed_m=seed_m):
+            return _grown(planes, np.array(seed_m), proposals, grow)
+        case UseSuggestion():
+            return suggested(proposals)
+
+
+def _patch(planes: PlaneSet, index: int) -> EditedPatch:
+    if index >= len(planes.patches):
+        raise BadRequest(
+            "planes.index", f"There is no plane {index}; there are {len(planes.patches)}, counted from 0: look again."
+        )
+    return planes.patches[index]
+
+
+def _replaced(planes: PlaneSet, index: int, patch: EditedPatch) -> PlaneSet:
+    return PlaneSet(patches=(*planes.patches[:index], patch, *planes.patches[index + 1 :]))
+
+
+def _with(planes: PlaneSet, index: int, *, confirmed: bool) -> PlaneSet:
+    return _replaced(planes, index, _patch(planes, index).model_copy(update={"confirmed": confirmed}))
+
+
+def _renamed(planes: PlaneSet, index: int, name: str) -> PlaneSet:
+    patch = _patch(planes, index)
+    if not name or not name.isprintable():
+        raise BadRequest("planes.name", "A plane's name has at least one visible character; type another.")
+    if any(other.name == name for other in planes.patches if other is not patch):
+        raise BadRequest("planes.name_taken", f"Another plane is called {name!r}; choose a name of its own.")
+    return _replaced(planes, index, patch.model_copy(update={"name": name}))
+
+
+def _merged(planes: PlaneSet, indices: list[int], proposals: PlaneProposals) -> PlaneSet:
+    chosen = sorted(set(indices))
+    if len(chosen) < 2:
+        raise BadRequest("planes.merge_one", "Merging takes two planes or more; choose another one too.")
+    parts = [_patch(planes, index) for index in chosen]
+    points_m = proposals.cloud_m[np.isin(labels(proposals, planes), chosen)]
+    fitted = fit_plane(points_m)
+    most_m = max(part.rms_m for part in parts) + MERGE_EXTRA_RMS_M
+    names = " and ".join(part.name for part in parts)
+    if fitted is None or fitted.rms_m > most_m:
+        left_m = "no plane" if fitted is None else f"{fitted.rms_m * 1e3:.0f} mm"
+        raise BadRequest(
+            "planes.merge_apart",
+            f"{names} do not lie in one plane: together they would leave {left_m}, at most {most_m * 1e3:.0f} mm is "
+            "accepted; merge pieces of one wall only.",
+        )
+    whole = EditedPatch(
+        name=parts[0].name,
+        normal=_triple(fitted.normal),
+        offset_m=fitted.offset_m,
+        outline_m=tuple(_triple(corner) for corner in fitted.outline_m),
+        n_points=len(points_m),
+        rms_m=fitted.rms_m,
+        area_m2=fitted.area_m2,
+        confirmed=any(part.confirmed for part in parts),
+        members=tuple(member for part in parts for member in part.members),
+        color=parts[0].color,
+    )
+    rest = tuple(patch for index, patch in enumerate(planes.patches) if index not in chosen[1:])
+    return _replaced(PlaneSet(patches=rest), chosen[0], whole)
+
+
+def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow: GrowPlane) -> PlaneSet:
+    found = grow(proposals, seed_m)
+    if found is None:
+        raise BadRequest(
+            "planes.no_plane_there", "Around that point the cloud is not flat enough for a plane; click a wall or a floor."
+        )
+    patch = EditedPatch(
+        name=free_name((patch.name for patch in planes.patches), found.plane.name or "plane"),
+        normal=_triple(found.plane.normal),
+        offset_m=float(found.plane.offset_m),
+        outline_m=tuple(_triple(corner) for corner in found.outline_m),
+        n_points=int(found.n_points),
+        rms_m=float(found.rms_m),
+        area_m2=float(found.area_m2),
+        confirmed=True,
+        members=(),
+        color=1 + max((patch.color for patch in planes.patches), default=-1),
+    )
+    return PlaneSet(patches=(*planes.patches, patch))
+
+
+def free_name(taken: Iterable[str], wanted: str) -> str:
+    """The wanted name, or the first of `wanted 2`, `wanted 3`, ... that is free."""
+    names = set(taken)
+    if wanted not in names:
+        return wanted
+    number = 2
+    while f"{wanted} {number}" in names:
+        number += 1
+    return f"{wanted} {number}"
+
+
+def _triple(vector: FloatArray) -> Triple:
+    x, y, z = (float(component) for component in vector)
+    return x, y, z

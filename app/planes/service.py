@@ -1,0 +1,130 @@
+"""Planes of all recordings: one history each, one queue of operations each, kept in the store."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+
+from app.arrays.proposals import has_proposals, read_proposals
+from app.errors import Conflict, NotFound
+from app.jobs.functions import proposal_arrays
+from app.jobs.orders import OrderedPlane
+from app.planes.operations import apply
+from app.planes.state import PlaneHistory, PlaneSet, suggested
+from app.planes.wire import wire_planes
+from app.schemas.planes import Operation, Planes, Redo, Undo
+from app.storage.files import DataFolder
+from app.storage.store import DocumentStore, RecordingStore
+from calib_core import api
+from calib_core.types import PlaneProposals
+
+DOCUMENT = "planes"
+
+#: Clouds kept in memory between two clicks.
+KEPT_PROPOSALS = 4
+
+
+class PlaneService:
+    """Reading and editing planes. Thread-safe: operations come from routes and from clicks in the scene.
+
+    on_changed: called with recording id and revision after each change.
+    """
+
+    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder) -> None:
+        self._recordings = recordings
+        self._documents = documents
+        self._files = files
+        self._lock = threading.RLock()
+        self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
+        self.on_changed: Callable[[str, int], None] = lambda _, __: None
+
+    def read(self, recording_id: str) -> Planes:
+        """The planes now."""
+        with self._lock:
+            proposals, history = self.current(recording_id)
+            return wire_planes(history, static=proposals.static)
+
+    def current(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory]:
+        """Proposals and history; Conflict until there are some."""
+        with self._lock:
+            key, proposals = self._load(recording_id)
+            text = self._documents.read(recording_id, DOCUMENT)
+            history = None if text is None else PlaneHistory.model_validate_json(text)
+            if history is None or history.cache_key != key:
+                revision = 0 if history is None else history.revision + 1
+                history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
+                self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
+            return proposals, history
+
+    def apply(self, recording_id: str, operation: Operation) -> Planes:
+        """The planes after the operation."""
+        with self._lock:
+            proposals, history = self.current(recording_id)
+            expected = operation.expected_revision
+            if expected is not None and expected != history.revision:
+                raise Conflict(
+                    "planes.revision",
+                    f"The planes have changed meanwhile (revision {history.revision}, you saw {expected}); look again.",
+                )
+            after = self._after(history, operation, proposals)
+            if after.current == history.current and after.cursor == history.cursor:
+                return wire_planes(history, static=proposals.static)
+            self._documents.write(recording_id, DOCUMENT, after.model_dump_json())
+            planes = wire_planes(after, static=proposals.static)
+        self.on_changed(recording_id, planes.revision)
+        return planes
+
+    def proposed(self, recording_id: str) -> None:
+        """New proposals are there: tell those who look."""
+        _, history = self.current(recording_id)
+        self.on_changed(recording_id, history.revision)
+
+    def confirmed(self, recording_id: str) -> tuple[OrderedPlane, ...] | None:
+        """The planes a solve uses; None, which lets the solve find its own, where none have been proposed."""
+        try:
+            _, history = self.current(recording_id)
+        except Conflict:
+            return None
+        chosen = tuple(
+            OrderedPlane(name=patch.name, normal=patch.normal, offset_m=patch.offset_m)
+            for patch in history.current.patches
+            if patch.confirmed
+        )
+        if not chosen:
+            raise Conflict("planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways.")
+        return chosen
+
+    def forget(self, recording_id: str) -> None:
+        """Drop what is in memory of a deleted recording."""
+        with self._lock:
+            for cached in [key for key in self._proposals if key.startswith(recording_id)]:
+                del self._proposals[cached]
+
+    def _after(self, history: PlaneHistory, operation: Operation, proposals: PlaneProposals) -> PlaneHistory:
+        if isinstance(operation, Undo):
+            if not history.can_undo:
+                raise Conflict("planes.nothing_to_undo", "There is nothing to take back.")
+            return history.moved(-1)
+        if isinstance(operation, Redo):
+            if not history.can_redo:
+                raise Conflict("planes.nothing_to_redo", "There is nothing to make again.")
+            return history.moved(+1)
+        edited: PlaneSet = apply(history.current, operation, proposals=proposals, grow=api.grow_plane)
+        return history if edited == history.current else history.push(edited)
+
+    def _load(self, recording_id: str) -> tuple[str, PlaneProposals]:
+        record = self._recordings.find(recording_id)
+        if record is None:
+            raise NotFound("recording.not_found", "The recording has been deleted.")
+        key = self._files.cache_key(record)
+        folder = proposal_arrays(self._files.cache(record))
+        if not has_proposals(folder):
+            raise Conflict("planes.not_proposed", "The planes of this recording have not been found yet; wait for its job.")
+        cached = f"{recording_id}/{key}"
+        if cached not in self._proposals:
+            self._proposals[cached] = read_proposals(folder)
+            while len(self._proposals) > KEPT_PROPOSALS:
+                self._proposals.popitem(last=False)
+        self._proposals.move_to_end(cached)
+        return key, self._proposals[cached]

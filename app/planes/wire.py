@@ -1,0 +1,62 @@
+"""Planes as the wire carries them, with the sentence about determinacy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from app.planes.geometry import LEAST_EIGENVALUE, spread_of_directions
+from app.planes.state import PlaneHistory, PlaneSet
+from app.scene.palette import plane_hex
+from app.schemas.planes import Determinacy, Patch, Planes
+from calib_core.types import FloatArray
+
+
+def wire_planes(history: PlaneHistory, *, static: bool) -> Planes:
+    """The planes as every browser sees them."""
+    return Planes(
+        patches=[
+            Patch(
+                index=index,
+                name=patch.name,
+                normal=list(patch.normal),
+                offset_m=patch.offset_m,
+                area_m2=patch.area_m2,
+                n_points=patch.n_points,
+                rms_m=patch.rms_m,
+                tilt_deg=math.degrees(math.acos(min(1.0, abs(patch.normal[2])))),
+                confirmed=patch.confirmed,
+                color=plane_hex(patch.color),
+            )
+            for index, patch in enumerate(history.current.patches)
+        ],
+        determinacy=determinacy(history.current),
+        static=static,
+        can_undo=history.can_undo,
+        can_redo=history.can_redo,
+        revision=history.revision,
+    )
+
+
+def determinacy(planes: PlaneSet) -> Determinacy:
+    """Whether the confirmed planes look in enough directions, and if not, which plane is missing."""
+    normals = np.array([patch.normal for patch in planes.patches if patch.confirmed], dtype=np.float64).reshape(-1, 3)
+    eigenvalue, free = spread_of_directions(normals)
+    ok = eigenvalue >= LEAST_EIGENVALUE
+    if ok:
+        text = f"{len(normals)} confirmed planes fix all three directions."
+    elif len(normals) == 0:
+        text = "No plane is confirmed: confirm at least three that face different ways."
+    else:
+        text = f"Nothing fixes motion {_words(free)}: confirm a plane that faces that way."
+    return Determinacy(ok=ok, text=text, smallest_eigenvalue=eigenvalue)
+
+
+def _words(direction: FloatArray) -> str:
+    """A direction of the map frame in words."""
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) > 0.94:
+        return f"along the lidar's {'xyz'[axis]} axis"
+    signed = direction if direction[axis] > 0 else -direction
+    return "along the lidar's direction (" + ", ".join(f"{component:.2f}" for component in signed) + ")"

@@ -1,0 +1,82 @@
+"""The server's own folder of recordings: looked at and opened in place, never left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.errors import NotFound, Refused
+from app.schemas.recordings import FolderEntry, FolderListing
+from app.storage.files import SUFFIXES, tree_size
+
+
+class RecordingsFolder:
+    """A folder of recordings; `root` None where the server offers none."""
+
+    def __init__(self, root: Path | None) -> None:
+        self._root = None if root is None else root.resolve()
+
+    @property
+    def offered(self) -> bool:
+        """Whether there is one."""
+        return self._root is not None
+
+    def listing(self, path: str) -> FolderListing:
+        """What is in the folder at `path` below the root; '' is the root."""
+        root, folder = self._within(path)
+        if not folder.is_dir():
+            raise NotFound("folder.not_found", f"The recordings folder has no folder {path!r}; go up and choose again.")
+        entries = [entry for child in sorted(folder.iterdir()) if (entry := _entry(child, root)) is not None]
+        parent = None if folder == root else _below(folder.parent, root)
+        return FolderListing(path=_below(folder, root), parent=parent, entries=entries)
+
+    def recording(self, path: str) -> Path:
+        """The recording at `path` below the root: a bag file or a ROS 2 bag folder."""
+        _, found = self._within(path)
+        if not (is_recording_file(found) or is_recording_folder(found)):
+            raise NotFound(
+                "folder.no_recording",
+                f"Expected a bag file or a ROS 2 bag folder at {path!r} in the recordings folder, found none; "
+                "choose an entry marked as a recording.",
+            )
+        return found
+
+    def _within(self, path: str) -> tuple[Path, Path]:
+        if self._root is None:
+            raise NotFound("folder.not_offered", "This server offers no folder; start it with --recordings DIR.")
+        try:
+            found = (self._root / path).resolve()
+        except (OSError, ValueError, RuntimeError):
+            raise NotFound("folder.not_found", f"{path!r} is no path in the recordings folder.") from None
+        if not found.is_relative_to(self._root):
+            raise Refused("folder.outside", f"{path!r} leads out of the recordings folder; stay inside it.")
+        return self._root, found
+
+
+def is_recording_file(path: Path) -> bool:
+    """Whether the file's name is one of a recording."""
+    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+
+
+def is_recording_folder(path: Path) -> bool:
+    """Whether the folder is a ROS 2 bag."""
+    return path.is_dir() and (path / "metadata.yaml").is_file()
+
+
+def _entry(child: Path, root: Path) -> FolderEntry | None:
+    """What is shown of a child; None for hidden things and for links that lead out."""
+    if child.name.startswith(".") or not child.resolve().is_relative_to(root):
+        return None
+    if is_recording_file(child):
+        return FolderEntry(name=child.name, path=_below(child, root), kind="recording", size_bytes=child.stat().st_size)
+    if is_recording_folder(child):
+        return FolderEntry(name=child.name, path=_below(child, root), kind="recording", size_bytes=tree_size(child))
+    if child.is_dir():
+        return FolderEntry(name=child.name, path=_below(child, root), kind="folder", size_bytes=0)
+    if child.is_file():
+        return FolderEntry(name=child.name, path=_below(child, root), kind="file", size_bytes=child.stat().st_size)
+    return None
+
+
+def _below(path: Path, root: Path) -> str:
+    relative = path.relative_to(root).as_posix()
+    return "" if relative == "." else relative

@@ -1,0 +1,102 @@
+"""Results of jobs: the document, exports, thickness, the report page, and the history of runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from fastapi import Response
+
+from app.errors import BadRequest, Conflict
+from app.jobs.machine import SENTENCES
+from app.jobs.service import JobService
+from app.results.report import report_page
+from app.schemas.jobs import Job, SolveOutcome
+from app.schemas.results import AnswerDifference, Run, Runs, Thickness
+from app.storage.files import DataFolder
+from app.storage.records import JobRecord
+from calib_core import api
+from calib_core.result import CalibrationResult
+
+
+class ResultService:
+    """Reads what solves left behind."""
+
+    def __init__(self, files: DataFolder, jobs: JobService) -> None:
+        self._files = files
+        self._jobs = jobs
+
+    def document(self, job: JobRecord) -> CalibrationResult:
+        """The result document."""
+        return CalibrationResult.model_validate_json(self._text(job))
+
+    def download(self, job: JobRecord) -> Response:
+        """The result document as a file."""
+        headers = {"Content-Disposition": f'attachment; filename="calibration-{job.id[:8]}.json"'}
+        return Response(self._text(job), media_type="application/json", headers=headers)
+
+    def export(self, job: JobRecord, format_name: str) -> str:
+        """The extrinsic as another program wants it."""
+        if format_name not in api.export_names():
+            raise BadRequest(
+                "export.unknown", f"No export is called {format_name!r}; there are {', '.join(api.export_names())}."
+            )
+        return api.export(self.document(job), format_name)
+
+    def thickness(self, job: JobRecord) -> Thickness:
+        """Wall thickness before and after."""
+        self._text(job)
+        path = self._files.job(job.id) / "thickness.json"
+        if not path.is_file():
+            raise Conflict("result.no_answer", "The solve was refused, so there is no motion to take out of the scans.")
+        return Thickness.model_validate_json(path.read_text(encoding="utf-8"))
+
+    def report_page(self, job: JobRecord) -> str:
+        """The result as one page for people."""
+        result = self.document(job)
+        path = self._files.job(job.id) / "thickness.json"
+        walls = Thickness.model_validate_json(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return report_page(result, walls)
+
+    def runs(self, recording_id: str) -> Runs:
+        """The recording's solves, newest first, each answer compared with the latest one."""
+        solves = [job for job in self._jobs.list_of(recording_id) if job.kind == "solve"]
+        answered = [job for job in solves if _matrix(self._path(job.id)) is not None]
+        latest = answered[0] if answered else None
+        return Runs(recording_id=recording_id, runs=[Run(job=job, from_latest=self._compare(job, latest)) for job in solves])
+
+    def _compare(self, job: Job, latest: Job | None) -> AnswerDifference | None:
+        if latest is None or job.id == latest.id:
+            return None
+        here, there = _matrix(self._path(job.id)), _matrix(self._path(latest.id))
+        if here is None or there is None or not isinstance(job.result, SolveOutcome):
+            return None
+        if not isinstance(latest.result, SolveOutcome):
+            return None
+        turn = here[:3, :3].T @ there[:3, :3]
+        # The sine keeps small angles that the cosine would round away.
+        sine = 0.5 * np.linalg.norm([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        cosine = 0.5 * (np.trace(turn) - 1.0)
+        return AnswerDifference(
+            rotation_deg=float(np.degrees(np.arctan2(sine, cosine))),
+            translation_m=float(np.linalg.norm(there[:3, 3] - here[:3, 3])),
+            time_offset_s=(latest.result.time_offset_s or 0.0) - (job.result.time_offset_s or 0.0),
+        )
+
+    def _text(self, job: JobRecord) -> str:
+        if job.kind != "solve":
+            raise Conflict("result.not_a_solve", f"A job of kind {job.kind} has no result; ask for that of a solve.")
+        path = self._path(job.id)
+        if job.state != "done" or not path.is_file():
+            raise Conflict("result.not_there", f"This solve has no result: {SENTENCES[job.state]}")
+        return path.read_text(encoding="utf-8")
+
+    def _path(self, job_id: str) -> Path:
+        return self._files.job(job_id) / "result.json"
+
+
+def _matrix(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
+    if not path.is_file():
+        return None
+    transform = CalibrationResult.model_validate_json(path.read_text(encoding="utf-8")).T_imu_lidar
+    return None if transform is None else np.array(transform.matrix)

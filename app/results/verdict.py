@@ -1,0 +1,38 @@
+"""A result in one sentence, and what of it the list of jobs shows."""
+
+from __future__ import annotations
+
+from app.schemas.jobs import SolveOutcome
+from calib_core.result import CalibrationResult
+
+
+def verdict(result: CalibrationResult) -> str:
+    """One sentence for a person: may I use this, and how well is it known."""
+    if result.status == "refused" or result.uncertainty is None:
+        reasons = [message.text for message in result.messages if message.level == "error"]
+        return "Refused: " + (reasons[0] if reasons else "this recording does not determine the answer.")
+    known = (
+        f"one standard deviation is {max(result.uncertainty.rotation_std_deg):.2g} deg, "
+        f"{max(result.uncertainty.translation_std_m) * 1e3:.2g} mm and "
+        f"{result.uncertainty.time_offset_std_s * 1e3:.2g} ms at most."
+    )
+    if result.status == "weak":
+        weak = result.observability.weak_directions
+        return f"Weak: {weak[0].text}" if weak else f"Weak: {known}"
+    return f"Calibrated: {known}"
+
+
+def solve_outcome(result: CalibrationResult) -> SolveOutcome:
+    """The result's summary."""
+    transform, uncertainty = result.T_imu_lidar, result.uncertainty
+    return SolveOutcome(
+        status=result.status,
+        verdict=verdict(result),
+        translation_m=None if transform is None else transform.translation_m,
+        euler_xyz_deg=None if transform is None else transform.euler_xyz_deg,
+        time_offset_s=result.time_offset_s,
+        rotation_std_deg=None if uncertainty is None else uncertainty.rotation_std_deg,
+        translation_std_m=None if uncertainty is None else uncertainty.translation_std_m,
+        time_offset_std_s=None if uncertainty is None else uncertainty.time_offset_std_s,
+        point_to_plane_rms_m=None if transform is None else result.quality.point_to_plane_rms_m,
+    )

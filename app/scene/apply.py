@@ -1,0 +1,152 @@
+"""From items to viser: a thin adapter that sends only what changed. The one place that knows viser's scene."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable
+from typing import Protocol, cast
+
+import numpy as np
+import viser
+
+from app.scene.items import Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
+from calib_core.types import FloatArray
+
+OnPatch = Callable[[int], None]
+OnRay = Callable[[FloatArray, FloatArray, bool], None]
+
+
+class _Removable(Protocol):
+    def remove(self) -> None:
+        """Take the node out of the scene."""
+
+
+def quat_wxyz(rotation: FloatArray) -> tuple[float, float, float, float]:
+    """The quaternion of a rotation matrix in viser's order, scalar first. Nothing else converts."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = (float(part) for part in Rotation.from_matrix(rotation).as_quat())
+    return w, x, y, z
+
+
+class ShownScene:
+    """One viser server and what it shows.
+
+    on_patch: called with a patch's place when its sheet is clicked; on_ray: with origin (3,) and direction (3,) of any
+    click, in scene coordinates, and whether Ctrl or Alt was held. Both from viser's threads. A plain click on a sheet
+    calls both.
+    """
+
+    def __init__(self, *, on_patch: OnPatch, on_ray: OnRay) -> None:
+        with contextlib.redirect_stdout(io.StringIO()):  # it greets whoever starts it
+            self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._on_patch = on_patch
+        self._handles: dict[str, tuple[int, Item, _Removable]] = {}
+        self._dark: bool | None = None
+        self._aimed = False
+        self._server.scene.set_up_direction("+z")
+
+        def clicked(event: viser.SceneClickEvent) -> None:
+            on_ray(np.array(event.ray_origin), np.array(event.ray_direction), event.modifier is not None)
+
+        self._server.scene.on_click()(clicked)
+        self._server.scene.on_click(modifier="cmd/ctrl")(clicked)
+        self._server.scene.on_click(modifier="alt")(clicked)
+
+    @property
+    def port(self) -> int:
+        """Where the server listens, on loopback."""
+        return self._server.get_port()
+
+    @property
+    def watchers(self) -> int:
+        """Browsers connected now."""
+        return len(self._server.get_clients())
+
+    def show(self, content: Content, *, dark: bool) -> None:
+        """Make the scene be the content."""
+        if dark != self._dark:
+            self._dark = dark
+            self._server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
+        if not self._aimed:
+            self._aim(content)
+        wanted = {item.path: item for item in content.items}
+        with self._server.atomic():
+            for path in [path for path in self._handles if path not in wanted]:
+                self._handles.pop(path)[2].remove()
+            for path, item in wanted.items():
+                mark = fingerprint(item)
+                known = self._handles.get(path)
+                if known is None or known[0] != mark:
+                    self._handles[path] = (mark, item, self._put(item, known))
+        self._server.flush()
+
+    def export_html(self) -> str:
+        """The scene as one self-contained page."""
+        return self._server.scene.as_html(dark_mode=bool(self._dark))
+
+    def close(self) -> None:
+        """Stop the server; browsers lose their connection."""
+        self._server.stop()
+
+    def _put(self, item: Item, known: tuple[int, Item, _Removable] | None) -> _Removable:
+        scene = self._server.scene
+        match item:
+            case Cloud(path=path, xyz=xyz, rgb=rgb, size_m=size_m):
+                if known is not None and isinstance(known[2], viser.PointCloudHandle):
+                    known[2].points, known[2].colors = xyz, rgb
+                    return cast(_Removable, known[2])
+                return cast(
+                    _Removable,
+                    scene.add_point_cloud(path, xyz, rgb, point_size=size_m, precision="float32", point_shading="flat"),
+                )
+            case Sheet():
+                return self._put_sheet(item, known)
+            case Line(path=path, xyz=xyz, rgb=rgb):
+                pairs = np.stack([xyz[:-1], xyz[1:]], axis=1)
+                return cast(
+                    _Removable, scene.add_line_segments(path, pairs, rgb, thickness=2.0, thickness_units="screen")
+                )
+            case Axes(path=path, R_scene_frame=rotation, p_scene_frame=position, length_m=length_m):
+                return cast(
+                    _Removable,
+                    scene.add_frame(
+                        path, axes_length=length_m, axes_radius=length_m / 40, wxyz=quat_wxyz(rotation), position=position
+                    ),
+                )
+            case Label(path=path, text=text, position=position):
+                return cast(_Removable, scene.add_label(path, text, position=position))
+
+    def _put_sheet(self, sheet: Sheet, known: tuple[int, Item, _Removable] | None) -> _Removable:
+        if known is not None and isinstance(known[1], Sheet) and isinstance(known[2], viser.MeshHandle):
+            before = known[1]
+            if np.array_equal(before.vertices, sheet.vertices) and before.patch == sheet.patch:
+                known[2].color, known[2].opacity = sheet.rgb, sheet.opacity
+                return cast(_Removable, known[2])
+        handle = self._server.scene.add_mesh_simple(
+            sheet.path,
+            sheet.vertices,
+            sheet.faces,
+            color=sheet.rgb,
+            opacity=sheet.opacity,
+            side="double",
+            flat_shading=True,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        patch = sheet.patch
+        if patch is not None:
+            handle.on_click(lambda _: self._on_patch(patch))
+        return cast(_Removable, handle)
+
+    def _aim(self, content: Content) -> None:
+        """Look at the middle of the first cloud from above one corner of it."""
+        clouds = [item.xyz for item in content.items if isinstance(item, Cloud) and len(item.xyz) > 0]
+        if not clouds:
+            return
+        low, high = np.percentile(clouds[0], [2, 98], axis=0)
+        middle, reach = (low + high) / 2, max(1.0, float(np.linalg.norm(high - low)))
+        self._server.initial_camera.look_at = middle
+        self._server.initial_camera.position = middle + reach * np.array([-0.55, -0.55, 0.6])
+        self._aimed = True

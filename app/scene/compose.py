@@ -1,0 +1,122 @@
+"""Which scene belongs to a view: the wish, met as far as what is there allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.errors import ApiError
+from app.jobs.service import JobService
+from app.planes.service import PlaneService
+from app.scene.build import build_planes, build_scan, build_straightened, build_unsolved, empty
+from app.scene.items import Content
+from app.scene.nudge import nudged, wall_blur
+from app.scene.sources import SceneSources, Shelf
+from app.scene.straighten import fastest_scan, straighten
+from app.schemas.view import View, ViewState, WallBlur
+from app.storage.records import RecordingRecord
+from calib_core.events import IterationEvent
+from calib_core.types import FloatArray, Recording
+
+NOT_READ = "The recording has not been read yet."
+
+
+@dataclass(frozen=True)
+class Composed:
+    """A scene and the view it makes true."""
+
+    content: Content
+    view: View
+
+
+class Composer:
+    """Builds the scene of a view."""
+
+    def __init__(self, sources: SceneSources, planes: PlaneService, jobs: JobService, *, displayed_points: int) -> None:
+        self._sources = sources
+        self._planes = planes
+        self._jobs = jobs
+        self._limit = displayed_points
+        self._fastest: Shelf[int] = Shelf()
+
+    def compose(self, record: RecordingRecord, state: ViewState) -> Composed:
+        """The scene of the view."""
+        recording = self._sources.recording(record)
+        n_scans = 0 if recording is None else len(recording.scans)
+        state = state.model_copy(update={"scan": max(0, min(state.scan, n_scans - 1))})
+        blur: WallBlur | None = None
+        if state.mode == "planes":
+            content = self._planes_scene(record, recording, state)
+        elif recording is None or n_scans == 0:
+            content = empty(NOT_READ)
+        elif state.mode == "solve":
+            content = self._solve_scene(record, recording, state)
+        else:
+            content, blur = self._inspect_scene(record, recording, state)
+        return Composed(content, _view(record, recording, state, content, blur))
+
+    def _planes_scene(self, record: RecordingRecord, recording: Recording | None, state: ViewState) -> Content:
+        try:
+            proposals, history = self._planes.current(record.id)
+        except ApiError as error:
+            if recording is None or len(recording.scans) == 0:
+                return empty(str(error))
+            return build_unsolved(recording, state.scan, color_by="intensity", limit=self._limit, note=str(error))
+        return build_planes(proposals, history.current, limit=self._limit)
+
+    def _solve_scene(self, record: RecordingRecord, recording: Recording, state: ViewState) -> Content:
+        step = self._latest_step(record, state)
+        matrix: FloatArray = np.eye(4) if step is None else np.array(step.matrix)
+        place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
+        scan = recording.scans[place]
+        if step is None:
+            points_m = scan.points["xyz"].astype(np.float32)
+        else:
+            points_m = straighten(scan, recording.imu, T_imu_lidar=matrix, time_offset_s=step.time_offset_s)
+        R_lidar_imu = matrix[:3, :3].T
+        content = build_straightened(
+            scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3]
+        )
+        return content if step is not None else replace(content, note="No estimate yet: the sweep as published.")
+
+    def _latest_step(self, record: RecordingRecord, state: ViewState) -> IterationEvent | None:
+        for job in self._jobs.records_of(record.id):
+            if job.kind == "solve" and state.job_id in {None, job.id}:
+                steps = self._jobs.logs.iterations(job.id)
+                return steps[-1] if steps else None
+        return None
+
+    def _inspect_scene(
+        self, record: RecordingRecord, recording: Recording, state: ViewState
+    ) -> tuple[Content, WallBlur | None]:
+        found = self._sources.solved(record, state.job_id)
+        if found is None:
+            note = "There is no answer yet: the scan as published."
+            return build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note), None
+        solved, blur = found.solved, None
+        if state.nudge is not None:
+            wrong = nudged(solved.trajectory, solved.T_imu_lidar, state.nudge)
+            blur = wall_blur(recording, solved, wrong)
+            solved = replace(solved, trajectory=wrong)
+        content = build_scan(
+            recording, state.scan, solved, show=state.show, color_by=state.color_by, limit=self._limit
+        )
+        return content, blur
+
+
+def _view(
+    record: RecordingRecord, recording: Recording | None, state: ViewState, content: Content, blur: WallBlur | None
+) -> View:
+    scans = () if recording is None else recording.scans
+    scan_t_s = (scans[state.scan].stamp_ns - scans[0].stamp_ns) * 1e-9 if len(scans) > 0 else None
+    return View(
+        **state.model_dump(),
+        scene_url=f"/scene/{record.id}/",
+        n_scans=len(scans),
+        scan_t_s=scan_t_s,
+        points_shown=content.points_shown,
+        legend=content.legend,
+        blur=blur,
+        note=content.note,
+    )

@@ -1,0 +1,67 @@
+"""A deliberate error of the answer, and what it does to the walls.
+
+The motion was solved as the lidar's. It is the IMU that really moved along its own path, so with another extrinsic the
+lidar's path follows from the IMU's:
+
+    T_map_imu(t)    = T_map_lidar(t) T_imu_lidar^-1
+    T'_imu_lidar    = [R_c Exp(r), p_c + dp]                      the contract's perturbation
+    T'_map_lidar(t) = C T_map_imu(t - dt) T'_imu_lidar            a later clock looks at an earlier IMU
+    C                 keeps the first valid pose where it was, so that the map stays the map
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.results.thickness import GATE_M, nearest_plane, spread
+from app.scene.build import Solved, thinned_scan
+from app.schemas.view import Nudge, WallBlur
+from calib_core import api
+from calib_core.types import FloatArray, Recording, Trajectory
+
+#: Scans and points that the cost of a nudge is measured on: enough for two digits, quick enough for a slider.
+BLUR_SCANS = 20
+BLUR_POINTS = 1500
+
+
+def nudged(trajectory: Trajectory, T_imu_lidar: FloatArray, nudge: Nudge) -> Trajectory:
+    """The lidar's motion if the answer were off by the nudge.   T_imu_lidar: (4, 4)."""
+    R_c, p_c = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
+    turn = Rotation.from_rotvec(np.radians([nudge.rx_deg, nudge.ry_deg, nudge.rz_deg])).as_matrix()
+    R_wrong, p_wrong = R_c @ turn, p_c + np.array([nudge.tx_m, nudge.ty_m, nudge.tz_m])
+    R_map_imu = trajectory.R_map_lidar @ R_c.T
+    p_map_imu = trajectory.p_map_lidar - R_map_imu @ p_c
+    R_new = R_map_imu @ R_wrong
+    p_new = R_map_imu @ p_wrong + p_map_imu
+    first = int(np.argmax(trajectory.valid))
+    C = trajectory.R_map_lidar[first] @ R_new[first].T
+    return replace(
+        trajectory,
+        times_s=trajectory.times_s + nudge.dt_s,
+        R_map_lidar=C @ R_new,
+        p_map_lidar=(p_new - p_new[first]) @ C.T + trajectory.p_map_lidar[first],
+    )
+
+
+def wall_blur(recording: Recording, solved: Solved, wrong: Trajectory) -> WallBlur:
+    """Spread of the same points about their planes, as solved and nudged."""
+    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
+    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
+    right_m: list[FloatArray] = []
+    wrong_m: list[FloatArray] = []
+    for place in spread(len(recording.scans), BLUR_SCANS):
+        scan = thinned_scan(recording.scans[place], BLUR_POINTS)
+        owner, dist_m = nearest_plane(api.map_points(scan, solved.trajectory), normals, offsets_m, gate_m=GATE_M)
+        chosen = owner >= 0
+        moved = api.map_points(scan, wrong)[chosen]
+        right_m.append(dist_m[chosen].astype(np.float64))
+        wrong_m.append(np.einsum("ij,ij->i", moved, normals[owner[chosen]]) + offsets_m[owner[chosen]])
+    return WallBlur(solved_rms_m=_rms(right_m), nudged_rms_m=_rms(wrong_m))
+
+
+def _rms(parts: list[FloatArray]) -> float:
+    joined = np.concatenate(parts) if parts else np.zeros(0)
+    return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0

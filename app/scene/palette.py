@@ -1,0 +1,76 @@
+"""Colours that colour-blind people can tell apart: eight hues for planes, a sequential and a diverging scale.
+
+The hues are those of Okabe and Ito (2008) without black. The sequential scale runs from dark blue to bright yellow,
+so lightness alone carries it; the diverging one from blue through near-white to orange.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.types import Float32Array
+
+Colors = NDArray[np.uint8]
+Rgb = tuple[int, int, int]
+
+PLANE_HUES: tuple[Rgb, ...] = (
+    (0, 114, 178),
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (86, 180, 233),
+    (213, 94, 0),
+    (240, 228, 66),
+)
+NO_PLANE: Rgb = (140, 140, 145)
+RAW: Rgb = (213, 94, 0)
+DESKEWED: Rgb = (0, 114, 178)
+
+_SEQUENTIAL = np.array([(20, 30, 100), (60, 90, 140), (120, 125, 125), (190, 165, 85), (253, 231, 55)], dtype=np.float64)
+_DIVERGING = np.array([(0, 90, 170), (110, 170, 215), (235, 235, 230), (240, 170, 90), (200, 80, 0)], dtype=np.float64)
+
+
+def plane_rgb(place: int) -> Rgb:
+    """The colour at a place of the palette; after one round the hues come again, darker."""
+    hue, rounds = PLANE_HUES[place % len(PLANE_HUES)], place // len(PLANE_HUES)
+    darker = 0.65**rounds
+    return round(hue[0] * darker), round(hue[1] * darker), round(hue[2] * darker)
+
+
+def plane_hex(place: int) -> str:
+    """The same as #rrggbb."""
+    return "#{:02x}{:02x}{:02x}".format(*plane_rgb(place))
+
+
+def by_label(labels: NDArray[np.int16], places: list[int]) -> Colors:
+    """(N, 3) colours of points by their patch. labels: (N,), -1 for none.   places: palette place of each patch."""
+    table = np.array([*(plane_rgb(place) for place in places), NO_PLANE], dtype=np.uint8)
+    return table[labels]
+
+
+def sequential(values: Float32Array, low: float, high: float) -> Colors:
+    """(N, 3) colours of values (N,) between low and high; what is outside takes the end's colour."""
+    return _scale(_SEQUENTIAL, values, low, high)
+
+
+def diverging(values: Float32Array, half: float) -> Colors:
+    """(N, 3) colours of signed values (N,) between -half and half; NaN is grey."""
+    return _scale(_DIVERGING, values, -half, half)
+
+
+def uniform(count: int, rgb: Rgb) -> Colors:
+    """(N, 3) of one colour."""
+    return np.broadcast_to(np.array(rgb, dtype=np.uint8), (count, 3)).copy()
+
+
+def _scale(table: NDArray[np.float64], values: Float32Array, low: float, high: float) -> Colors:
+    width = high - low if high > low else 1.0
+    place = np.clip((values.astype(np.float64) - low) / width, 0.0, 1.0) * (len(table) - 1)
+    known = np.isfinite(place)
+    place = np.where(known, place, 0.0)
+    below = np.minimum(place.astype(np.int64), len(table) - 2)
+    share = (place - below)[:, None]
+    colors = np.round(table[below] * (1 - share) + table[below + 1] * share).astype(np.uint8)
+    colors[~known] = NO_PLANE
+    return colors

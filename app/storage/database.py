@@ -1,0 +1,168 @@
+"""The store: SQLite in the data directory (WAL), or any database SQLAlchemy reaches by URL; tables and migrations.
+
+A fresh database gets the newest tables at once. An older one is brought up by the steps of MIGRATIONS, in order,
+each in its own transaction. A newer one is refused: an old program must not write into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    Dialect,
+    Engine,
+    ForeignKey,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    TypeDecorator,
+    create_engine,
+    event,
+    insert,
+    inspect,
+    select,
+    text,
+    update,
+)
+from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.pool import ConnectionPoolEntry
+
+from app.errors import Unavailable
+
+
+class UtcTime(TypeDecorator[datetime]):
+    """A moment in UTC, kept as ISO text, which sorts by time and which every database keeps alike."""
+
+    impl = String(32)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> str | None:
+        """ISO text with microseconds, so that text order is time order."""
+        return None if value is None else value.astimezone(UTC).isoformat(timespec="microseconds")
+
+    def process_result_value(self, value: str | None, dialect: Dialect) -> datetime | None:
+        """The moment, aware of its zone."""
+        return None if value is None else datetime.fromisoformat(value)
+
+
+METADATA = MetaData()
+
+RECORDINGS = Table(
+    "recordings",
+    METADATA,
+    Column("id", String(32), primary_key=True),
+    Column("name", String(200), nullable=False),
+    Column("origin", String(16), nullable=False),
+    Column("source", Text, nullable=False),
+    Column("scenario", String(60), nullable=False),
+    Column("size_bytes", BigInteger, nullable=False),
+    Column("state", String(16), nullable=False),
+    Column("error_json", Text),
+    Column("read_settings_json", Text, nullable=False),
+    Column("report_json", Text),
+    Column("created_at", UtcTime, nullable=False),
+)
+
+JOBS = Table(
+    "jobs",
+    METADATA,
+    Column("id", String(32), primary_key=True),
+    Column("recording_id", ForeignKey("recordings.id", ondelete="CASCADE"), nullable=False, index=True),
+    Column("kind", String(16), nullable=False),
+    Column("state", String(16), nullable=False, index=True),
+    Column("request_json", Text, nullable=False),
+    Column("error_json", Text),
+    Column("outcome_json", Text),
+    Column("retry_of", String(32)),
+    Column("created_at", UtcTime, nullable=False),
+    Column("started_at", UtcTime),
+    Column("ended_at", UtcTime),
+)
+
+#: One JSON text per recording and name: the planes' history, the view.
+DOCUMENTS = Table(
+    "documents",
+    METADATA,
+    Column("recording_id", ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True),
+    Column("name", String(32), primary_key=True),
+    Column("content_json", Text, nullable=False),
+)
+
+SCHEMA_VERSION = Table("schema_version", METADATA, Column("version", Integer, primary_key=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Migration:
+    """SQL that brings a database from `version - 1` to `version`."""
+
+    version: int
+    statements: Sequence[str]
+
+
+#: Version 1 is the first release: fresh databases only.
+MIGRATIONS: tuple[Migration, ...] = ()
+NEWEST_VERSION = 1
+
+
+def open_database(url: str) -> Engine:
+    """An engine on a database whose tables are those of this program."""
+    engine = create_engine(url, connect_args={"timeout": 30} if url.startswith("sqlite") else {})
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+    try:
+        migrate(engine, MIGRATIONS, newest=NEWEST_VERSION)
+    except SQLAlchemyError as error:
+        raise Unavailable(
+            "store.unusable", f"The record store {engine.url!r} cannot be opened: {_cause(error)}. Check path and rights."
+        ) from error
+    return engine
+
+
+def migrate(engine: Engine, migrations: Sequence[Migration], *, newest: int) -> None:
+    """Bring the database to `newest`, or refuse one that is newer."""
+    with engine.begin() as connection:
+        if not inspect(connection).has_table(SCHEMA_VERSION.name):
+            METADATA.create_all(connection)
+            connection.execute(insert(SCHEMA_VERSION).values(version=newest))
+            return
+        found = connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
+    if found > newest:
+        raise Unavailable(
+            "store.newer",
+            f"The record store has version {found}, this program knows up to {newest}: "
+            "use the newer program, or another data directory.",
+        )
+    for step in migrations:
+        if step.version > found:
+            with engine.begin() as connection:
+                for statement in step.statements:
+                    connection.execute(text(statement))
+                connection.execute(update(SCHEMA_VERSION).values(version=step.version))
+
+
+def check_database(engine: Engine) -> None:
+    """Raise Unavailable unless the store answers."""
+    try:
+        with engine.connect() as connection:
+            connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
+    except SQLAlchemyError as error:
+        raise Unavailable("store.unusable", f"The record store does not answer: {_cause(error)}.") from error
+
+
+def _cause(error: SQLAlchemyError) -> str:
+    return str(getattr(error, "orig", None) or error).splitlines()[0]
+
+
+def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
+    cursor = connection.cursor()
+    # WAL lets readers go on while a job's state is written; foreign keys are off by default in SQLite.
+    for pragma in ("journal_mode=WAL", "synchronous=NORMAL", "foreign_keys=ON"):
+        cursor.execute(f"PRAGMA {pragma}")
+    cursor.close()

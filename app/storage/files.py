@@ -1,0 +1,134 @@
+"""Where files live. Every path is made of ids this program drew; nothing a user typed becomes a path.
+
+    uploads/{recording}             bytes as they arrive, with tuspyserver's .info beside them
+    recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
+    recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
+    jobs/{job}/                     events.jsonl, worker.log, and what the job made
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from pathlib import Path
+
+from app.errors import BadRequest, DiskFull, NotFound, Unavailable
+from app.settings import AppSettings
+from app.storage.records import RecordingRecord
+
+#: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
+SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar.gz", ".tgz")
+
+
+def suffix_of(name: str) -> str:
+    """The allowed suffix of a user's file name."""
+    lowered = name.lower()
+    for suffix in SUFFIXES:
+        if lowered.endswith(suffix):
+            return suffix
+    raise BadRequest(
+        "upload.suffix",
+        f"A recording's name ends in one of {', '.join(SUFFIXES)}; {display_name(name)!r} does not: "
+        "rename the file, or put a ROS 2 folder into a .zip first.",
+    )
+
+
+def display_name(name: str) -> str:
+    """A user's file name as shown to people: its last part, without control characters, at most 200 long."""
+    last = name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
+    shown = "".join(character for character in last if character.isprintable()).strip()
+    return shown[:200] or "recording"
+
+
+class DataFolder:
+    """The data directory."""
+
+    def __init__(self, settings: AppSettings) -> None:
+        self.root = settings.data_dir
+        self._min_free_bytes = settings.min_free_bytes
+
+    def prepare(self) -> None:
+        """Make the folders, readable by their owner only."""
+        try:
+            for folder in (self.root, self.uploads, self.root / "recordings", self.root / "jobs"):
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise Unavailable(
+                "data_dir.unusable",
+                f"The data directory {self.root} cannot be made ({error.strerror}): name another with --data-dir.",
+            ) from error
+        self.check_writable()
+
+    def check_writable(self) -> None:
+        """Raise Unavailable unless files can be made."""
+        if not os.access(self.uploads, os.W_OK):
+            raise Unavailable(
+                "data_dir.unusable", f"The data directory {self.root} cannot be written: check its rights."
+            )
+
+    @property
+    def uploads(self) -> Path:
+        """The folder of bytes as they arrive."""
+        return self.root / "uploads"
+
+    def upload(self, recording_id: str) -> Path:
+        """The file an upload arrives in."""
+        return self.uploads / recording_id
+
+    def recording(self, recording_id: str) -> Path:
+        """The recording's folder."""
+        return self.root / "recordings" / recording_id
+
+    def source(self, record: RecordingRecord) -> Path:
+        """The recording itself: our own copy, or the file or folder it was opened from."""
+        return Path(record.source) if record.origin == "folder" else self.recording(record.id) / record.source
+
+    def cache(self, record: RecordingRecord) -> Path:
+        """The folder of arrays that belong to the recording as it is read now."""
+        return self.recording(record.id) / "cache" / self.cache_key(record)
+
+    def cache_key(self, record: RecordingRecord) -> str:
+        """A hash of everything the arrays depend on: the source's bytes (by size and time) and the read settings."""
+        source = self.source(record)
+        try:
+            stat = source.stat()
+        except OSError as error:
+            raise NotFound(
+                "recording.source_missing",
+                f"The recording {record.name} is no longer at {source}: put it back, or delete the entry.",
+            ) from error
+        inputs = f"1|{source}|{stat.st_size}|{stat.st_mtime_ns}|{record.read_settings_json}"
+        return hashlib.sha256(inputs.encode()).hexdigest()[:32]
+
+    def job(self, job_id: str) -> Path:
+        """The job's folder."""
+        return self.root / "jobs" / job_id
+
+    def check_room(self, incoming_bytes: int) -> None:
+        """Raise DiskFull unless so many more bytes leave enough disk free."""
+        free = shutil.disk_usage(self.root).free
+        if free - incoming_bytes < self._min_free_bytes:
+            raise DiskFull(
+                "upload.disk_full",
+                f"The recording has {incoming_bytes / 1e9:.2f} GB, the data directory's disk has {free / 1e9:.2f} GB free "
+                f"and keeps {self._min_free_bytes / 1e9:.2f} GB in reserve: delete recordings or use a larger disk.",
+            )
+
+    def remove_recording(self, recording_id: str, job_ids: list[str]) -> None:
+        """Delete all files of a recording and its jobs."""
+        for path in (self.recording(recording_id), *(self.job(job_id) for job_id in job_ids)):
+            shutil.rmtree(path, ignore_errors=True)
+        self.remove_upload(recording_id)
+
+    def remove_upload(self, recording_id: str) -> None:
+        """Delete the bytes of an upload and what tus knows of it."""
+        for name in (recording_id, f"{recording_id}.info"):
+            (self.uploads / name).unlink(missing_ok=True)
+
+
+def tree_size(path: Path) -> int:
+    """Bytes of a file, or of all files below a folder."""
+    if path.is_file():
+        return path.stat().st_size
+    return sum(entry.stat().st_size for entry in path.rglob("*") if entry.is_file())

@@ -1,0 +1,43 @@
+"""Records of the store: frozen rows, one class per table. Nested parts are JSON text of their wire models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from app.schemas.jobs import JobKind, JobState
+from app.schemas.recordings import Origin, RecordingState
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingRecord:
+    """One recording. `source` is a path: below the data directory for uploads and samples, absolute for folders."""
+
+    id: str
+    name: str
+    origin: Origin
+    source: str
+    scenario: str
+    size_bytes: int
+    state: RecordingState
+    error_json: str | None
+    read_settings_json: str
+    report_json: str | None
+    created_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class JobRecord:
+    """One run. `request_json` is the NewJob that started it; `planes_json` what was confirmed at that time."""
+
+    id: str
+    recording_id: str
+    kind: JobKind
+    state: JobState
+    request_json: str
+    error_json: str | None
+    outcome_json: str | None
+    retry_of: str | None
+    created_at: datetime
+    started_at: datetime | None
+    ended_at: datetime | None

@@ -1,0 +1,109 @@
+"""Reading and writing records. Every call is one transaction; records are frozen, so threads may share them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from sqlalchemy import Engine, delete, insert, select, update
+
+from app.schemas.jobs import JobState
+from app.storage.database import DOCUMENTS, JOBS, RECORDINGS
+from app.storage.records import JobRecord, RecordingRecord
+
+
+class RecordingStore:
+    """Rows of the table of recordings."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def add(self, record: RecordingRecord) -> None:
+        """Keep a new recording."""
+        with self._engine.begin() as connection:
+            connection.execute(insert(RECORDINGS).values(**asdict(record)))
+
+    def find(self, recording_id: str) -> RecordingRecord | None:
+        """The recording, or None."""
+        with self._engine.connect() as connection:
+            row = connection.execute(select(RECORDINGS).where(RECORDINGS.c.id == recording_id)).one_or_none()
+        return None if row is None else RecordingRecord(**row._mapping)
+
+    def all_newest_first(self) -> list[RecordingRecord]:
+        """Every recording."""
+        with self._engine.connect() as connection:
+            rows = connection.execute(select(RECORDINGS).order_by(RECORDINGS.c.created_at.desc())).all()
+        return [RecordingRecord(**row._mapping) for row in rows]
+
+    def save(self, record: RecordingRecord) -> RecordingRecord:
+        """Replace the row of the same id; nothing happens where it has been deleted meanwhile."""
+        with self._engine.begin() as connection:
+            connection.execute(update(RECORDINGS).where(RECORDINGS.c.id == record.id).values(**asdict(record)))
+        return record
+
+    def remove(self, recording_id: str) -> None:
+        """Delete the row; its jobs and documents go with it."""
+        with self._engine.begin() as connection:
+            connection.execute(delete(RECORDINGS).where(RECORDINGS.c.id == recording_id))
+
+
+class JobStore:
+    """Rows of the table of jobs."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def add(self, record: JobRecord) -> None:
+        """Keep a new job."""
+        with self._engine.begin() as connection:
+            connection.execute(insert(JOBS).values(**asdict(record)))
+
+    def find(self, job_id: str) -> JobRecord | None:
+        """The job, or None."""
+        with self._engine.connect() as connection:
+            row = connection.execute(select(JOBS).where(JOBS.c.id == job_id)).one_or_none()
+        return None if row is None else JobRecord(**row._mapping)
+
+    def of_recording(self, recording_id: str) -> list[JobRecord]:
+        """The recording's jobs, newest first."""
+        query = select(JOBS).where(JOBS.c.recording_id == recording_id).order_by(JOBS.c.created_at.desc())
+        with self._engine.connect() as connection:
+            return [JobRecord(**row._mapping) for row in connection.execute(query).all()]
+
+    def in_states(self, states: Sequence[JobState]) -> list[JobRecord]:
+        """Jobs in any of the states, oldest first."""
+        query = select(JOBS).where(JOBS.c.state.in_(states)).order_by(JOBS.c.created_at)
+        with self._engine.connect() as connection:
+            return [JobRecord(**row._mapping) for row in connection.execute(query).all()]
+
+    def save(self, record: JobRecord) -> JobRecord:
+        """Replace the row of the same id; nothing happens where it has been deleted meanwhile."""
+        with self._engine.begin() as connection:
+            connection.execute(update(JOBS).where(JOBS.c.id == record.id).values(**asdict(record)))
+        return record
+
+
+class DocumentStore:
+    """JSON texts by recording and name."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def read(self, recording_id: str, name: str) -> str | None:
+        """The text, or None."""
+        query = select(DOCUMENTS.c.content_json).where(
+            DOCUMENTS.c.recording_id == recording_id, DOCUMENTS.c.name == name
+        )
+        with self._engine.connect() as connection:
+            return connection.execute(query).scalar_one_or_none()
+
+    def write(self, recording_id: str, name: str, content_json: str) -> None:
+        """Replace the text."""
+        key = (DOCUMENTS.c.recording_id == recording_id) & (DOCUMENTS.c.name == name)
+        with self._engine.begin() as connection:
+            if connection.execute(update(DOCUMENTS).where(key).values(content_json=content_json)).rowcount == 0:
+                connection.execute(
+                    insert(DOCUMENTS).values(recording_id=recording_id, name=name, content_json=content_json)
+                )
+
+

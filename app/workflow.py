@@ -1,0 +1,126 @@
+"""What follows what: a recording that arrives is inspected, an inspected one gets its planes proposed, and so on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from app.errors import ApiError, Conflict
+from app.feed import RecordingFeed
+from app.jobs.machine import FINAL
+from app.jobs.orders import Order, StoredRequest
+from app.jobs.service import JobService
+from app.planes.service import PlaneService
+from app.recordings.service import RecordingService
+from app.schemas.common import ErrorFacts
+from app.schemas.jobs import Job, JobKind, NewJob
+from app.schemas.recordings import RecordingState
+from app.schemas.view import JobChanged, RecordingChanged
+from app.storage.files import DataFolder
+from app.storage.records import JobRecord, RecordingRecord
+from app.storage.store import RecordingStore
+from calib_core.settings import ReadSettings
+
+#: What starts by itself when a job of this kind is done.
+FOLLOW_UPS: dict[JobKind, JobKind] = {"simulate": "inspect", "inspect": "planes"}
+
+
+def state_after(job: Job, before: RecordingState) -> RecordingState:
+    """The recording's state now that its job is in this state. Only simulating and inspecting matter to it."""
+    if job.kind not in {"simulate", "inspect"}:
+        return before
+    if job.state not in FINAL:
+        return "receiving" if job.kind == "simulate" else "inspecting"
+    if job.state != "done":
+        return "failed"
+    return "inspecting" if job.kind == "simulate" else "ready"
+
+
+class Workflow:
+    """Starts jobs, and draws the consequences when they change."""
+
+    def __init__(self, recordings: RecordingStore, files: DataFolder, feed: RecordingFeed) -> None:
+        self._recordings = recordings
+        self._files = files
+        self._feed = feed
+        self._jobs: JobService
+        self._planes: PlaneService
+        self.on_shown_changed: Callable[[str], None] = lambda _: None
+
+    def connect(self, jobs: JobService, recordings: RecordingService, planes: PlaneService) -> None:
+        """Tie the services together; they do not know each other."""
+        self._jobs = jobs
+        self._planes = planes
+        recordings.on_arrived = lambda record: self._submit(record, "inspect")
+        recordings.on_wanted = lambda record: self._submit(record, "simulate")
+
+    def start(self, record: RecordingRecord, wish: NewJob) -> Job:
+        """A job somebody asked for."""
+        if record.state == "receiving":
+            raise Conflict("recording.receiving", "The recording is still arriving; start the job when it is here.")
+        self._files.cache_key(record)  # refuses where the source is gone
+        request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
+        if wish.kind == "solve":
+            request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
+        return self._jobs.submit(record.id, wish.kind, request)
+
+    def retry(self, job: JobRecord) -> Job:
+        """The same again."""
+        if job.state not in FINAL:
+            raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
+        request = StoredRequest.model_validate_json(job.request_json)
+        return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
+
+    def make_order(self, job: JobRecord) -> Order:
+        """What the job's worker is told."""
+        record = self._recordings.find(job.recording_id)
+        if record is None:
+            raise Conflict("recording.deleted", "The recording was deleted before its job started.")
+        source = self._files.source(record)
+        return Order(
+            job_id=job.id,
+            kind=job.kind,
+            recording_name=record.name,
+            source=source,
+            # A sample has no bytes to make a key of before it is simulated.
+            cache=self._files.recording(record.id) if job.kind == "simulate" else self._files.cache(record),
+            folder=self._files.job(job.id),
+            scenario=record.scenario,
+            read_settings=ReadSettings.model_validate_json(record.read_settings_json),
+            request=StoredRequest.model_validate_json(job.request_json),
+        )
+
+    def job_changed(self, record: JobRecord, job: Job) -> None:
+        """Draw the consequences of a job's new state, and tell those who look."""
+        recording = self._recordings.find(record.recording_id)
+        if recording is None:
+            return
+        self._keep_consequences(recording, job)
+        self._feed.tell(recording.id, JobChanged(job=job))
+        if job.state == "done" and job.kind == "planes":
+            with suppress(ApiError):  # read another way meanwhile: its own job is on the way
+                self._planes.proposed(recording.id)
+        if job.kind in {"planes", "solve"} and job.state in {"done", "running"}:
+            self.on_shown_changed(recording.id)
+        follow_up = FOLLOW_UPS.get(job.kind)
+        if job.state == "done" and follow_up is not None:
+            self._submit(recording, follow_up)
+
+    def _keep_consequences(self, recording: RecordingRecord, job: Job) -> None:
+        state = state_after(job, recording.state)
+        changed = replace(recording, state=state)
+        if state != recording.state:
+            error = job.error or ErrorFacts(code=f"job.{job.state}", text=job.state_text)
+            changed = replace(changed, error_json=error.model_dump_json() if state == "failed" else None)
+        if job.state == "done" and job.kind == "simulate":
+            changed = replace(changed, size_bytes=self._files.source(recording).stat().st_size)
+        if job.state == "done" and job.kind == "inspect":
+            report = (self._files.job(job.id) / "report.json").read_text(encoding="utf-8")
+            changed = replace(changed, report_json=report)
+        if changed != recording:
+            self._recordings.save(changed)
+            self._feed.tell(recording.id, RecordingChanged())
+
+    def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
+        self._jobs.submit(record.id, kind, StoredRequest())
