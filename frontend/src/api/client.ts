@@ -1,0 +1,73 @@
+import createClient from "openapi-fetch";
+import { faultOf } from "./fault";
+import type { components, paths } from "./generated/schema";
+
+type Schemas = components["schemas"];
+
+/** Tuples as plain arrays: the fetch client hands every fixed-length list back as one. */
+type Plain<T> = T extends readonly (infer Item)[] ? Plain<Item>[] : T extends object ? { [K in keyof T]: Plain<T[K]> } : T;
+
+export type Recording = Plain<Schemas["Recording"]>;
+export type ChangeRecording = Schemas["ChangeRecording"];
+export type OpenRecording = Schemas["OpenRecording"];
+export type Timeline = Schemas["Timeline"];
+export type DoctorReport = Plain<Schemas["DoctorReport"]>;
+export type FindingReport = Schemas["FindingReport"];
+export type ReadSettings = Schemas["ReadSettings"];
+export type FolderListing = Schemas["FolderListing"];
+export type FolderEntry = Schemas["FolderEntry"];
+export type ServerFacts = Schemas["ServerFacts"];
+export type Sample = Schemas["Sample"];
+export type Job = Schemas["Job"];
+export type NewJob = Schemas["NewJob"];
+export type Planes = Schemas["Planes"];
+export type Patch = Schemas["Patch"];
+export type View = Schemas["View"];
+export type ChangeView = Schemas["ChangeView"];
+export type Operation =
+  | Schemas["Confirm"]
+  | Schemas["Drop"]
+  | Schemas["Toggle"]
+  | Schemas["Rename"]
+  | Schemas["Merge"]
+  | Schemas["Grow"]
+  | Schemas["UseSuggestion"]
+  | Schemas["Undo"]
+  | Schemas["Redo"];
+export type Thickness = Schemas["Thickness"];
+export type WallThickness = Schemas["WallThickness"];
+export type Run = Schemas["Run"];
+export type Runs = Schemas["Runs"];
+export type CalibrationResult = Schemas["CalibrationResult"];
+export type StageEvent = Schemas["StageEvent"];
+export type IterationEvent = Schemas["IterationEvent"];
+export type LogEvent = Schemas["LogEvent"];
+export type JobStateEvent = Schemas["JobStateEvent"];
+export type JobMessage = StageEvent | IterationEvent | LogEvent | JobStateEvent;
+export type RecordingMessage =
+  | Schemas["PlanesChanged"]
+  | Schemas["JobChanged"]
+  | Schemas["ViewChanged"]
+  | Schemas["RecordingChanged"]
+  | Schemas["Resync"];
+
+export const api = createClient<paths>({ baseUrl: window.location.origin });
+
+interface Answer<T> {
+  data?: T;
+  error?: unknown;
+  response: Response;
+}
+
+/** The body of a success; anything else is thrown as an ApiFault. */
+export async function body<T>(answer: Promise<Answer<T>>): Promise<T> {
+  const { data, error, response } = await answer;
+  if (!response.ok || data === undefined) throw faultOf(error, response.status);
+  return data;
+}
+
+/** A request in which fields with a default are left out. The generated types call those fields present, which they
+ *  are in answers; in requests leaving them out is how "stays as it is" is said. */
+export function sparse<T>(wish: Partial<T>): T {
+  return wish as T;
+}

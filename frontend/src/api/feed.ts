@@ -1,0 +1,52 @@
+import { useQueryClient, type QueryClient } from "@tanstack/react-query";
+import { useEffect } from "react";
+import type { Recording, RecordingMessage } from "./client";
+import { keys } from "./queries";
+
+/** Brings what is cached of a recording up to date with one message. */
+export function applyMessage(client: QueryClient, id: string, message: RecordingMessage): void {
+  switch (message.event) {
+    case "planes-changed":
+      void client.invalidateQueries({ queryKey: keys.planes(id) });
+      return;
+    case "view-changed":
+      client.setQueryData(keys.view(id), message.view);
+      return;
+    case "job-changed":
+      client.setQueryData<Recording>(keys.recording(id), (old) => (old === undefined ? old : { ...old, latest_job: message.job }));
+      void client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
+      void client.invalidateQueries({ queryKey: keys.jobs(id) });
+      void client.invalidateQueries({ queryKey: keys.runs(id) });
+      if (message.job.kind === "planes") void client.invalidateQueries({ queryKey: keys.planes(id) });
+      if (message.job.kind === "inspect") void client.invalidateQueries({ queryKey: keys.timeline(id) });
+      return;
+    case "recording-changed":
+      if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });
+      void client.invalidateQueries({ queryKey: keys.recording(id) });
+      void client.invalidateQueries({ queryKey: keys.recordings });
+      return;
+    case "resync":
+      void client.invalidateQueries();
+      return;
+  }
+}
+
+/** Keeps a recording's cached queries current while a component shows it, whoever changes it. */
+export function useRecordingFeed(id: string): void {
+  const client = useQueryClient();
+  useEffect(() => {
+    const source = new EventSource(`/api/recordings/${id}/events`);
+    source.onmessage = (event: MessageEvent<string>) => {
+      applyMessage(client, id, JSON.parse(event.data) as RecordingMessage);
+    };
+    let broke = false;
+    source.onerror = () => {
+      broke = true;
+    };
+    source.onopen = () => {
+      if (broke) void client.invalidateQueries({ queryKey: keys.recording(id) });
+      broke = false;
+    };
+    return () => source.close();
+  }, [client, id]);
+}

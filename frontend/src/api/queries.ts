@@ -1,0 +1,189 @@
+import { queryOptions, useMutation, useQueryClient, type QueryClient } from "@tanstack/react-query";
+import {
+  api,
+  body,
+  sparse,
+  type ChangeRecording,
+  type ChangeView,
+  type Job,
+  type NewJob,
+  type OpenRecording,
+  type Operation,
+  type Planes,
+  type Recording,
+  type View,
+} from "./client";
+
+/** The thing an id belongs to comes first, so that everything of one recording can be refreshed at once. */
+export const keys = {
+  facts: ["facts"] as const,
+  recordings: ["recordings"] as const,
+  recording: (id: string) => ["recording", id] as const,
+  timeline: (id: string) => ["recording", id, "timeline"] as const,
+  planes: (id: string) => ["recording", id, "planes"] as const,
+  view: (id: string) => ["recording", id, "view"] as const,
+  runs: (id: string) => ["recording", id, "runs"] as const,
+  jobs: (id: string) => ["recording", id, "jobs"] as const,
+  folder: (path: string) => ["folder", path] as const,
+  result: (jobId: string) => ["result", jobId] as const,
+  thickness: (jobId: string) => ["result", jobId, "thickness"] as const,
+  exported: (jobId: string, format: string) => ["result", jobId, "export", format] as const,
+};
+
+const of = (id: string) => ({ params: { path: { recording_id: id } } });
+const ofJob = (id: string) => ({ params: { path: { job_id: id } } });
+
+export const factsQuery = queryOptions({
+  queryKey: keys.facts,
+  queryFn: () => body(api.GET("/api/info")),
+  staleTime: Infinity,
+});
+
+export const recordingsQuery = queryOptions({
+  queryKey: keys.recordings,
+  queryFn: () => body(api.GET("/api/recordings")),
+});
+
+export const recordingQuery = (id: string) =>
+  queryOptions({ queryKey: keys.recording(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}", of(id))) });
+
+export const timelineQuery = (id: string) =>
+  queryOptions({
+    queryKey: keys.timeline(id),
+    queryFn: () => body(api.GET("/api/recordings/{recording_id}/timeline", of(id))),
+    staleTime: Infinity,
+  });
+
+export const planesQuery = (id: string) =>
+  queryOptions({ queryKey: keys.planes(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/planes", of(id))) });
+
+export const viewQuery = (id: string) =>
+  queryOptions({ queryKey: keys.view(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/view", of(id))) });
+
+export const runsQuery = (id: string) =>
+  queryOptions({ queryKey: keys.runs(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/runs", of(id))) });
+
+export const jobsQuery = (id: string) =>
+  queryOptions({ queryKey: keys.jobs(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/jobs", of(id))) });
+
+export const folderQuery = (path: string) =>
+  queryOptions({
+    queryKey: keys.folder(path),
+    queryFn: () => body(api.GET("/api/folder", { params: { query: { path } } })),
+  });
+
+export const resultQuery = (jobId: string) =>
+  queryOptions({
+    queryKey: keys.result(jobId),
+    queryFn: () => body(api.GET("/api/results/{job_id}", ofJob(jobId))),
+    staleTime: Infinity,
+  });
+
+export const thicknessQuery = (jobId: string) =>
+  queryOptions({
+    queryKey: keys.thickness(jobId),
+    queryFn: () => body(api.GET("/api/results/{job_id}/thickness", ofJob(jobId))),
+    staleTime: Infinity,
+  });
+
+export const exportQuery = (jobId: string, format: string) =>
+  queryOptions({
+    queryKey: keys.exported(jobId, format),
+    queryFn: () =>
+      body(
+        api.GET("/api/results/{job_id}/export/{format_name}", {
+          params: { path: { job_id: jobId, format_name: format } },
+          parseAs: "text",
+        }),
+      ),
+    staleTime: Infinity,
+  });
+
+export const resultDownloadUrl = (jobId: string) => `/api/results/${jobId}/download`;
+export const reportUrl = (jobId: string) => `/api/results/${jobId}/report`;
+export const exportUrl = (jobId: string, format: string) => `/api/results/${jobId}/export/${format}`;
+
+function rememberRecording(client: QueryClient, recording: Recording) {
+  client.setQueryData(keys.recording(recording.id), recording);
+  void client.invalidateQueries({ queryKey: keys.recordings });
+}
+
+export function useOpenRecording() {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (wish: OpenRecording) => body(api.POST("/api/recordings", { body: wish })),
+    onSuccess: (recording) => rememberRecording(client, recording),
+  });
+}
+
+export function useChangeRecording(id: string) {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (change: ChangeRecording) =>
+      body(api.PATCH("/api/recordings/{recording_id}", { ...of(id), body: change })),
+    onSuccess: (recording) => rememberRecording(client, recording),
+  });
+}
+
+export function useDeleteRecording() {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: async (id: string) => {
+      const { error, response } = await api.DELETE("/api/recordings/{recording_id}", of(id));
+      if (!response.ok) await body(Promise.resolve({ error, response }));
+    },
+    onSuccess: () => client.invalidateQueries({ queryKey: keys.recordings }),
+  });
+}
+
+function rememberJob(client: QueryClient, job: Job) {
+  client.setQueryData<Recording>(keys.recording(job.recording_id), (old) =>
+    old === undefined ? old : { ...old, latest_job: job },
+  );
+  void client.invalidateQueries({ queryKey: keys.jobs(job.recording_id) });
+  void client.invalidateQueries({ queryKey: keys.runs(job.recording_id) });
+}
+
+export function useStartJob(id: string) {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (wish: Partial<NewJob>) => body(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
+    onSuccess: (job) => rememberJob(client, job),
+  });
+}
+
+export function useCancelJob() {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (jobId: string) => body(api.POST("/api/jobs/{job_id}/cancel", ofJob(jobId))),
+    onSuccess: (job) => rememberJob(client, job),
+  });
+}
+
+export function useRetryJob() {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (jobId: string) => body(api.POST("/api/jobs/{job_id}/retry", ofJob(jobId))),
+    onSuccess: (job) => rememberJob(client, job),
+  });
+}
+
+/** Edits of the planes; the answer is the new state of all of them. */
+export function useEditPlanes(id: string) {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (operation: Operation) =>
+      body(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
+    onSuccess: (planes: Planes) => client.setQueryData(keys.planes(id), planes),
+    onError: () => client.invalidateQueries({ queryKey: keys.planes(id) }),
+  });
+}
+
+export function useChangeView(id: string) {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (change: Partial<ChangeView>) =>
+      body(api.POST("/api/recordings/{recording_id}/view", { ...of(id), body: sparse(change) })),
+    onSuccess: (view: View) => client.setQueryData(keys.view(id), view),
+  });
+}

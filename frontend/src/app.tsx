@@ -1,0 +1,26 @@
+import { Route, Routes } from "react-router";
+import { InspectScreen } from "./features/inspect/screen";
+import { PlanesScreen } from "./features/planes/screen";
+import { RecordingScreen } from "./features/recording/screen";
+import { ResultScreen } from "./features/result/screen";
+import { SolveScreen } from "./features/solve/screen";
+import { StartScreen } from "./features/start/screen";
+import { WorkspaceLayout } from "./features/workspace/layout";
+import { NotFound } from "./features/workspace/notfound";
+
+/** Every screen is a URL; the recording is in the path, the run and the view are in the query. */
+export function App() {
+  return (
+    <Routes>
+      <Route path="/" element={<StartScreen />} />
+      <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
+        <Route path="recording" element={<RecordingScreen />} />
+        <Route path="planes" element={<PlanesScreen />} />
+        <Route path="solve" element={<SolveScreen />} />
+        <Route path="inspect" element={<InspectScreen />} />
+        <Route path="result" element={<ResultScreen />} />
+      </Route>
+      <Route path="*" element={<NotFound />} />
+    </Routes>
+  );
+}

@@ -1,0 +1,137 @@
+import { ActionIcon, Checkbox, Menu, TextInput } from "@mantine/core";
+import { useState } from "react";
+import type { Operation, Patch, Planes } from "../../api/client";
+import { count, fixed } from "../../ui/format";
+import { Icon } from "../../ui/icons";
+import { StateBox } from "../../ui/notice";
+import css from "./planes.module.css";
+import { mergeCandidates } from "./similar";
+
+/** Every patch with what a person needs to judge it. */
+export function PatchList({ planes, apply }: { planes: Planes; apply: (operation: Operation) => void }) {
+  if (planes.patches.length === 0) return <NoPlanes />;
+  return (
+    <table className={css.table}>
+      <caption className="sr-only">Detected planes</caption>
+      <thead>
+        <tr>
+          <th scope="col">
+            <span className="sr-only">Confirmed</span>
+          </th>
+          <th scope="col">Plane</th>
+          <th scope="col" className={css.right}>
+            Area <span>m²</span>
+          </th>
+          <th scope="col" className={css.right} title="Angle between the plane's normal and the lidar's vertical axis">
+            Tilt <span>°</span>
+          </th>
+          <th scope="col" className={css.right} title="Root mean square distance of its points">
+            Noise <span>mm</span>
+          </th>
+          <th scope="col">
+            <span className="sr-only">Actions</span>
+          </th>
+        </tr>
+      </thead>
+      <tbody>
+        {planes.patches.map((patch) => (
+          <PatchRow key={patch.index} patch={patch} all={planes.patches} apply={apply} />
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+interface RowProps {
+  patch: Patch;
+  all: readonly Patch[];
+  apply: (operation: Operation) => void;
+}
+
+function PatchRow({ patch, all, apply }: RowProps) {
+  const [renaming, setRenaming] = useState(false);
+  const candidates = mergeCandidates(patch, all);
+  const rename = (name: string) => {
+    setRenaming(false);
+    if (name !== "" && name !== patch.name) apply({ op: "rename", index: patch.index, name });
+  };
+  return (
+    <tr data-confirmed={patch.confirmed}>
+      <td>
+        <Checkbox
+          size="xs"
+          aria-label={`Use ${patch.name}`}
+          checked={patch.confirmed}
+          onChange={() => apply({ op: "toggle", index: patch.index })}
+        />
+      </td>
+      <td className={css.nameCell}>
+        <span className={css.swatch} style={{ background: patch.color }} />
+        {renaming ? (
+          <TextInput
+            size="xs"
+            autoFocus
+            aria-label="New name"
+            defaultValue={patch.name}
+            onFocus={(event) => event.currentTarget.select()}
+            onBlur={(event) => rename(event.currentTarget.value.trim())}
+            onKeyDown={(event) => {
+              if (event.key === "Enter") event.currentTarget.blur();
+              if (event.key === "Escape") setRenaming(false);
+            }}
+          />
+        ) : (
+          <button
+            type="button"
+            className={css.name}
+            onClick={() => apply({ op: "toggle", index: patch.index })}
+            onDoubleClick={() => setRenaming(true)}
+            title={`${count(patch.n_points)} points. Click: confirm or drop. Double click: rename.`}
+            tabIndex={-1}
+          >
+            {patch.name}
+          </button>
+        )}
+      </td>
+      <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
+      <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>
+      <td className={`${css.right ?? ""} num`}>{fixed(patch.rms_m * 1000, 1)}</td>
+      <td>
+        <Menu position="bottom-end" width={220}>
+          <Menu.Target>
+            <ActionIcon size="sm" variant="subtle" color="gray" aria-label={`More for ${patch.name}`}>
+              <Icon name="more" />
+            </ActionIcon>
+          </Menu.Target>
+          <Menu.Dropdown>
+            <Menu.Item leftSection={<Icon name="pencil" />} onClick={() => setRenaming(true)}>
+              Rename
+            </Menu.Item>
+            {candidates.map((other) => (
+              <Menu.Item
+                key={other.index}
+                leftSection={<Icon name="merge" />}
+                onClick={() => apply({ op: "merge", indices: [patch.index, other.index] })}
+              >
+                Merge with {other.name}
+              </Menu.Item>
+            ))}
+            {candidates.length === 0 && (
+              <Menu.Item leftSection={<Icon name="merge" />} disabled>
+                No plane to merge with
+              </Menu.Item>
+            )}
+          </Menu.Dropdown>
+        </Menu>
+      </td>
+    </tr>
+  );
+}
+
+function NoPlanes() {
+  return (
+    <StateBox title="No planes were found">
+      <p>The cloud has no flat patch of at least half a metre; grow one by hand, or record near walls.</p>
+    </StateBox>
+  );
+}

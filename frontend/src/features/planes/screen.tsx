@@ -1,0 +1,160 @@
+import { ActionIcon, Button, Skeleton, Tooltip } from "@mantine/core";
+import { useEffect, useRef } from "react";
+import { useNavigate } from "react-router";
+import type { Operation, Planes } from "../../api/client";
+import { isFinal, useJobStream } from "../../api/jobstream";
+import { useChangeView, useEditPlanes, useStartJob } from "../../api/queries";
+import { Icon } from "../../ui/icons";
+import { Fault, Notice } from "../../ui/notice";
+import { Panel } from "../../ui/panel";
+import { useShortcuts } from "../../ui/shortcuts";
+import { JobProgress } from "../solve/progress";
+import { useWorkspace } from "../workspace/context";
+import { ClickMode } from "./clickmode";
+import { DeterminacyMeter } from "./determinacy";
+import { PatchList } from "./list";
+import css from "./planes.module.css";
+
+/** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
+export function PlanesScreen() {
+  const { recording, planes, planesPending } = useWorkspace();
+  const navigate = useNavigate();
+  const { mutate: changeView } = useChangeView(recording.id);
+  const edit = useEditPlanes(recording.id);
+  const start = useStartJob(recording.id);
+  const job = recording.latest_job?.kind === "planes" ? recording.latest_job : null;
+  const searching = job !== null && !isFinal(job);
+  const missing = !planesPending && planes === undefined;
+
+  useEffect(() => {
+    changeView({ mode: "planes", click: "toggle", nudge: null });
+  }, [changeView]);
+
+  // Looking for planes needs no decision, so nobody is asked.
+  const asked = useRef(false);
+  const { mutate: startJob } = start;
+  const ready = recording.state === "ready";
+  useEffect(() => {
+    if (!ready || !missing || job !== null || asked.current) return;
+    asked.current = true;
+    startJob({ kind: "planes" });
+  }, [ready, missing, job, startJob]);
+
+  const solve = () =>
+    start.mutate({ kind: "solve" }, { onSuccess: (made) => void navigate(`/r/${recording.id}/solve?job=${made.id}`) });
+  const apply = (operation: Operation) => edit.mutate(operation);
+  useShortcuts("Planes", planes === undefined ? [] : [
+    { keys: "s", label: "Use the suggestion", run: () => apply({ op: "use-suggestion" }) },
+    { keys: "mod+z", label: "Undo", run: () => planes.can_undo && apply({ op: "undo" }) },
+    { keys: "mod+shift+z", label: "Redo", run: () => planes.can_redo && apply({ op: "redo" }) },
+    { keys: "Enter", label: "Solve with these planes", run: solve },
+    ...planes.patches.slice(0, 10).map((patch) => ({
+      keys: `alt+${(patch.index + 1) % 10}`,
+      label: `Confirm or drop ${patch.name}`,
+      run: () => apply({ op: "toggle", index: patch.index }),
+    })),
+  ]);
+
+  const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
+  return (
+    <>
+      {planes !== undefined && <ClickMode recordingId={recording.id} />}
+      <Panel
+        title="Planes"
+        lead="Keep walls, floor and ceiling; drop what can move or bend."
+        tools={planes !== undefined && <History planes={planes} apply={apply} />}
+        footer={
+          planes === undefined ? (
+            <Button disabled fullWidth>
+              Solve
+            </Button>
+          ) : (
+            <Button
+              fullWidth
+              onClick={solve}
+              loading={start.isPending}
+              disabled={confirmed === 0}
+              variant={planes.determinacy.ok ? "filled" : "default"}
+              rightSection={<Icon name="next" />}
+            >
+              {planes.determinacy.ok ? `Solve with ${confirmed} planes` : `Solve with ${confirmed} anyway`}
+            </Button>
+          )
+        }
+      >
+        {start.isError && <Fault error={start.error} />}
+        {edit.isError && <Fault error={edit.error} />}
+        {planes !== undefined && !searching ? (
+          <>
+            <DeterminacyMeter determinacy={planes.determinacy} />
+            {!planes.static && (
+              <div className={css.gap}>
+                <Notice level="warning">
+                  The platform never stood still, so these planes come from moving scans and are rougher; the solve refines them.
+                </Notice>
+              </div>
+            )}
+            <PatchList planes={planes} apply={apply} />
+          </>
+        ) : searching ? (
+          <PlanesProgress jobId={job.id} />
+        ) : job !== null && (job.state === "failed" || job.state === "cancelled" || job.state === "interrupted") ? (
+          <Notice
+            level={job.state === "failed" ? "error" : "warning"}
+            actions={
+              <Button size="compact-sm" variant="default" onClick={() => startJob({ kind: "planes" })}>
+                Look again
+              </Button>
+            }
+          >
+            {job.error?.text ?? job.state_text}
+          </Notice>
+        ) : (
+          <ListSkeleton />
+        )}
+      </Panel>
+    </>
+  );
+}
+
+function History({ planes, apply }: { planes: Planes; apply: (operation: Operation) => void }) {
+  return (
+    <div className={css.tools}>
+      <Tooltip label="Back to the planes as detected (S)">
+        <Button size="compact-sm" variant="default" onClick={() => apply({ op: "use-suggestion" })}>
+          Use suggestion
+        </Button>
+      </Tooltip>
+      <Tooltip label="Undo (Ctrl Z)">
+        <ActionIcon variant="default" aria-label="Undo" disabled={!planes.can_undo} onClick={() => apply({ op: "undo" })}>
+          <Icon name="undo" />
+        </ActionIcon>
+      </Tooltip>
+      <Tooltip label="Redo (Ctrl Shift Z)">
+        <ActionIcon variant="default" aria-label="Redo" disabled={!planes.can_redo} onClick={() => apply({ op: "redo" })}>
+          <Icon name="redo" />
+        </ActionIcon>
+      </Tooltip>
+    </div>
+  );
+}
+
+function PlanesProgress({ jobId }: { jobId: string }) {
+  const run = useJobStream(jobId);
+  return (
+    <>
+      <JobProgress run={run} jobId={jobId} />
+      <ListSkeleton />
+    </>
+  );
+}
+
+function ListSkeleton() {
+  return (
+    <div aria-busy="true" aria-label="Looking for planes">
+      {[0, 1, 2, 3, 4, 5].map((i) => (
+        <Skeleton key={i} height={40} mt={10} />
+      ))}
+    </div>
+  );
+}

@@ -1,0 +1,58 @@
+import type { ChangeRecording, ReadSettings } from "../../api/client";
+
+type SettingKey = Exclude<keyof ReadSettings, "start_s" | "end_s">;
+type Kind = "text" | "number" | "flag";
+
+/** What each option of the command line changes of a recording, and how its value is written. */
+const kinds: Record<SettingKey, Kind> = {
+  lidar_topic: "text",
+  imu_topic: "text",
+  point_time_field: "text",
+  point_time_unit: "text",
+  point_time_reference: "text",
+  synthesise_point_time: "flag",
+  accelerometer_unit: "text",
+  gyroscope_unit: "text",
+  stamps: "text",
+  range_min_m: "number",
+  range_max_m: "number",
+};
+
+function isSetting(key: string): key is SettingKey {
+  return key in kinds;
+}
+
+/** The change that an override such as `--point-time-unit ns` stands for; null where the browser has no such setting. */
+export function fixOf(override: string): ChangeRecording | null {
+  const words = override.trim().split(/\s+/).filter((word) => word !== "");
+  const change: Record<string, string | number | boolean> = {};
+  for (let i = 0; i < words.length; i += 1) {
+    const word = words[i] ?? "";
+    if (!word.startsWith("--")) return null;
+    const key = word.slice(2).replaceAll("-", "_");
+    if (!isSetting(key)) return null;
+    if (kinds[key] === "flag") {
+      change[key] = true;
+      continue;
+    }
+    i += 1;
+    const value = words[i];
+    if (value === undefined || value.startsWith("--")) return null;
+    change[key] = kinds[key] === "number" ? Number(value) : value;
+  }
+  // The server checks every value against its own model; this only gives names to words.
+  return Object.keys(change).length > 0 ? (change as ChangeRecording) : null;
+}
+
+/** The override in plain words: `Read as: point time unit ns`. */
+export function fixText(override: string): string {
+  return override
+    .trim()
+    .split(/\s*--/)
+    .filter((part) => part !== "")
+    .map((part) => {
+      const [name = "", ...value] = part.split(/\s+/);
+      return `${name.replaceAll("-", " ")} ${value.join(" ")}`.trim();
+    })
+    .join(", ");
+}

@@ -1,0 +1,144 @@
+import { Button } from "@mantine/core";
+import { Link, useNavigate } from "react-router";
+import type { Recording } from "../../api/client";
+import { isFinal, useJobStream } from "../../api/jobstream";
+import { useChangeRecording, useRetryJob } from "../../api/queries";
+import { bytes, duration } from "../../ui/format";
+import { Icon } from "../../ui/icons";
+import { Fault, Notice, StateBox } from "../../ui/notice";
+import { Panel, Section } from "../../ui/panel";
+import { useShortcuts } from "../../ui/shortcuts";
+import { JobProgress } from "../solve/progress";
+import { useUploads } from "../start/uploads";
+import { rateOf } from "../start/rate";
+import { useWorkspace } from "../workspace/context";
+import layout from "../workspace/layout.module.css";
+import { Report } from "./report";
+import { Sensors } from "./sensors";
+import css from "./recording.module.css";
+
+/** What the recording holds, what stands in its way, and which part of it to use. */
+export function RecordingScreen() {
+  const { recording } = useWorkspace();
+  const navigate = useNavigate();
+  const goOn = () => void navigate(`/r/${recording.id}/planes`);
+  const ready = recording.state === "ready";
+  useShortcuts("Recording", ready ? [{ keys: "Enter", label: "Find planes", run: goOn }] : []);
+  return (
+    <>
+      <div className={layout.main}>
+        <div className={layout.pad}>
+          <Main recording={recording} />
+        </div>
+      </div>
+      <Panel
+        title="Sensors"
+        footer={
+          <Button fullWidth disabled={!ready} onClick={goOn} rightSection={<Icon name="next" />}>
+            Find planes
+          </Button>
+        }
+      >
+        <Section title="File">
+          <p className={css.file}>
+            <span className="clip" title={recording.name}>{recording.name}</span>
+            <span className="num dim nowrap">
+              {bytes(recording.size_bytes)}
+              {recording.report !== null && recording.report !== undefined && `, ${duration(recording.report.duration_s)}`}
+            </span>
+          </p>
+        </Section>
+        <Sensors recording={recording} />
+      </Panel>
+    </>
+  );
+}
+
+function Main({ recording }: { recording: Recording }) {
+  switch (recording.state) {
+    case "receiving":
+      return <Receiving recording={recording} />;
+    case "inspecting":
+      return <Inspecting recording={recording} />;
+    case "failed":
+      return <Failed recording={recording} />;
+    case "ready":
+      return <Report recording={recording} />;
+  }
+}
+
+function Receiving({ recording }: { recording: Recording }) {
+  const { list, cancel } = useUploads();
+  const navigate = useNavigate();
+  const upload = list.find((one) => one.recordingId === recording.id);
+  const rate = rateOf(upload?.samples ?? [], recording.size_bytes);
+  const sent = upload === undefined ? recording.received_bytes : rate.sent;
+  const percent = recording.size_bytes === 0 ? 0 : Math.floor((100 * sent) / recording.size_bytes);
+  return (
+    <StateBox title={upload === undefined ? "This upload was interrupted" : "Uploading"} icon={<Icon name="upload" size={32} />}>
+      <div className={css.upload}>
+        <div className={css.uploadBar} role="progressbar" aria-label="Upload" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
+          <span style={{ transform: `scaleX(${percent / 100})` }} />
+        </div>
+        <p className="num">
+          {bytes(sent)} of {bytes(recording.size_bytes)}
+          {rate.bytesPerSecond !== null && `, ${bytes(rate.bytesPerSecond)}/s`}
+          {rate.secondsLeft !== null && `, ${duration(rate.secondsLeft)} left`}
+        </p>
+        {upload === undefined ? (
+          <p>
+            Drop the same file again on the <Link to="/">start page</Link>: it goes on where it stopped.
+          </p>
+        ) : (
+          <Button
+            size="compact-sm"
+            variant="default"
+            onClick={() => {
+              cancel(recording.id);
+              void navigate("/");
+            }}
+          >
+            Cancel
+          </Button>
+        )}
+        {upload?.fault !== null && upload?.fault !== undefined && <Fault error={upload.fault} />}
+      </div>
+    </StateBox>
+  );
+}
+
+function Inspecting({ recording }: { recording: Recording }) {
+  const job = recording.latest_job;
+  const run = useJobStream(job !== null && job !== undefined && !isFinal(job) ? job.id : null);
+  return (
+    <div className={css.inspecting}>
+      <h1>{job?.kind === "simulate" ? "Making the sample" : "Reading the recording"}</h1>
+      {job !== null && job !== undefined && <JobProgress run={run} jobId={job.id} />}
+    </div>
+  );
+}
+
+function Failed({ recording }: { recording: Recording }) {
+  const retry = useRetryJob();
+  const change = useChangeRecording(recording.id);
+  const job = recording.latest_job;
+  const candidates = recording.error?.details?.candidates ?? [];
+  return (
+    <div className={css.failed}>
+      <h1>This recording cannot be used as it is</h1>
+      <Notice level="error">{recording.error?.text ?? "The server gave no reason; its log says more."}</Notice>
+      <div className={css.failedActions}>
+        {job !== null && job !== undefined && (
+          <Button variant="default" loading={retry.isPending} onClick={() => retry.mutate(job.id)}>
+            Try again
+          </Button>
+        )}
+        <Button component={Link} to="/" variant="default">
+          Open another one
+        </Button>
+      </div>
+      {candidates.length > 0 && <p className="dim small">Topics that were considered: {candidates.join(", ")}</p>}
+      {[retry.error, change.error].map((error, i) => error !== null && <Fault key={i} error={error} />)}
+    </div>
+  );
+}

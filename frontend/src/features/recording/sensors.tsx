@@ -1,0 +1,130 @@
+import { NativeSelect, Skeleton } from "@mantine/core";
+import type { DoctorReport, Recording } from "../../api/client";
+import { useChangeRecording } from "../../api/queries";
+import { count, fixed } from "../../ui/format";
+import { Fault } from "../../ui/notice";
+import { Section } from "../../ui/panel";
+import css from "./recording.module.css";
+
+type Fact = [name: string, value: string];
+
+/** What was recognised of the two sensors; topics to choose from where several fit. */
+export function Sensors({ recording }: { recording: Recording }) {
+  const change = useChangeRecording(recording.id);
+  const report = recording.report;
+  if (report === null || report === undefined) {
+    return recording.state === "failed" ? null : (
+      <div aria-busy="true" aria-label="Sensors">
+        <Skeleton height={120} mb={12} />
+        <Skeleton height={120} />
+      </div>
+    );
+  }
+  const { lidar_topic: lidarWish, imu_topic: imuWish } = recording.read_settings;
+  return (
+    <>
+      <Section title="Lidar">
+        <TopicChoice
+          label="Lidar topic"
+          candidates={report.lidar_candidates}
+          value={lidarWish ?? report.lidar?.topic ?? null}
+          onChoose={(topic) => change.mutate({ lidar_topic: topic })}
+          disabled={change.isPending}
+        />
+        <Facts facts={lidarFacts(report)} />
+      </Section>
+      <Section title="IMU">
+        <TopicChoice
+          label="IMU topic"
+          candidates={report.imu_candidates}
+          value={imuWish ?? report.imu?.topic ?? null}
+          onChoose={(topic) => change.mutate({ imu_topic: topic })}
+          disabled={change.isPending}
+        />
+        <Facts facts={imuFacts(report)} />
+      </Section>
+      {change.isError && <Fault error={change.error} />}
+      <Section title="Topics">
+        <ul className={css.topics}>
+          {report.topics.map((topic) => (
+            <li key={topic.name} title={topic.type}>
+              <span className="clip">{topic.name}</span>
+              <span className="num dim">{count(topic.messages)}</span>
+              <span className="num dim">{fixed(topic.rate_hz, topic.rate_hz < 10 ? 1 : 0)} Hz</span>
+            </li>
+          ))}
+        </ul>
+      </Section>
+    </>
+  );
+}
+
+interface TopicChoiceProps {
+  label: string;
+  candidates: readonly string[];
+  value: string | null;
+  onChoose: (topic: string) => void;
+  disabled: boolean;
+}
+
+function TopicChoice({ label, candidates, value, onChoose, disabled }: TopicChoiceProps) {
+  if (candidates.length < 2) return value === null ? null : <p className={`num ${css.topic ?? ""}`}>{value}</p>;
+  return (
+    <NativeSelect
+      size="xs"
+      mb={6}
+      aria-label={label}
+      data={[...(value === null ? [{ value: "", label: `Choose among ${candidates.length}` }] : []), ...candidates]}
+      value={value ?? ""}
+      disabled={disabled}
+      onChange={(event) => {
+        const topic = event.currentTarget.value;
+        if (topic !== "" && topic !== value) onChoose(topic);
+      }}
+    />
+  );
+}
+
+function Facts({ facts }: { facts: readonly Fact[] }) {
+  return (
+    <dl className={css.facts}>
+      {facts.map(([name, value]) => (
+        <div key={name}>
+          <dt>{name}</dt>
+          <dd className="clip" title={value}>
+            {value}
+          </dd>
+        </div>
+      ))}
+    </dl>
+  );
+}
+
+function lidarFacts({ lidar }: DoctorReport): Fact[] {
+  if (lidar === null || lidar === undefined) return [];
+  const time = lidar.point_time;
+  const ranges = lidar.ranges;
+  return [
+    ["Sensor", lidar.preset.identified ? lidar.preset.name : `not recognised (as ${lidar.preset.name})`],
+    ["Scans", `${count(lidar.scans)} at ${fixed(lidar.stamps.rate_hz, 1)} Hz`],
+    ["Points a scan", ranges === null || ranges === undefined ? "–" : count(ranges.points_per_scan)],
+    ["Point time", time === null || time === undefined ? "none" : `${time.field}, ${time.unit}`],
+    ["Range noise", `${fixed(lidar.preset.range_std_m * 1000, 0)} mm`],
+    ["Ranges", ranges === null || ranges === undefined ? "–" : `${fixed(ranges.p05_m, 1)} to ${fixed(ranges.p95_m, 1)} m`],
+  ];
+}
+
+function imuFacts({ imu }: DoctorReport): Fact[] {
+  if (imu === null || imu === undefined) return [];
+  const noise = imu.noise_used === "measured" && imu.measured_noise ? imu.measured_noise : imu.preset_noise;
+  const gyroDeg = (noise.noise.gyroscope_noise_density_rad_s_sqrt_hz * 180) / Math.PI;
+  const accelUg = (noise.noise.accelerometer_noise_density_m_s2_sqrt_hz / 9.80665) * 1e6;
+  return [
+    ["Readings", `${count(imu.readings)} at ${fixed(imu.stamps.rate_hz, 0)} Hz`],
+    ["Units", `${imu.accelerometer_unit.replace("m_s2", "m/s²")}, ${imu.gyroscope_unit.replace("_", "/")}`],
+    ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 3)} m/s²`],
+    ["Noise", imu.noise_used === "measured" ? "measured while still" : `preset ${imu.preset_noise.origin}`],
+    ["Gyroscope", `${fixed(gyroDeg, 4)} °/s/√Hz`],
+    ["Accelerometer", `${fixed(accelUg, 0)} µg/√Hz`],
+  ];
+}

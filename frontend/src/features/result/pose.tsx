@@ -1,0 +1,109 @@
+import { SegmentedControl } from "@mantine/core";
+import type { CalibrationResult } from "../../api/client";
+import { fixed, withSigma } from "../../ui/format";
+import { Frames } from "./frames";
+import { CopyBox } from "./copybox";
+import type { Direction, Pose } from "./inverse";
+import css from "./result.module.css";
+
+interface PoseCardProps {
+  pose: Pose;
+  result: CalibrationResult;
+  direction: Direction;
+  onDirection: (direction: Direction) => void;
+}
+
+const axes = ["x", "y", "z"] as const;
+const angles = ["Roll", "Pitch", "Yaw"] as const;
+
+/** The transform in either direction, the time offset, and one standard deviation of each number. */
+export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps) {
+  const [to, from] = direction === "imu_lidar" ? ["IMU", "lidar"] : ["lidar", "IMU"];
+  const offsetS = result.time_offset_s ?? 0;
+  const offset = withSigma(offsetS * 1000, (result.uncertainty?.time_offset_std_s ?? 0) * 1000);
+  return (
+    <section className={css.card} aria-label="The answer">
+      <div className={css.cardHead}>
+        <SegmentedControl
+          size="xs"
+          aria-label="Direction of the transform"
+          value={direction}
+          onChange={(value) => onDirection(value === "lidar_imu" ? "lidar_imu" : "imu_lidar")}
+          data={[
+            { value: "imu_lidar", label: "T_imu_lidar" },
+            { value: "lidar_imu", label: "T_lidar_imu" },
+          ]}
+        />
+        <p className="dim small">
+          takes points of the {from} to the {to}: x<sub>{to}</sub> = R x<sub>{from}</sub> + p
+        </p>
+      </div>
+      <div className={css.answer}>
+        <table className={css.numbers}>
+          <caption className="sr-only">Transform and time offset with one standard deviation</caption>
+          <tbody>
+            {axes.map((axis, i) => (
+              <NumberRow
+                key={axis}
+                axis={axis}
+                name={`p ${axis}`}
+                unit="mm"
+                text={withSigma((pose.translationM[i] ?? 0) * 1000, (pose.translationStdM[i] ?? 0) * 1000)}
+                share={(pose.translationStdM[i] ?? 0) / 0.02}
+              />
+            ))}
+            {angles.map((angle, i) => (
+              <NumberRow
+                key={angle}
+                axis={axes[i] ?? "x"}
+                name={angle}
+                unit="°"
+                text={withSigma(pose.eulerDeg[i] ?? 0, pose.rotationStdDeg[i] ?? 0)}
+                share={(pose.rotationStdDeg[i] ?? 0) / 0.5}
+              />
+            ))}
+            <NumberRow axis="t" name="Time offset" unit="ms" text={offset} share={(result.uncertainty?.time_offset_std_s ?? 0) / 0.002} />
+          </tbody>
+        </table>
+        <Frames matrix={pose.matrix} base={to} other={from} />
+      </div>
+      <p className="dim small">
+        The bar is one standard deviation against the limit of a weak answer (20 mm, 0.5°, 2 ms), on a logarithmic scale; angles turn about the{" "}
+        {from}&rsquo;s axes. A reading stamped t by the IMU was taken at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the
+        lidar&rsquo;s clock.
+      </p>
+      <div className={css.copies}>
+        <CopyBox label="the matrix" text={pose.matrix.map((row) => row.map((value) => value.toFixed(9).padStart(13)).join(" ")).join("\n")} />
+        <CopyBox label="translation and quaternion" text={`translation_m    ${pose.translationM.map((v) => v.toFixed(6)).join("  ")}\nquaternion_xyzw  ${pose.quaternionXyzw.map((v) => v.toFixed(8)).join("  ")}`} />
+      </div>
+    </section>
+  );
+}
+
+interface NumberRowProps {
+  axis: "x" | "y" | "z" | "t";
+  name: string;
+  unit: string;
+  text: { value: string; sigma: string };
+  /** Standard deviation over the limit of a weak answer. */
+  share: number;
+}
+
+const decades = 3.5;
+
+function NumberRow({ axis, name, unit, text, share }: NumberRowProps) {
+  const length = Math.max(0.02, Math.min(1, 1 + Math.log10(Math.max(share, 1e-9)) / decades));
+  return (
+    <tr>
+      <th scope="row" data-axis={axis}>
+        {name}
+      </th>
+      <td className="num">{text.value}</td>
+      <td className={`num ${css.sigma ?? ""}`}>± {text.sigma}</td>
+      <td className={css.unit}>{unit}</td>
+      <td className={css.share} aria-hidden="true">
+        <span data-weak={share > 1} style={{ width: `${length * 100}%` }} />
+      </td>
+    </tr>
+  );
+}

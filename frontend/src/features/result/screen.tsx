@@ -1,0 +1,109 @@
+import { Button, Skeleton } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
+import { Link, useNavigate, useSearchParams } from "react-router";
+import type { CalibrationResult, Run } from "../../api/client";
+import { reportUrl, resultDownloadUrl, resultQuery } from "../../api/queries";
+import { Icon } from "../../ui/icons";
+import { Fault, StateBox } from "../../ui/notice";
+import { Panel, Section } from "../../ui/panel";
+import { useShortcuts } from "../../ui/shortcuts";
+import { useWorkspace } from "../workspace/context";
+import layout from "../workspace/layout.module.css";
+import { chosenRun } from "../workspace/state";
+import { Advice, Messages } from "./advice";
+import { CopyBox } from "./copybox";
+import { commandOf } from "./command";
+import { Exports } from "./exports";
+import { History } from "./history";
+import { poseOf, type Direction } from "./inverse";
+import { PoseCard } from "./pose";
+import { Quality } from "./quality";
+import { Verdict } from "./verdict";
+import css from "./result.module.css";
+
+/** The answer, how far to trust it, and everything to take it away with. */
+export function ResultScreen() {
+  const { recording, runs } = useWorkspace();
+  const [query] = useSearchParams();
+  const run = chosenRun(runs, query.get("job"));
+  if (run === undefined) {
+    return (
+      <div className={layout.whole}>
+        <StateBox title="There is no result yet">
+          <Button component={Link} to={`/r/${recording.id}/solve`} variant="default" mt="sm">
+            Go to the solve
+          </Button>
+        </StateBox>
+      </div>
+    );
+  }
+  return <RunResult key={run.job.id} run={run} runs={runs} />;
+}
+
+function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
+  const result = useQuery(resultQuery(run.job.id));
+  const navigate = useNavigate();
+  const download = () => window.location.assign(resultDownloadUrl(run.job.id));
+  const base = `/r/${run.job.recording_id}`;
+  useShortcuts("Result", [
+    { keys: "d", label: "Download the JSON", run: download },
+    { keys: "i", label: "Back to inspect", run: () => void navigate(`${base}/inspect?job=${run.job.id}`) },
+  ]);
+  return (
+    <>
+      <div className={layout.main}>
+        <div className={layout.pad}>
+          {result.isPending ? (
+            <div aria-busy="true" aria-label="Loading the result">
+              <Skeleton height={64} mb={20} />
+              <Skeleton height={240} mb={20} />
+              <Skeleton height={120} />
+            </div>
+          ) : result.isError ? (
+            <Fault error={result.error} onRetry={() => void result.refetch()} />
+          ) : (
+            <Document result={result.data} verdict={run.job.result?.kind === "solve" ? run.job.result.verdict : ""} />
+          )}
+        </div>
+      </div>
+      <Panel
+        title="Take it away"
+        footer={
+          <Button fullWidth component="a" href={resultDownloadUrl(run.job.id)} download leftSection={<Icon name="download" />}>
+            Download JSON
+          </Button>
+        }
+      >
+        <Exports jobId={run.job.id} answered={result.data?.T_imu_lidar !== null} />
+        {result.data !== undefined && (
+          <Section title="The same without a browser">
+            <CopyBox text={commandOf(result.data)} label="the command" wrap />
+          </Section>
+        )}
+        <Section title="Report">
+          <Button component="a" href={reportUrl(run.job.id)} target="_blank" variant="default" size="compact-md" leftSection={<Icon name="file" size={14} />}>
+            One page to print or send
+          </Button>
+        </Section>
+        <Section title="Runs of this recording">
+          <History runs={runs} shown={run.job.id} />
+        </Section>
+      </Panel>
+    </>
+  );
+}
+
+function Document({ result, verdict }: { result: CalibrationResult; verdict: string }) {
+  const [direction, setDirection] = useState<Direction>("imu_lidar");
+  const pose = poseOf(result, direction);
+  return (
+    <div className={css.document}>
+      <Verdict status={result.status} text={verdict} />
+      {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
+      <Messages messages={result.messages} />
+      <Advice observability={result.observability} />
+      <Quality result={result} />
+    </div>
+  );
+}

@@ -1,0 +1,106 @@
+import { Button } from "@mantine/core";
+import { useEffect, useState } from "react";
+import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
+import { useCancelJob } from "../../api/queries";
+import { duration } from "../../ui/format";
+import { Icon } from "../../ui/icons";
+import { Fault } from "../../ui/notice";
+import css from "./solve.module.css";
+import { secondsLeft, wholeFraction } from "./timeleft";
+
+export const stageTitles: Record<StageProgress["stage"], string> = {
+  read: "Read the recording",
+  inspect: "Examine it",
+  planes: "Find planes",
+  track: "Follow planes through the scans",
+  initialise: "Start values",
+  associate: "Assign points to planes",
+  solve: "Joint solve",
+  observability: "What is determined, and how well",
+  deskew: "Take the motion out",
+  write: "Write the result",
+};
+
+function useNow(everyMs: number, active: boolean): number {
+  const [now, setNow] = useState(() => Date.now());
+  useEffect(() => {
+    if (!active) return;
+    const timer = window.setInterval(() => setNow(Date.now()), everyMs);
+    return () => window.clearInterval(timer);
+  }, [everyMs, active]);
+  return now;
+}
+
+interface JobProgressProps {
+  run: RunLog;
+  jobId: string;
+  expected?: readonly StageProgress["stage"][];
+}
+
+/** One job as it runs: what it is doing, how far it is, how long it will take, and the way to stop it. */
+export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
+  const cancel = useCancelJob();
+  const running = run.job === null || !isFinal(run.job);
+  const now = useNow(500, running);
+  const startedAt = run.job?.started_at;
+  const began = startedAt === null || startedAt === undefined ? null : Date.parse(startedAt);
+  const ended = run.job?.ended_at;
+  const elapsedS = began === null ? 0 : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
+  const fraction = wholeFraction(run.stages, expected);
+  const left = running ? secondsLeft(fraction, elapsedS) : null;
+  const active = run.stages.at(-1);
+  const names = [...new Set([...expected, ...run.stages.map((stage) => stage.stage)])];
+  const percent = Math.round(fraction * 100);
+  return (
+    <div className={css.progress}>
+      <div className={css.progressHead}>
+        <span className="num">{running ? `${percent} %` : duration(elapsedS)}</span>
+        <span className="dim small">
+          {run.job?.state === "queued"
+            ? "Waiting for a free slot"
+            : running
+              ? left === null
+                ? `${duration(elapsedS)} so far`
+                : `about ${duration(left)} left`
+              : (run.job?.state_text ?? "")}
+        </span>
+        {running && (
+          <Button
+            size="compact-sm"
+            variant="default"
+            leftSection={<Icon name="cross" size={12} />}
+            loading={cancel.isPending || run.job?.state === "cancelling"}
+            onClick={() => cancel.mutate(jobId)}
+          >
+            Cancel
+          </Button>
+        )}
+      </div>
+      <div className={css.bar} role="progressbar" aria-label="Progress" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
+        <span style={{ transform: `scaleX(${running ? fraction : 1})` }} />
+      </div>
+      {cancel.isError && <Fault error={cancel.error} />}
+      <ol className={css.stages}>
+        {names.map((name) => {
+          const seen = run.stages.find((stage) => stage.stage === name);
+          const state = seen === undefined ? "waiting" : seen.fraction >= 1 || seen !== active ? "done" : running ? "active" : "done";
+          return (
+            <li key={name} data-state={state}>
+              <span className={css.dot} aria-hidden="true">
+                {state === "done" && <Icon name="check" size={11} />}
+              </span>
+              <span>
+                {stageTitles[name]}
+                <span className="sr-only">{state === "done" ? ", done" : state === "active" ? ", running" : ", waiting"}</span>
+              </span>
+              <span className="num dim">{state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}</span>
+            </li>
+          );
+        })}
+      </ol>
+      <p className={css.stageText} aria-live="polite">
+        {running ? (active?.text ?? "") : ""}
+      </p>
+    </div>
+  );
+}

@@ -1,0 +1,130 @@
+import { Button } from "@mantine/core";
+import { useEffect } from "react";
+import { useNavigate, useSearchParams } from "react-router";
+import type { IterationEvent, Job } from "../../api/client";
+import { isFinal, useJobStream } from "../../api/jobstream";
+import { useChangeView, useRetryJob, useStartJob } from "../../api/queries";
+import { Icon } from "../../ui/icons";
+import { LinePlot } from "../../ui/lineplot";
+import { Fault, Notice, StateBox } from "../../ui/notice";
+import { Panel, Section } from "../../ui/panel";
+import { useShortcuts } from "../../ui/shortcuts";
+import { useWorkspace } from "../workspace/context";
+import { ParameterTable, ResidualBars } from "./funnel";
+import { SolveOptions } from "./options";
+import { costs, parametersOf } from "./parameters";
+import { JobProgress } from "./progress";
+import css from "./solve.module.css";
+import { stagesOfSolve } from "./timeleft";
+
+/** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
+export function SolveScreen() {
+  const { recording, planes, runs } = useWorkspace();
+  const [query, setQuery] = useSearchParams();
+  const navigate = useNavigate();
+  const { mutate: changeView } = useChangeView(recording.id);
+  const start = useStartJob(recording.id);
+  const retry = useRetryJob();
+
+  const latest = recording.latest_job?.kind === "solve" ? recording.latest_job.id : (runs[0]?.job.id ?? null);
+  const jobId = query.get("job") ?? latest;
+  const run = useJobStream(jobId);
+  const job = run.job;
+  const ended = job !== null && isFinal(job);
+
+  useEffect(() => {
+    changeView({ mode: "solve", job_id: jobId, nudge: null });
+  }, [changeView, jobId]);
+
+  const follow = (made: Job) => setQuery({ job: made.id });
+  const solve = () => start.mutate({ kind: "solve" }, { onSuccess: follow });
+  const outcome = job?.result?.kind === "solve" ? job.result : null;
+  const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
+  const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
+  useShortcuts("Solve", [{ keys: "Enter", label: onward === "inspect" ? "Inspect the answer" : "See the result", run: goOn }]);
+
+  if (jobId === null) {
+    return (
+      <Panel title="Solve" footer={<Button fullWidth onClick={solve} loading={start.isPending}>Solve</Button>}>
+        <StateBox title="Nothing has been solved yet">
+          <p>The planes you confirmed are used; no start value is needed.</p>
+        </StateBox>
+        {start.isError && <Fault error={start.error} />}
+      </Panel>
+    );
+  }
+
+  const colors = new Map(planes?.patches.map((patch) => [patch.name, patch.color]) ?? []);
+  const last = run.iterations.at(-1);
+  const notable = run.logs.filter((log) => log.level !== "info");
+  return (
+    <Panel
+      title={ended ? "Solved" : "Solving"}
+      lead={ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."}
+      footer={
+        <Button fullWidth disabled={onward === null} onClick={goOn} rightSection={<Icon name="next" />}>
+          {onward === "result" ? "See why" : "Inspect the answer"}
+        </Button>
+      }
+    >
+      <Section title="Progress">
+        <JobProgress run={run} jobId={jobId} expected={stagesOfSolve} />
+        {job !== null && ended && job.state !== "done" && (
+          <Notice
+            level={job.state === "failed" ? "error" : "warning"}
+            actions={
+              <Button
+                size="compact-sm"
+                variant="default"
+                leftSection={<Icon name="restart" size={13} />}
+                loading={retry.isPending}
+                onClick={() => retry.mutate(jobId, { onSuccess: follow })}
+              >
+                Run again
+              </Button>
+            }
+          >
+            {job.error?.text ?? job.state_text}
+          </Notice>
+        )}
+        {retry.isError && <Fault error={retry.error} />}
+      </Section>
+      <Section title="Answer so far">
+        <ParameterTable parameters={parametersOf(run.iterations)} />
+      </Section>
+      <Section title="Cost">
+        <CostPlot iterations={run.iterations} />
+      </Section>
+      <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
+        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} colors={colors} />}
+      </Section>
+      {notable.length > 0 && (
+        <Section title="Said on the way">
+          <div className={css.logs}>
+            {notable.map((log, i) => (
+              <Notice key={i} level={log.level}>
+                {log.text}
+              </Notice>
+            ))}
+          </div>
+        </Section>
+      )}
+      {ended && <SolveOptions onSolve={(settings) => start.mutate({ kind: "solve", settings }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
+    </Panel>
+  );
+}
+
+function CostPlot({ iterations }: { iterations: readonly IterationEvent[] }) {
+  return (
+    <LinePlot
+      label="Weighted squared residuals"
+      x={iterations.map((_, i) => i + 1)}
+      lines={[{ label: "cost", color: "var(--accent)", values: costs(iterations) }]}
+      xUnit="iteration"
+      yUnit=""
+      height={110}
+      logarithmic
+    />
+  );
+}
+

@@ -1,0 +1,32 @@
+import type { StageProgress } from "../../api/jobstream";
+
+type Stage = StageProgress["stage"];
+
+/** Share of a solve's time that each stage usually takes; only the ratios matter. */
+const weights: Record<Stage, number> = {
+  read: 2,
+  inspect: 2,
+  planes: 1,
+  track: 2,
+  initialise: 2,
+  associate: 1,
+  solve: 6,
+  observability: 1,
+  deskew: 1,
+  write: 0.3,
+};
+
+export const stagesOfSolve: readonly Stage[] = ["read", "planes", "track", "initialise", "associate", "solve", "observability"];
+
+/** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
+export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {
+  const done = seen.reduce((sum, stage) => sum + weights[stage.stage] * Math.min(1, Math.max(0, stage.fraction)), 0);
+  const all = [...new Set([...expected, ...seen.map((stage) => stage.stage)])];
+  return done / all.reduce((sum, stage) => sum + weights[stage], 0);
+}
+
+/** Seconds until the end at the pace so far; null while it is too early to say. */
+export function secondsLeft(fraction: number, elapsedS: number): number | null {
+  if (fraction < 0.05 || elapsedS < 1) return null;
+  return (elapsedS * (1 - fraction)) / fraction;
+}

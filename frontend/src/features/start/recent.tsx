@@ -1,0 +1,104 @@
+import { ActionIcon, Menu, Skeleton } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { Link } from "react-router";
+import type { Recording } from "../../api/client";
+import { recordingsQuery, useDeleteRecording } from "../../api/queries";
+import { ago, bytes } from "../../ui/format";
+import { Icon, LevelIcon, type Tone } from "../../ui/icons";
+import { Fault, StateBox } from "../../ui/notice";
+import { Panel } from "../../ui/panel";
+import css from "./start.module.css";
+
+/** Everything the server holds, newest first, each with where it stands. */
+export function RecentRecordings({ onOpen }: { onOpen: (id: string) => void }) {
+  const recordings = useQuery({ ...recordingsQuery, refetchInterval: 10_000 });
+  return (
+    <Panel title="Recordings">
+      {recordings.isPending ? (
+        [0, 1, 2].map((i) => <Skeleton key={i} height={46} mb={10} />)
+      ) : recordings.isError ? (
+        <Fault error={recordings.error} onRetry={() => void recordings.refetch()} />
+      ) : recordings.data.length === 0 ? (
+        <StateBox title="Nothing here yet">
+          <p>What you open stays here, with its planes, runs and results, until you remove it.</p>
+        </StateBox>
+      ) : (
+        <ul>
+          {recordings.data.map((recording) => (
+            <Row key={recording.id} recording={recording} onOpen={onOpen} />
+          ))}
+        </ul>
+      )}
+    </Panel>
+  );
+}
+
+function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string) => void }) {
+  const remove = useDeleteRecording();
+  const standing = standingOf(recording);
+  return (
+    <li className={css.row}>
+      <Link className={css.open} to={`/r/${recording.id}/${standing.screen}`}>
+        <strong className="clip">{recording.name}</strong>
+        <span className={css.meta}>
+          <LevelIcon level={standing.tone} size={14} />
+          <span>{standing.text}</span>
+          <span>·</span>
+          <span className="num nowrap">{bytes(recording.size_bytes)}</span>
+          <span>·</span>
+          <span className="nowrap">{ago(Date.parse(recording.created_at), Date.now())}</span>
+        </span>
+      </Link>
+      <Menu position="bottom-end">
+        <Menu.Target>
+          <ActionIcon variant="subtle" color="gray" aria-label={`More for ${recording.name}`} loading={remove.isPending}>
+            <Icon name="more" />
+          </ActionIcon>
+        </Menu.Target>
+        <Menu.Dropdown>
+          <Menu.Item leftSection={<Icon name="file" />} onClick={() => onOpen(recording.id)}>
+            Look at the recording
+          </Menu.Item>
+          <Menu.Item leftSection={<Icon name="trash" />} color="red" onClick={() => remove.mutate(recording.id)}>
+            Remove it and its results
+          </Menu.Item>
+        </Menu.Dropdown>
+      </Menu>
+    </li>
+  );
+}
+
+interface Standing {
+  tone: Tone;
+  text: string;
+  screen: "recording" | "planes" | "solve" | "result";
+}
+
+/** Where a recording stands, in two words, and the screen to go on with. */
+export function standingOf(recording: Recording): Standing {
+  switch (recording.state) {
+    case "receiving":
+      return { tone: "info", text: "Uploading", screen: "recording" };
+    case "inspecting":
+      return { tone: "info", text: "Being read", screen: "recording" };
+    case "failed":
+      return { tone: "error", text: "Cannot be read", screen: "recording" };
+    case "ready":
+      break;
+  }
+  const job = recording.latest_job;
+  const outcome = job?.result;
+  if (outcome?.kind === "solve") {
+    switch (outcome.status) {
+      case "calibrated":
+        return { tone: "good", text: "Calibrated", screen: "result" };
+      case "weak":
+        return { tone: "warning", text: "Weak", screen: "result" };
+      case "refused":
+        return { tone: "error", text: "Refused", screen: "result" };
+    }
+  }
+  if (job?.kind === "solve") return { tone: job.state === "failed" ? "error" : "info", text: job.state === "failed" ? "Solve failed" : "Solving", screen: "solve" };
+  if (job?.kind === "planes") return { tone: "info", text: "Planes", screen: "planes" };
+  return { tone: "info", text: "Ready", screen: "recording" };
+}

@@ -1,0 +1,138 @@
+import { Button, Menu } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useCallback, useRef, useState } from "react";
+import { useNavigate } from "react-router";
+import { factsQuery, useOpenRecording } from "../../api/queries";
+import { Icon } from "../../ui/icons";
+import { Fault } from "../../ui/notice";
+import { Shell } from "../../ui/shell";
+import { useShortcuts } from "../../ui/shortcuts";
+import { stepsOf } from "../workspace/state";
+import { SweepDrawing } from "./drawing";
+import { usePageDrop } from "./drop";
+import { FolderDialog } from "./folder";
+import { RecentRecordings } from "./recent";
+import css from "./start.module.css";
+import { useUploads } from "./uploads";
+
+/** Where a recording comes in: dropped, opened from the server's folder, or made on the spot. */
+export function StartScreen() {
+  const navigate = useNavigate();
+  const facts = useQuery(factsQuery);
+  const open = useOpenRecording();
+  const uploads = useUploads();
+  const picker = useRef<HTMLInputElement>(null);
+  const [folderOpen, setFolderOpen] = useState(false);
+  const [uploadError, setUploadError] = useState<unknown>(null);
+
+  const show = useCallback((id: string) => void navigate(`/r/${id}/recording`), [navigate]);
+  const { start } = uploads;
+  const upload = useCallback(
+    (file: File) => {
+      setUploadError(null);
+      start(file).then(show, (error: unknown) => setUploadError(error));
+    },
+    [start, show],
+  );
+  const dragging = usePageDrop(upload);
+  const samples = facts.data?.samples ?? [];
+  const firstSample = samples[0];
+  const openSample = (scenario: string) => open.mutate({ sample: scenario }, { onSuccess: (made) => show(made.id) });
+  const suffixes = facts.data?.upload_suffixes ?? [".bag", ".mcap", ".db3", ".zip"];
+
+  useShortcuts("Start page", [
+    { keys: "o", label: "Choose a file", run: () => picker.current?.click() },
+    ...(firstSample === undefined ? [] : [{ keys: "s", label: "Try the sample", run: () => openSample(firstSample.scenario) }]),
+    ...(facts.data?.recordings_folder === true ? [{ keys: "f", label: "Open from the server's folder", run: () => setFolderOpen(true) }] : []),
+  ]);
+
+  return (
+    <Shell steps={stepsOf(undefined, undefined, [], "")} current={null}>
+      <main className={css.start}>
+        <div className={css.hero}>
+          <div className={css.intro}>
+            <h1>Where is the lidar on the IMU, and when?</h1>
+            <p>
+              One recording of a moving rig in a room with walls gives the transform and the time offset between the two
+              sensors, with an error bar on every axis.
+            </p>
+          </div>
+          <section className={css.drop} data-dragging={dragging} aria-label="Open a recording">
+            <SweepDrawing />
+            <h2>{dragging ? "Let go to open it" : "Drop a recording anywhere on this page"}</h2>
+            <p>ROS 1 or ROS 2: {suffixes.join(", ")}</p>
+            <div className={css.buttons}>
+              {firstSample !== undefined && samples.length === 1 && (
+                <Button
+                  leftSection={<Icon name="sample" />}
+                  onClick={() => openSample(firstSample.scenario)}
+                  loading={open.isPending}
+                  title={firstSample.text}
+                >
+                  Try the sample
+                </Button>
+              )}
+              {samples.length > 1 && (
+                <Button.Group>
+                  <Button
+                    leftSection={<Icon name="sample" />}
+                    onClick={() => firstSample !== undefined && openSample(firstSample.scenario)}
+                    loading={open.isPending}
+                    title={firstSample?.text}
+                  >
+                    Try the sample
+                  </Button>
+                  <Menu position="bottom-end" width={320}>
+                    <Menu.Target>
+                      <Button px={8} aria-label="Other samples" style={{ borderLeftColor: "rgb(255 255 255 / 25%)" }}>
+                        <span style={{ display: "grid", transform: "rotate(90deg)" }}>
+                          <Icon name="next" size={14} />
+                        </span>
+                      </Button>
+                    </Menu.Target>
+                    <Menu.Dropdown>
+                      {samples.map((sample) => (
+                        <Menu.Item key={sample.scenario} onClick={() => openSample(sample.scenario)}>
+                          {sample.title}
+                          <div className="dim small">{sample.text}</div>
+                        </Menu.Item>
+                      ))}
+                    </Menu.Dropdown>
+                  </Menu>
+                </Button.Group>
+              )}
+              <Button variant="default" leftSection={<Icon name="file" />} onClick={() => picker.current?.click()}>
+                Choose a file
+              </Button>
+              {facts.data?.recordings_folder === true && (
+                <Button variant="default" leftSection={<Icon name="folder" />} onClick={() => setFolderOpen(true)}>
+                  Open from the server
+                </Button>
+              )}
+            </div>
+            <input
+              ref={picker}
+              type="file"
+              hidden
+              data-testid="file-input"
+              accept={suffixes.join(",")}
+              onChange={(event) => {
+                const file = event.currentTarget.files?.[0];
+                event.currentTarget.value = "";
+                if (file !== undefined) upload(file);
+              }}
+            />
+          </section>
+          {[uploadError, open.error, facts.error].filter((error) => error !== null).slice(0, 1).map((error) => (
+            <div className={css.fault} key="fault">
+              <Fault error={error} />
+            </div>
+          ))}
+        </div>
+        <RecentRecordings onOpen={show} />
+      </main>
+      {dragging && <div className={css.veil} />}
+      {folderOpen && <FolderDialog onClose={() => setFolderOpen(false)} onOpened={show} />}
+    </Shell>
+  );
+}

@@ -1,0 +1,120 @@
+import { useQueryClient } from "@tanstack/react-query";
+import { createContext, useCallback, useContext, useMemo, useRef, useState, type ReactNode } from "react";
+import type { Upload as TusUpload } from "tus-js-client";
+import { asFault, type ApiFault } from "../../api/fault";
+import { keys } from "../../api/queries";
+import { addSample, type RateSample } from "./rate";
+
+export interface UploadProgress {
+  /** Null until the server has given it one. */
+  recordingId: string | null;
+  name: string;
+  size: number;
+  samples: readonly RateSample[];
+  fault: ApiFault | null;
+}
+
+interface Uploads {
+  list: readonly UploadProgress[];
+  /** Resolves with the recording's id as soon as the server has made room for it; the bytes follow. */
+  start: (file: File) => Promise<string>;
+  cancel: (recordingId: string) => void;
+}
+
+const chunkBytes = 64 * 1024 * 1024;
+const UploadContext = createContext<Uploads | null>(null);
+
+export function useUploads(): Uploads {
+  const uploads = useContext(UploadContext);
+  if (uploads === null) throw new Error("useUploads needs an UploadProvider above it");
+  return uploads;
+}
+
+/** Uploads go on whatever screen is shown, and resume by themselves after a lost connection or a restarted server. */
+export function UploadProvider({ children }: { children: ReactNode }) {
+  const client = useQueryClient();
+  const running = useRef(new Map<string, TusUpload>());
+  const [list, setList] = useState<readonly UploadProgress[]>([]);
+
+  const start = useCallback(
+    async (file: File) => {
+      const { Upload } = await import("tus-js-client");
+      const token = Symbol(file.name);
+      const entries = new Map<symbol, UploadProgress>();
+      const show = (change: Partial<UploadProgress>) => {
+        const before = entries.get(token) ?? { recordingId: null, name: file.name, size: file.size, samples: [], fault: null };
+        const after = { ...before, ...change };
+        entries.set(token, after);
+        setList((old) => [...old.filter((one) => one !== before), after]);
+        return after;
+      };
+      const hide = () => setList((old) => old.filter((one) => one !== entries.get(token)));
+
+      return new Promise<string>((resolve, reject) => {
+        const upload = new Upload(file, {
+          endpoint: "/api/uploads",
+          chunkSize: chunkBytes,
+          retryDelays: [0, 1000, 2000, 4000, 8000, 15000, 30000],
+          metadata: { filename: file.name, filetype: file.type === "" ? "application/octet-stream" : file.type },
+          removeFingerprintOnSuccess: true,
+          onUploadUrlAvailable: () => {
+            const id = upload.url?.replace(/\/+$/, "").split("/").at(-1) ?? "";
+            running.current.set(id, upload);
+            show({ recordingId: id });
+            resolve(id);
+          },
+          onProgress: (sent) => {
+            const samples = entries.get(token)?.samples ?? [];
+            show({ samples: addSample(samples, { atMs: performance.now(), bytes: sent }) });
+          },
+          onSuccess: () => {
+            hide();
+            const id = entries.get(token)?.recordingId;
+            if (id !== null && id !== undefined) {
+              running.current.delete(id);
+              void client.invalidateQueries({ queryKey: keys.recording(id) });
+            }
+            void client.invalidateQueries({ queryKey: keys.recordings });
+          },
+          onError: (error) => {
+            const fault = asFault(uploadError(error));
+            show({ fault });
+            reject(fault);
+          },
+        });
+        show({});
+        void upload.findPreviousUploads().then((previous) => {
+          const last = previous[0];
+          if (last !== undefined) upload.resumeFromPreviousUpload(last);
+          upload.start();
+        });
+      });
+    },
+    [client],
+  );
+
+  const cancel = useCallback(
+    (recordingId: string) => {
+      void running.current.get(recordingId)?.abort(true);
+      running.current.delete(recordingId);
+      setList((old) => old.filter((one) => one.recordingId !== recordingId));
+      void client.invalidateQueries({ queryKey: keys.recordings });
+    },
+    [client],
+  );
+
+  const uploads = useMemo<Uploads>(() => ({ list, start, cancel }), [list, start, cancel]);
+  return <UploadContext value={uploads}>{children}</UploadContext>;
+}
+
+/** The server's own sentence, where the failed request carries one. */
+function uploadError(error: Error): Error {
+  if (!("originalResponse" in error)) return error;
+  const response = error.originalResponse as { getBody: () => string } | null;
+  try {
+    const told = JSON.parse(response?.getBody() ?? "") as { error?: { text?: string } };
+    return new Error(told.error?.text ?? error.message);
+  } catch {
+    return new Error("The upload was interrupted and could not be resumed; see that the server runs, then drop the file again to go on.");
+  }
+}

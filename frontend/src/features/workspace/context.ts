@@ -1,0 +1,15 @@
+import { useOutletContext } from "react-router";
+import type { Planes, Recording, Run } from "../../api/client";
+
+/** What every screen of a recording is given by the layout around it. */
+export interface Workspace {
+  recording: Recording;
+  /** Undefined until planes have been proposed. */
+  planes: Planes | undefined;
+  planesPending: boolean;
+  runs: readonly Run[];
+}
+
+export function useWorkspace(): Workspace {
+  return useOutletContext<Workspace>();
+}

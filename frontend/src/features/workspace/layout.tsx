@@ -1,0 +1,88 @@
+import { Button, Skeleton } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useEffect } from "react";
+import { Link, Outlet, useLocation, useParams } from "react-router";
+import { useRecordingFeed } from "../../api/feed";
+import { planesQuery, recordingQuery, runsQuery } from "../../api/queries";
+import { Fault, StateBox } from "../../ui/notice";
+import { Shell } from "../../ui/shell";
+import type { StepName } from "../../ui/stepper";
+import type { Workspace } from "./context";
+import css from "./layout.module.css";
+import { ScenePane } from "./scene";
+import { stepsOf } from "./state";
+
+const stepNames: readonly StepName[] = ["recording", "planes", "solve", "inspect", "result"];
+const withScene: readonly StepName[] = ["planes", "solve", "inspect"];
+
+/** Everything of one recording: steps on top, the 3D scene kept alive across the screens that show it. */
+export function WorkspaceLayout() {
+  const { recordingId = "" } = useParams();
+  const { pathname } = useLocation();
+  const current = stepNames.find((name) => pathname.endsWith(`/${name}`)) ?? null;
+  const recording = useQuery(recordingQuery(recordingId));
+  const ready = recording.data?.state === "ready";
+  const planes = useQuery({ ...planesQuery(recordingId), enabled: ready });
+  const runs = useQuery({ ...runsQuery(recordingId), enabled: ready });
+  useRecordingFeed(recordingId);
+
+  const name = recording.data?.name;
+  useEffect(() => {
+    document.title = name === undefined ? "unsweep" : `${name} · unsweep`;
+    return () => {
+      document.title = "unsweep";
+    };
+  }, [name]);
+
+  const showsScene = current !== null && withScene.includes(current) && ready;
+  const steps = stepsOf(recording.data, planes.data, runs.data?.runs ?? [], "");
+  return (
+    <Shell steps={steps} current={current} {...(name === undefined ? {} : { recordingName: name })}>
+      <main className={css.workspace} data-screen={current ?? "none"}>
+        {ready && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}
+        {recording.isPending ? (
+          <WorkspaceSkeleton />
+        ) : recording.isError ? (
+          <div className={css.whole}>
+            <StateBox title="This recording cannot be shown">
+              <Fault error={recording.error} onRetry={() => void recording.refetch()} />
+              <Button component={Link} to="/" variant="default" mt="md">
+                Back to the recordings
+              </Button>
+            </StateBox>
+          </div>
+        ) : (
+          <Outlet
+            context={
+              {
+                recording: recording.data,
+                planes: planes.data,
+                planesPending: ready && planes.isPending,
+                runs: runs.data?.runs ?? [],
+              } satisfies Workspace
+            }
+          />
+        )}
+      </main>
+    </Shell>
+  );
+}
+
+function WorkspaceSkeleton() {
+  return (
+    <>
+      <div className={css.main} aria-busy="true" aria-label="Loading">
+        <div className={css.pad}>
+          <Skeleton height={26} width="46%" mb={18} />
+          <Skeleton height={150} mb={18} />
+          <Skeleton height={88} mb={10} />
+          <Skeleton height={88} />
+        </div>
+      </div>
+      <div className={css.side}>
+        <Skeleton height={24} width="60%" mb={18} />
+        <Skeleton height={120} />
+      </div>
+    </>
+  );
+}

@@ -1,0 +1,53 @@
+import type { Job, Planes, Recording, Run } from "../../api/client";
+import { isFinal } from "../../api/jobstream";
+import type { Step } from "../../ui/stepper";
+
+/** The runs that ended with a document to show, newest first. */
+export function finishedRuns(runs: readonly Run[]): Run[] {
+  return runs.filter((run) => run.job.state === "done" && run.job.result?.kind === "solve");
+}
+
+/** The run a screen is about: the one named in the URL, else the newest with a document. */
+export function chosenRun(runs: readonly Run[], jobId: string | null): Run | undefined {
+  const finished = finishedRuns(runs);
+  return finished.find((run) => run.job.id === jobId) ?? finished[0];
+}
+
+export function isRefused(run: Run): boolean {
+  return run.job.result?.kind === "solve" && run.job.result.status === "refused";
+}
+
+function busy(job: Job | null | undefined, kind: Job["kind"]): boolean {
+  return job !== null && job !== undefined && job.kind === kind && !isFinal(job);
+}
+
+/** Which steps can be entered, which are done, and why the others wait. */
+export function stepsOf(recording: Recording | undefined, planes: Planes | undefined, runs: readonly Run[], query: string): Step[] {
+  const base = recording === undefined ? undefined : `/r/${recording.id}`;
+  const to = (name: string) => (base === undefined ? {} : { to: `${base}/${name}${query}` });
+  const ready = recording?.state === "ready";
+  const job = recording?.latest_job;
+  const solved = finishedRuns(runs);
+  const newest = solved[0];
+  const solving = busy(job, "solve");
+  const waits = "The recording has to be read first";
+  return [
+    {
+      name: "recording",
+      state: recording === undefined ? "open" : ready ? "done" : recording.state === "failed" ? "open" : "busy",
+      ...to("recording"),
+    },
+    ready
+      ? { name: "planes", state: busy(job, "planes") ? "busy" : planes?.determinacy.ok === true ? "done" : "open", ...to("planes") }
+      : { name: "planes", state: "locked", reason: waits },
+    ready && (planes !== undefined || newest !== undefined || solving)
+      ? { name: "solve", state: solving ? "busy" : newest === undefined ? "open" : "done", ...to("solve") }
+      : { name: "solve", state: "locked", reason: ready ? "Planes have to be found first" : waits },
+    newest !== undefined && !isRefused(newest)
+      ? { name: "inspect", state: "open", ...to("inspect") }
+      : { name: "inspect", state: "locked", reason: "There is no answer to look at yet" },
+    newest !== undefined
+      ? { name: "result", state: "done", ...to("result") }
+      : { name: "result", state: "locked", reason: "There is no result yet" },
+  ];
+}

@@ -1,0 +1,26 @@
+import react from "@vitejs/plugin-react";
+import { defineConfig } from "vitest/config";
+
+// `npm run dev` serves the client with live reload in front of a running `unsweep serve`.
+const server = process.env["UNSWEEP_SERVER"] ?? "http://127.0.0.1:8080";
+
+export default defineConfig({
+  plugins: [react()],
+  build: {
+    outDir: "../app/static",
+    emptyOutDir: true,
+    assetsInlineLimit: 0,
+    license: { fileName: "third-party-licenses.md" },
+  },
+  server: {
+    proxy: {
+      "/api": { target: server, changeOrigin: true },
+      "/scene": { target: server, ws: true, changeOrigin: true },
+    },
+  },
+  test: {
+    environment: "jsdom",
+    include: ["tests/**/*.test.{ts,tsx}"],
+    setupFiles: ["tests/setup.ts"],
+  },
+});
