@@ -17,7 +17,8 @@ def test_noise_of_a_moving_sensor(jitter: float):
     rng = np.random.default_rng(15)
     t = (np.arange(3000) + rng.uniform(-jitter, jitter, 3000)) / 100.0
     estimates = [
-        high_frequency_noise(t, motion(t) + std * rng.normal(size=(3000, 2))) / std for std in (1e-3,) * 10 + (0.1,) * 10
+        high_frequency_noise(t, motion(t) + std * rng.normal(size=(3000, 2))) / std
+        for std in (1e-3,) * 10 + (0.1,) * 10
     ]
     # The median's efficiency (0.37) and the differences' correlation leave about 1000 independent values: 3 %.
     assert np.all(np.abs(np.array(estimates) - 1.0) < 0.12)
@@ -31,7 +32,10 @@ def test_motion_alone_has_next_to_no_noise():
 
 
 def test_knocks_and_gaps_do_not_count():
-    """1 % of wild readings and a gap of a second change it by a tenth at most. Mutation: the mean square in place of the median."""
+    """1 % of wild readings and a gap of a second change it by a tenth at most.
+
+    Mutation: the mean square in place of the median.
+    """
     rng = np.random.default_rng(17)
     t = np.arange(3000) / 100.0
     t[1500:] += 1.0

@@ -87,7 +87,10 @@ def test_order_of_queries_and_far_samples_do_not_matter():
 
 
 def test_each_window_keeps_its_own_hyper_parameters():
-    """Stacked windows equal each one alone, also with unequal numbers of queries. Mutation: reading back the padding."""
+    """Stacked windows equal each one alone, also with unequal numbers of queries.
+
+    Mutation: reading back the padding.
+    """
     rng = np.random.default_rng(10)
     stamps = np.sort(rng.uniform(0.0, 0.2, (3, 20)), axis=1) + np.array([[0.0], [1.0], [2.0]])
     values = rng.normal(size=(3, 20, 2))

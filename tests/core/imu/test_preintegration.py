@@ -132,7 +132,10 @@ def test_time_shift_has_the_contracts_sign():
 
 @pytest.mark.parametrize("unknown", ["bg", "ba", "offset"])
 def test_first_order_changes(unknown: str):
-    """Eq. (12) against preintegration about the changed value: the rest is of second order. Mutation: any Jacobian's sign."""
+    """Eq. (12) against preintegration about the changed value: the rest is of second order.
+
+    Mutation: any Jacobian's sign.
+    """
     source = Analytic(wavy, swaying)
     base = at_points(integrated(source, offset=0.004, bg=[0.01, 0.0, 0.0], ba=[0.0, 0.1, 0.0]))
     direction = np.array([0.6, -0.5, 0.8])
@@ -158,7 +161,10 @@ def test_first_order_changes(unknown: str):
 
 
 def test_covariance_is_that_of_noisy_readings():
-    """Blocks of the covariance within the spread of 4000 draws. Mutation: without the coupling of attitude into velocity."""
+    """Blocks of the covariance within the spread of 4000 draws.
+
+    Mutation: without the coupling of attitude into velocity.
+    """
     rng = np.random.default_rng(20)
     std, draws, steps = 0.5, 4000, 20
 
