@@ -1,4 +1,4 @@
-"""The built client's files: long cached where their name carries a hash, the page itself never, one page for all URLs."""
+"""The built client's files: long cached where their name carries a hash, the page itself never, one page for all."""
 
 from __future__ import annotations
 

@@ -1,16 +1,16 @@
 """Errors of the application and the one body in which every error leaves it.
 
-    ApiError                      anything a route refuses on purpose
-    |- NotFound            404    no such record
-    |- Conflict            409    not in this state, or somebody else was faster
-    |- Refused             403    wrong origin, wrong host, path outside the folder
-    |- Unauthorised        401    no token, or a wrong one
-    |- TooLarge            413    more bytes than the limit
-    |- BadRequest          422    understood, and cannot be done as asked
-    |- DiskFull            507    not enough space left
-    |- Unavailable         503    the store or the data directory cannot be used
-    calib_core.UnsweepError 422   the library's own tree: its code and sentence pass through
-    everything else         500   a defect: logged with its traceback, told without it
+ApiError                      anything a route refuses on purpose
+|- NotFound            404    no such record
+|- Conflict            409    not in this state, or somebody else was faster
+|- Refused             403    wrong origin, wrong host, path outside the folder
+|- Unauthorised        401    no token, or a wrong one
+|- TooLarge            413    more bytes than the limit
+|- BadRequest          422    understood, and cannot be done as asked
+|- DiskFull            507    not enough space left
+|- Unavailable         503    the store or the data directory cannot be used
+calib_core.UnsweepError 422   the library's own tree: its code and sentence pass through
+everything else         500   a defect: logged with its traceback, told without it
 """
 
 from __future__ import annotations

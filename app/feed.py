@@ -26,7 +26,7 @@ KEPT_MESSAGES = 256
 
 
 class RecordingFeed:
-    """One journal of JSON texts per recording that is or was looked at. Message ids are `{start of server}-{number}`."""
+    """One journal of JSON texts per recording that is or was looked at. Message ids are `{server start}-{number}`."""
 
     def __init__(self) -> None:
         self._boot = uuid.uuid4().hex[:8]

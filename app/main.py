@@ -1,10 +1,9 @@
-"""The application factory, its lifespan, and the server's entry point."""
+"""The application factory, its lifespan, and the server that runs it."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 from socket import socket
 
 import uvicorn
@@ -97,21 +96,3 @@ def make_server(settings: AppSettings, *, launcher: Launcher | None = None) -> S
         timeout_graceful_shutdown=STOP_GRACE_S,
     )
     return Server(app, config)
-
-
-def serve(
-    *,
-    host: str,
-    port: int,
-    data_dir: Path | None,
-    recordings_dir: Path | None,
-    token: str | None,
-    on_address: Callable[[str], None],
-) -> None:
-    """Serve until Ctrl-C or SIGTERM. on_address: called with what to open in a browser, token included."""
-    from app.serving import address, listen, server_settings
-
-    settings = server_settings(host=host, port=port, data_dir=data_dir, recordings_dir=recordings_dir, token=token)
-    with listen(settings.host, settings.port) as listening:
-        on_address(address(settings, listening.getsockname()[1]))
-        make_server(settings).run(sockets=[listening])

@@ -1,9 +1,9 @@
 """Who may ask: checked before any route, for HTTP and websockets alike.
 
-    Host      on loopback only the names of this machine: a foreign name that resolves to 127.0.0.1 is an attack
-    token     where one is set: cookie, `Authorization: Bearer`, or `?token=` once, which sets the cookie
-    Origin    on everything that changes state and on every websocket: our own, or one that the settings allow
-    size      of every body but an upload's
+Host      on loopback only the names of this machine: a foreign name that resolves to 127.0.0.1 is an attack
+token     where one is set: cookie, `Authorization: Bearer`, or `?token=` once, which sets the cookie
+Origin    on everything that changes state and on every websocket: our own, or one that the settings allow
+size      of every body but an upload's
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ class Gatekeeper:
         if scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS:
             self._check_origin(headers, required=scope["type"] == "websocket")
         announced = headers.get("content-length", "0")
-        if scope["type"] == "http" and not scope["path"].startswith(UPLOAD_PATHS):
-            if not announced.isdecimal() or int(announced) > self._settings.max_body_bytes:
-                raise self._too_large()
+        too_large = not announced.isdecimal() or int(announced) > self._settings.max_body_bytes
+        if scope["type"] == "http" and not scope["path"].startswith(UPLOAD_PATHS) and too_large:
+            raise self._too_large()
 
     def _check_token(self, scope: Scope, headers: Headers) -> None:
         token = self._settings.token
@@ -84,7 +84,9 @@ class Gatekeeper:
         origin = headers.get("origin")
         if origin is None:
             if required or headers.get("sec-fetch-site", "none") not in {"none", "same-origin"}:
-                raise Refused("origin.missing", "The request does not say where it comes from; use the server's own page.")
+                raise Refused(
+                    "origin.missing", "The request does not say where it comes from; use the server's own page."
+                )
             return
         if origin in self._settings.allowed_origins:
             return
@@ -165,7 +167,7 @@ def _cookie(headers: Headers) -> str:
         morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
     except CookieError:
         return ""
-    return "" if morsel is None else morsel.value
+    return "" if morsel is None else str(morsel.value)
 
 
 def _query_token(scope: Scope) -> str:

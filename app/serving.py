@@ -7,17 +7,14 @@ import os
 import secrets
 import socket
 import sys
+from contextlib import suppress
 from pathlib import Path
 
-import uvicorn
 from pydantic import ValidationError
 
-from app.main import create_app
+from app.main import make_server
 from app.settings import AppSettings
 from calib_core.errors import InputError
-
-#: The largest message the 3D scene's websocket accepts from a browser.
-WEBSOCKET_MESSAGE_BYTES = 100 * 2**20
 
 
 def serve_until_stopped(
@@ -29,16 +26,7 @@ def serve_until_stopped(
     with listening:
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
-        config = uvicorn.Config(
-            create_app(settings),
-            log_level="warning",
-            access_log=False,
-            # Compressing clouds takes ten times longer than sending them.
-            ws_per_message_deflate=False,
-            ws_max_size=WEBSOCKET_MESSAGE_BYTES,
-            timeout_graceful_shutdown=3,
-        )
-        uvicorn.Server(config).run(sockets=[listening])
+        make_server(settings).run(sockets=[listening])
 
 
 def server_settings(

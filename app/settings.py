@@ -27,10 +27,10 @@ class AppSettings(BaseSettings):
     port: int = Field(default=8080, ge=0, le=65535, description="port to listen on; 0: any free one")
     data_dir: Path = Field(default_factory=default_data_dir, description="records, uploads, caches and results")
     recordings_dir: Path | None = Field(default=None, description="the server's own recordings, opened in place")
-    token: str | None = Field(default=None, min_length=8, description="what every request must show; None: loopback only")
+    token: str | None = Field(default=None, min_length=8, description="what every request shows; None: loopback only")
     database_url: str | None = Field(default=None, description="SQLAlchemy URL; None: SQLite in the data directory")
     allowed_origins: tuple[str, ...] = Field(
-        default=(), description="origins accepted besides the server's own, e.g. https://calib.example.org behind a proxy"
+        default=(), description="origins accepted besides the server's own, as https://calib.example.org behind a proxy"
     )
     max_upload_bytes: int = Field(default=64 * GIB, gt=0, description="the largest recording accepted")
     min_free_bytes: int = Field(default=GIB, ge=0, description="disk space that must stay free after an upload")

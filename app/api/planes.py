@@ -19,8 +19,6 @@ def read_planes(services: ServicesDep, recording: RecordingDep) -> Planes:
 
 
 @router.post("/operations")
-def edit_planes(
-    services: ServicesDep, recording: RecordingDep, operation: Annotated[Operation, Body()]
-) -> Planes:
+def edit_planes(services: ServicesDep, recording: RecordingDep, operation: Annotated[Operation, Body()]) -> Planes:
     """Apply one operation; all browsers are told. 409 if `expected_revision` is not the current one."""
     return services.planes.apply(recording.id, operation)

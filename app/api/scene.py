@@ -6,13 +6,13 @@ import asyncio
 from typing import Annotated
 
 from anyio import to_thread
-from fastapi import APIRouter, Path, Response, WebSocket
+from fastapi import APIRouter, Depends, Path, Response, WebSocket
 from fastapi.responses import HTMLResponse
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from app.deps import RecordingDep, ServicesDep, get_services
+from app.deps import RecordingDep, ServicesDep, get_recording, get_services
 from app.errors import ApiError
 from app.scene.page import scene_page
 
@@ -23,8 +23,8 @@ GONE = 4404
 TRY_AGAIN = 1013
 
 
-@router.get("/scene/{recording_id}/")
-def read_scene_page(recording: RecordingDep) -> Response:
+@router.get("/scene/{recording_id}/", dependencies=[Depends(get_recording)])
+def read_scene_page() -> Response:
     """The scene's page. Never cached: it must be of the very version of viser that serves the websocket."""
     return HTMLResponse(scene_page(), headers={"Cache-Control": "no-cache"})
 

@@ -78,7 +78,7 @@ class CachedScans(Sequence[Scan]):
     def __init__(self, points: PointArray, starts: IntArray, index: IntArray, stamps_ns: IntArray) -> None:
         self.points = points
         self.starts = starts
-        self.index = index
+        self.message_index = index
         self.stamps_ns = stamps_ns
 
     def __len__(self) -> int:
@@ -95,7 +95,7 @@ class CachedScans(Sequence[Scan]):
         if not 0 <= place < len(self):
             raise IndexError(item)
         points = self.points[self.starts[place] : self.starts[place + 1]]
-        return Scan(index=int(self.index[place]), stamp_ns=int(self.stamps_ns[place]), points=points)
+        return Scan(index=int(self.message_index[place]), stamp_ns=int(self.stamps_ns[place]), points=points)
 
 
 def write_recording(folder: Path, recording: Recording) -> None:

@@ -19,7 +19,9 @@ class Coalescer:
     clock: seconds from anywhere, never backwards.
     """
 
-    def __init__(self, send: Callable[[AnyEvent], None], *, clock: Callable[[], float], interval_s: float = 0.05) -> None:
+    def __init__(
+        self, send: Callable[[AnyEvent], None], *, clock: Callable[[], float], interval_s: float = 0.05
+    ) -> None:
         self._send = send
         self._clock = clock
         self._interval_s = interval_s

@@ -1,9 +1,9 @@
 """The jobs themselves, run in worker processes: thin steps around calib_core.api that leave files behind.
 
-    simulate   a sample recording            -> the recording's source
-    inspect    the doctor's report           -> {job}/report.json
-    planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
-    solve      calibrate                     -> {job}/result.json, trajectory.npz, thickness.json
+simulate   a sample recording            -> the recording's source
+inspect    the doctor's report           -> {job}/report.json
+planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
+solve      calibrate                     -> {job}/result.json, trajectory.npz, thickness.json
 """
 
 from __future__ import annotations

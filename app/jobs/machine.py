@@ -1,10 +1,10 @@
 """The life of a job: states, what may happen in each, and a sentence for each. Pure; knows no process and no store.
 
-    queued --start--> running --finish--> done
-      |                  |----fail------> failed
-      |                  |----lose------> interrupted       (the server went away under it)
-      |                  |----cancel----> cancelling --stop, fail, lose--> cancelled
-      `--cancel--> cancelled                          `--finish--> done      (it was faster than the wish)
+queued --start--> running --finish--> done
+|                  |----fail------> failed
+|                  |----lose------> interrupted       (the server went away under it)
+|                  |----cancel----> cancelling --stop, fail, lose--> cancelled
+`--cancel--> cancelled                          `--finish--> done      (it was faster than the wish)
 """
 
 from __future__ import annotations

@@ -34,6 +34,12 @@ from calib_core.events import IterationEvent, StageEvent
 _LOG = logging.getLogger("unsweep")
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
 
+STOPPED = ErrorFacts(code="job.stopped", text="The job stopped by itself; run it again.")
+DIED = ErrorFacts(
+    code="job.died",
+    text="The job's process ended without a word, most likely for want of memory: choose a shorter time span.",
+)
+
 #: How long a deleted recording's jobs have to go away.
 STOP_WAIT_S = 10.0
 
@@ -133,9 +139,7 @@ class JobService:
 
     # What can be done
 
-    def submit(
-        self, recording_id: str, kind: JobKind, request: StoredRequest, *, retry_of: str | None = None
-    ) -> Job:
+    def submit(self, recording_id: str, kind: JobKind, request: StoredRequest, *, retry_of: str | None = None) -> Job:
         """Queue a job."""
         record = JobRecord(
             id=uuid.uuid4().hex,
@@ -270,10 +274,7 @@ class JobService:
         elif self.get(job_id).state == "cancelling":
             self._move(job_id, "stop")
         else:
-            text = "The job's process ended without a word, most likely for want of memory: choose a shorter time span."
-            stopped = isinstance(ending, Stopped)
-            error = ErrorFacts(code="job.stopped" if stopped else "job.died", text="The job stopped by itself." if stopped else text)
-            self._move(job_id, "fail", error_json=error.model_dump_json())
+            self._move(job_id, "fail", error_json=(STOPPED if isinstance(ending, Stopped) else DIED).model_dump_json())
 
     def _ask_to_stop(self, job_id: str) -> None:
         with self._lock:

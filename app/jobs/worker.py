@@ -65,7 +65,8 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         raise
     except Exception:  # noqa: BLE001 - the boundary: a defect becomes a sentence, its traceback goes to the job's log
         traceback.print_exc()
-        text = f"The program itself failed in this job; the details are in {order.folder / 'worker.log'}. Please report it."
+        log = order.folder / "worker.log"
+        text = f"The program itself failed in this job; the details are in {log}. Please report it."
         return Failed(error=ErrorFacts(code="defect", text=text))
 
 

@@ -99,7 +99,8 @@ def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow
     found = grow(proposals, seed_m)
     if found is None:
         raise BadRequest(
-            "planes.no_plane_there", "Around that point the cloud is not flat enough for a plane; click a wall or a floor."
+            "planes.no_plane_there",
+            "Around that point the cloud is not flat enough for a plane; click a wall or a floor.",
         )
     patch = EditedPatch(
         name=free_name((patch.name for patch in planes.patches), found.plane.name or "plane"),

@@ -92,7 +92,9 @@ class PlaneService:
             if patch.confirmed
         )
         if not chosen:
-            raise Conflict("planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways.")
+            raise Conflict(
+                "planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways."
+            )
         return chosen
 
     def forget(self, recording_id: str) -> None:
@@ -120,7 +122,9 @@ class PlaneService:
         key = self._files.cache_key(record)
         folder = proposal_arrays(self._files.cache(record))
         if not has_proposals(folder):
-            raise Conflict("planes.not_proposed", "The planes of this recording have not been found yet; wait for its job.")
+            raise Conflict(
+                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
+            )
         cached = f"{recording_id}/{key}"
         if cached not in self._proposals:
             self._proposals[cached] = read_proposals(folder)

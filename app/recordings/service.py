@@ -63,7 +63,7 @@ class RecordingService:
         record = self._store.find(recording_id)
         if record is None:
             raise NotFound(
-                "recording.not_found", f"No recording has the id {recording_id}; it may have been deleted, see the list."
+                "recording.not_found", f"No recording has the id {recording_id}; it may be deleted, see the list."
             )
         return record
 
@@ -184,7 +184,7 @@ class RecordingService:
         """The recording over time."""
         folder = recording_arrays(self._files.cache(record))
         if not has_recording(folder):
-            raise Conflict("recording.not_read", "The recording has not been read yet; wait for the planes to be found.")
+            raise Conflict("recording.not_read", "The recording has not been read yet; wait for its planes.")
         start_s = ReadSettings.model_validate_json(record.read_settings_json).start_s or 0.0
         return make_timeline(read_recording(folder), start_s=start_s)
 
@@ -230,7 +230,7 @@ class RecordingService:
                 ) from None
             await file.write(gathered)
         if written == 0:
-            raise BadRequest("upload.empty", f"The file {record.name} is empty; choose a recording with messages in it.")
+            raise BadRequest("upload.empty", f"The file {record.name} is empty; choose one with messages in it.")
 
     def _new(
         self, name: str, origin: Origin, *, source: str, size_bytes: int, state: RecordingState
@@ -256,7 +256,8 @@ class RecordingService:
         try:
             after = ReadSettings.model_validate(before.model_dump() | given)
         except ValidationError as error:
-            raise BadRequest("recording.settings", f"These read settings do not fit: {error.errors()[0]['msg']}.") from error
+            reason = error.errors()[0]["msg"]
+            raise BadRequest("recording.settings", f"These read settings do not fit: {reason}.") from error
         if after.start_s is not None and after.end_s is not None and after.start_s >= after.end_s:
             raise BadRequest(
                 "recording.span", f"The time span starts at {after.start_s} s and ends at {after.end_s} s; swap them."

@@ -24,8 +24,11 @@ def make_timeline(recording: Recording, *, start_s: float) -> Timeline:
     start_s: where in the whole recording the span that was read begins; all times count from the whole's start.
     """
     scans = recording.scans
-    stamps_ns = scans.stamps_ns if isinstance(scans, CachedScans) else np.array([s.stamp_ns for s in scans], dtype=np.int64)
-    sizes = np.diff(scans.starts) if isinstance(scans, CachedScans) else np.array([len(s.points) for s in scans])
+    if isinstance(scans, CachedScans):
+        stamps_ns, sizes = scans.stamps_ns, np.diff(scans.starts)
+    else:
+        stamps_ns = np.array([scan.stamp_ns for scan in scans], dtype=np.int64)
+        sizes = np.array([len(scan.points) for scan in scans], dtype=np.int64)
     imu_ns = recording.imu.stamps_ns + recording.coarse_offset_ns
     epoch_ns = int(min(stamps_ns[0] if len(stamps_ns) else imu_ns[0], imu_ns[0]))
     t_s = relative_s(imu_ns, epoch_ns) + start_s

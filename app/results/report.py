@@ -59,9 +59,7 @@ def _answer(result: CalibrationResult) -> str:
 
 
 def _planes(result: CalibrationResult) -> str:
-    rows = [
-        (plane.name, f"{plane.points}", f"{plane.rms_m * 1e3:.2f} mm") for plane in result.quality.planes
-    ]
+    rows = [(plane.name, f"{plane.points}", f"{plane.rms_m * 1e3:.2f} mm") for plane in result.quality.planes]
     return "<h2>Planes</h2>" + _table(("plane", "points", "rms distance"), rows) if rows else ""
 
 
@@ -96,7 +94,8 @@ def _sentences(title: str, sentences: list[str]) -> str:
 def _table(head: tuple[str, str, str], rows: list[tuple[str, str, str]]) -> str:
     cells = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)
     body = "".join(
-        f'<tr><th scope="row">{escape(first)}</th><td class="n">{escape(second)}</td><td class="n">{escape(third)}</td></tr>'
+        f'<tr><th scope="row">{escape(first)}</th>'
+        f'<td class="n">{escape(second)}</td><td class="n">{escape(third)}</td></tr>'
         for first, second, third in rows
     )
     return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"

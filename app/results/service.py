@@ -63,7 +63,8 @@ class ResultService:
         solves = [job for job in self._jobs.list_of(recording_id) if job.kind == "solve"]
         answered = [job for job in solves if _matrix(self._path(job.id)) is not None]
         latest = answered[0] if answered else None
-        return Runs(recording_id=recording_id, runs=[Run(job=job, from_latest=self._compare(job, latest)) for job in solves])
+        runs = [Run(job=job, from_latest=self._compare(job, latest)) for job in solves]
+        return Runs(recording_id=recording_id, runs=runs)
 
     def _compare(self, job: Job, latest: Job | None) -> AnswerDifference | None:
         if latest is None or job.id == latest.id:

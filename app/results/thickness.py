@@ -40,9 +40,9 @@ def rigid_map_points(scan: Scan, trajectory: Trajectory) -> NDArray[np.float32]:
     return moved.astype(np.float32)
 
 
-def nearest_plane(points_map: NDArray[np.float32], normals: FloatArray, offsets_m: FloatArray, *, gate_m: float) -> tuple[
-    NDArray[np.int16], NDArray[np.float32]
-]:
+def nearest_plane(
+    points_map: NDArray[np.float32], normals: FloatArray, offsets_m: FloatArray, *, gate_m: float
+) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
     """Index of each point's nearest plane (-1: none within gate_m) and its signed distance to it [m].
 
     points_map: (N, 3).   normals: (K, 3), unit.   offsets_m: (K,).   Returns (N,) and (N,); NaN where there is none.
@@ -75,9 +75,7 @@ def measure_thickness(recording: Recording, trajectory: Trajectory, planes: Sequ
             before[k].append(rigid[chosen] @ normals[k].astype(np.float32) + np.float32(offsets_m[k]))
             after[k].append(after_m[chosen])
     edges_m = np.linspace(-HISTOGRAM_HALF_M, HISTOGRAM_HALF_M, HISTOGRAM_BINS + 1)
-    walls = [
-        _wall(plane.name, _joined(before[k]), _joined(after[k]), edges_m) for k, plane in enumerate(planes)
-    ]
+    walls = [_wall(plane.name, _joined(before[k]), _joined(after[k]), edges_m) for k, plane in enumerate(planes)]
     return Thickness(
         edges_m=edges_m.tolist(),
         walls=walls,

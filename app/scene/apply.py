@@ -112,7 +112,11 @@ class ShownScene:
                 return cast(
                     _Removable,
                     scene.add_frame(
-                        path, axes_length=length_m, axes_radius=length_m / 40, wxyz=quat_wxyz(rotation), position=position
+                        path,
+                        axes_length=length_m,
+                        axes_radius=length_m / 40,
+                        wxyz=quat_wxyz(rotation),
+                        position=position,
                     ),
                 )
             case Label(path=path, text=text, position=position):

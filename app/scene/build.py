@@ -79,14 +79,12 @@ def build_scan(
         clouds = []
         if show in {"raw", "both"}:
             rigid = rigid_map_points(scan, trajectory)
-            rgb = palette.uniform(len(rigid), palette.RAW) if show == "both" else _colors(scan, rigid, solved, color_by)
-            clouds.append(Cloud("/raw", rigid, rgb))
+            one = palette.uniform(len(rigid), palette.RAW)
+            clouds.append(Cloud("/raw", rigid, one if show == "both" else _colors(scan, rigid, solved, color_by)))
         if show in {"deskewed", "both"}:
             moved = api.map_points(scan, trajectory)
-            rgb = (
-                palette.uniform(len(moved), palette.DESKEWED) if show == "both" else _colors(scan, moved, solved, color_by)
-            )
-            clouds.append(Cloud("/deskewed", moved, rgb))
+            one = palette.uniform(len(moved), palette.DESKEWED)
+            clouds.append(Cloud("/deskewed", moved, one if show == "both" else _colors(scan, moved, solved, color_by)))
     legend = "Orange: as published; blue: de-skewed." if show == "both" else _LEGENDS[color_by]
     return Content(items=(*clouds, *_motion(recording, place, trajectory)), legend=legend)
 

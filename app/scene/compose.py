@@ -75,9 +75,7 @@ class Composer:
         else:
             points_m = straighten(scan, recording.imu, T_imu_lidar=matrix, time_offset_s=step.time_offset_s)
         R_lidar_imu = matrix[:3, :3].T
-        content = build_straightened(
-            scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3]
-        )
+        content = build_straightened(scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3])
         return content if step is not None else replace(content, note="No estimate yet: the sweep as published.")
 
     def _latest_step(self, record: RecordingRecord, state: ViewState) -> IterationEvent | None:
@@ -99,9 +97,7 @@ class Composer:
             wrong = nudged(solved.trajectory, solved.T_imu_lidar, state.nudge)
             blur = wall_blur(recording, solved, wrong)
             solved = replace(solved, trajectory=wrong)
-        content = build_scan(
-            recording, state.scan, solved, show=state.show, color_by=state.color_by, limit=self._limit
-        )
+        content = build_scan(recording, state.scan, solved, show=state.show, color_by=state.color_by, limit=self._limit)
         return content, blur
 
 

@@ -27,7 +27,9 @@ NO_PLANE: Rgb = (140, 140, 145)
 RAW: Rgb = (213, 94, 0)
 DESKEWED: Rgb = (0, 114, 178)
 
-_SEQUENTIAL = np.array([(20, 30, 100), (60, 90, 140), (120, 125, 125), (190, 165, 85), (253, 231, 55)], dtype=np.float64)
+_SEQUENTIAL = np.array(
+    [(20, 30, 100), (60, 90, 140), (120, 125, 125), (190, 165, 85), (253, 231, 55)], dtype=np.float64
+)
 _DIVERGING = np.array([(0, 90, 170), (110, 170, 215), (235, 235, 230), (240, 170, 90), (200, 80, 0)], dtype=np.float64)
 
 
@@ -46,7 +48,8 @@ def plane_hex(place: int) -> str:
 def by_label(labels: NDArray[np.int16], places: list[int]) -> Colors:
     """(N, 3) colours of points by their patch. labels: (N,), -1 for none.   places: palette place of each patch."""
     table = np.array([*(plane_rgb(place) for place in places), NO_PLANE], dtype=np.uint8)
-    return table[labels]
+    colors: Colors = table[labels]
+    return colors
 
 
 def sequential(values: Float32Array, low: float, high: float) -> Colors:

@@ -30,4 +30,5 @@ def pick(points_m: Float32Array, origin_m: FloatArray, direction: FloatArray) ->
         return None
     near = candidates[along_m[candidates] <= along_m[candidates].min() + SURFACE_DEPTH_M]
     chosen = near[np.argmin(off_m[near] / along_m[near])]
-    return points_m[chosen].astype(np.float64)
+    picked: FloatArray = points_m[chosen].astype(np.float64)
+    return picked

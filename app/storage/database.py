@@ -43,11 +43,11 @@ class UtcTime(TypeDecorator[datetime]):
     impl = String(32)
     cache_ok = True
 
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> str | None:
+    def process_bind_param(self, value: datetime | None, _: Dialect) -> str | None:
         """ISO text with microseconds, so that text order is time order."""
         return None if value is None else value.astimezone(UTC).isoformat(timespec="microseconds")
 
-    def process_result_value(self, value: str | None, dialect: Dialect) -> datetime | None:
+    def process_result_value(self, value: str | None, _: Dialect) -> datetime | None:
         """The moment, aware of its zone."""
         return None if value is None else datetime.fromisoformat(value)
 
@@ -120,7 +120,8 @@ def open_database(url: str) -> Engine:
         migrate(engine, MIGRATIONS, newest=NEWEST_VERSION)
     except SQLAlchemyError as error:
         raise Unavailable(
-            "store.unusable", f"The record store {engine.url!r} cannot be opened: {_cause(error)}. Check path and rights."
+            "store.unusable",
+            f"The record store {engine.url!r} cannot be opened: {_cause(error)}. Check its path and rights.",
         ) from error
     return engine
 

@@ -1,9 +1,9 @@
 """Where files live. Every path is made of ids this program drew; nothing a user typed becomes a path.
 
-    uploads/{recording}             bytes as they arrive, with tuspyserver's .info beside them
-    recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
-    recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
-    jobs/{job}/                     events.jsonl, worker.log, and what the job made
+uploads/{recording}             bytes as they arrive, with tuspyserver's .info beside them
+recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
+recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
+jobs/{job}/                     events.jsonl, worker.log, and what the job made
 """
 
 from __future__ import annotations
@@ -111,8 +111,8 @@ class DataFolder:
         if free - incoming_bytes < self._min_free_bytes:
             raise DiskFull(
                 "upload.disk_full",
-                f"The recording has {incoming_bytes / 1e9:.2f} GB, the data directory's disk has {free / 1e9:.2f} GB free "
-                f"and keeps {self._min_free_bytes / 1e9:.2f} GB in reserve: delete recordings or use a larger disk.",
+                f"The recording has {incoming_bytes / 1e9:.2f} GB, the data directory's disk has {free / 1e9:.2f} GB "
+                f"free and keeps {self._min_free_bytes / 1e9:.2f} GB in reserve: delete recordings or take a larger one.",
             )
 
     def remove_recording(self, recording_id: str, job_ids: list[str]) -> None:

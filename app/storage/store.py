@@ -26,14 +26,14 @@ class RecordingStore:
     def find(self, recording_id: str) -> RecordingRecord | None:
         """The recording, or None."""
         with self._engine.connect() as connection:
-            row = connection.execute(select(RECORDINGS).where(RECORDINGS.c.id == recording_id)).one_or_none()
-        return None if row is None else RecordingRecord(**row._mapping)
+            row = connection.execute(select(RECORDINGS).where(RECORDINGS.c.id == recording_id)).mappings().one_or_none()
+        return None if row is None else RecordingRecord(**row)
 
     def all_newest_first(self) -> list[RecordingRecord]:
         """Every recording."""
         with self._engine.connect() as connection:
-            rows = connection.execute(select(RECORDINGS).order_by(RECORDINGS.c.created_at.desc())).all()
-        return [RecordingRecord(**row._mapping) for row in rows]
+            rows = connection.execute(select(RECORDINGS).order_by(RECORDINGS.c.created_at.desc())).mappings().all()
+        return [RecordingRecord(**row) for row in rows]
 
     def save(self, record: RecordingRecord) -> RecordingRecord:
         """Replace the row of the same id; nothing happens where it has been deleted meanwhile."""
@@ -61,20 +61,20 @@ class JobStore:
     def find(self, job_id: str) -> JobRecord | None:
         """The job, or None."""
         with self._engine.connect() as connection:
-            row = connection.execute(select(JOBS).where(JOBS.c.id == job_id)).one_or_none()
-        return None if row is None else JobRecord(**row._mapping)
+            row = connection.execute(select(JOBS).where(JOBS.c.id == job_id)).mappings().one_or_none()
+        return None if row is None else JobRecord(**row)
 
     def of_recording(self, recording_id: str) -> list[JobRecord]:
         """The recording's jobs, newest first."""
         query = select(JOBS).where(JOBS.c.recording_id == recording_id).order_by(JOBS.c.created_at.desc())
         with self._engine.connect() as connection:
-            return [JobRecord(**row._mapping) for row in connection.execute(query).all()]
+            return [JobRecord(**row) for row in connection.execute(query).mappings().all()]
 
     def in_states(self, states: Sequence[JobState]) -> list[JobRecord]:
         """Jobs in any of the states, oldest first."""
         query = select(JOBS).where(JOBS.c.state.in_(states)).order_by(JOBS.c.created_at)
         with self._engine.connect() as connection:
-            return [JobRecord(**row._mapping) for row in connection.execute(query).all()]
+            return [JobRecord(**row) for row in connection.execute(query).mappings().all()]
 
     def save(self, record: JobRecord) -> JobRecord:
         """Replace the row of the same id; nothing happens where it has been deleted meanwhile."""
@@ -105,5 +105,3 @@ class DocumentStore:
                 connection.execute(
                     insert(DOCUMENTS).values(recording_id=recording_id, name=name, content_json=content_json)
                 )
-
-
