@@ -26,7 +26,9 @@ def serve_until_stopped(
     with listening:
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
-        make_server(settings).run(sockets=[listening])
+        # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
+        with suppress(KeyboardInterrupt):
+            make_server(settings).run(sockets=[listening])
 
 
 def server_settings(

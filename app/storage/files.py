@@ -112,7 +112,7 @@ class DataFolder:
             raise DiskFull(
                 "upload.disk_full",
                 f"The recording has {incoming_bytes / 1e9:.2f} GB, the data directory's disk has {free / 1e9:.2f} GB "
-                f"free and keeps {self._min_free_bytes / 1e9:.2f} GB in reserve: delete recordings or take a larger one.",
+                f"free and keeps {self._min_free_bytes / 1e9:.2f} GB of it: delete recordings or take a larger one.",
             )
 
     def remove_recording(self, recording_id: str, job_ids: list[str]) -> None:
