@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ from calib_core.readers.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.imu import CleanedImu, clean_imu
 from calib_core.readers.imu_messages import ImuCollector, RawImu
 from calib_core.readers.layouts import Layout, recognise_layout
+from calib_core.readers.packet_models import packet_model
 from calib_core.readers.point_time import PointTiming, scan_period_s
 from calib_core.readers.reading import damage_findings, sample_clouds, span_ns
 from calib_core.readers.scans import ScanCounts, make_scan
@@ -93,7 +95,9 @@ def inspect(
 
 def _choose(state: _Examination, recording: OpenRecording, settings: ReadSettings) -> None:
     try:
-        state.lidar_topic = choose_lidar(recording.topics, settings.lidar_topic, recording.name)
+        state.lidar_topic = choose_lidar(
+            recording.topics, settings.lidar_topic, recording.name, name_model=partial(packet_model, recording)
+        )
         state.decoder = cloud_decoder(state.lidar_topic)
     except InputError as error:
         state.problems.append(error)

@@ -28,6 +28,12 @@ _WINDOW_S = 0.5
 _AVERAGE_S = 0.25
 _MAX_WINDOWS = 2000
 _IMPOSSIBLE_RAD_S = 35.0
+#: Gravity must turn by this in the most turning windows for the test to say anything; below is noise.
+_TURNS_RAD = 0.02
+#: A prediction explains the turning where it leaves less than this of it (shaking is not predicted).
+_EXPLAINED = 0.75
+#: Flipped axes must beat the axes as sent by this.
+_BETTER = 0.6
 _Windows = tuple[FloatArray, FloatArray, list[FloatArray]]
 
 
@@ -87,7 +93,7 @@ def detect_gyroscope(
     still = _misfit(windows, np.zeros(3))
     radians, degrees = _misfit(windows, np.ones(3)), _misfit(windows, np.full(3, _RAD_PER_DEG))
     sustained = float(np.percentile(np.linalg.norm(gyro, axis=1), 95))
-    informative = still > 0 and min(radians, degrees) < 0.5 * still
+    informative = still > _TURNS_RAD and min(radians, degrees) < _EXPLAINED * still
     if informative:
         detected: GyroscopeUnit = "rad_s" if radians < degrees else "deg_s"
         confidence = float(1.0 - min(radians, degrees) / max(radians, degrees, 1e-30))
@@ -171,7 +177,7 @@ def _misfit(windows: _Windows, scale: FloatArray) -> float:
     if len(angles) < 4:
         return 0.0
     turning = np.linalg.norm(np.cross(before, after), axis=1)
-    rows = np.argsort(-turning)[: max(4, len(angles) // 3)]
+    rows = np.argsort(-turning)[: max(6, len(angles) // 8)]
     errors = np.empty(rows.size)
     for i, row in enumerate(rows):
         direction = before[row]
@@ -187,7 +193,8 @@ def _mirrored_axes(windows: _Windows, scale: float, still: float, topic: str) ->
     signs = [np.array(s) for s in product((1.0, -1.0), repeat=3)]
     misfits = [_misfit(windows, s * scale) for s in signs]
     best = int(np.argmin(misfits))
-    if best == 0 or still <= 0.02 or misfits[best] > 0.4 * min(misfits[0], still):
+    explained = misfits[best] < _EXPLAINED * still and misfits[best] < _BETTER * misfits[0]
+    if best == 0 or still <= _TURNS_RAD or not explained:
         return None
     axes = ", ".join(axis for axis, sign in zip("xyz", signs[best], strict=True) if sign < 0)
     return Finding(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from calib_core.readers.fingerprint import recording_sha256
 from calib_core.readers.imu import clean_imu
 from calib_core.readers.layouts import recognise_layout
 from calib_core.readers.point_time import scan_period_s
+from calib_core.readers.packet_models import packet_model
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
@@ -46,7 +48,9 @@ def load(
 def _load_open(
     recording: OpenRecording, settings: ReadSettings, on_event: OnEvent, should_cancel: ShouldCancel
 ) -> Recording:
-    lidar_topic = choose_lidar(recording.topics, settings.lidar_topic, recording.name)
+    lidar_topic = choose_lidar(
+        recording.topics, settings.lidar_topic, recording.name, name_model=partial(packet_model, recording)
+    )
     imu_topic = choose_imu(recording.topics, settings.imu_topic, recording.name)
     span = span_ns(recording, settings)
     decoder = cloud_decoder(lidar_topic)

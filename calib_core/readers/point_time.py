@@ -141,7 +141,7 @@ def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit]) ->
         if not _RATIO_POSSIBLE[0] <= ratio <= _RATIO_POSSIBLE[1]:
             continue
         inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1]
-        fit = 1.0 if inside else 0.6
+        fit = 1.0 if inside else 0.4
         order = min(1.0, sample.order / 0.9)
         drift = step * NS_PER_UNIT[unit] * 1e-9 / period_s
         # A clock either stands (relative) or gains one period per scan (absolute); anything between is no clock.

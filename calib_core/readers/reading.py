@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import itertools
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +22,7 @@ from calib_core.readers.stamps import plausible_stamps
 from calib_core.readers.storage import RawMessage, TopicSummary
 from calib_core.readers.wire import MalformedMessage
 from calib_core.settings import ReadSettings
-from calib_core.types import Evidence, Finding
+from calib_core.types import Evidence, Finding, Scan
 
 #: Scans that the detection of the point times looks at.
 SAMPLED_SCANS = 60
@@ -29,6 +31,8 @@ _SAMPLE_BYTES = 400 * (1 << 20)
 #: Less than this, of a recording that is damaged, is too little to calibrate from.
 MIN_SCANS_OF_DAMAGED = 20
 _EVENT_EVERY = 20
+_DECODERS = 3
+_Decoded = tuple[RawCloud, Scan | None, ScanCounts]
 
 
 def span_ns(recording: OpenRecording, settings: ReadSettings) -> tuple[int | None, int | None]:
@@ -98,14 +102,21 @@ class Reading:
         """Read both topics over the span."""
         self.imu = ImuCollector(imu.encoding)
         n_seen = 0
-        for message in self.recording.messages((lidar.name, imu.name), start_ns=span[0], stop_ns=span[1]):
-            if message.topic == imu.name:
-                self.imu.add(message)
-                continue
-            self._add_cloud(message, n_seen)
-            n_seen += 1
-            if n_seen % _EVENT_EVERY == 0:
-                self._report(n_seen, lidar.count)
+        pending: deque[tuple[int, Future[_Decoded]]] = deque()
+        # NumPy lets the interpreter go while it decodes: a few scans at once keep the disk's pace.
+        with ThreadPoolExecutor(_DECODERS) as pool:
+            for message in self.recording.messages((lidar.name, imu.name), start_ns=span[0], stop_ns=span[1]):
+                if message.topic == imu.name:
+                    self.imu.add(message)
+                    continue
+                pending.append((n_seen, pool.submit(self._decode, message, n_seen)))
+                n_seen += 1
+                if len(pending) > 2 * _DECODERS:
+                    self._take(*pending.popleft())
+                if n_seen % _EVENT_EVERY == 0:
+                    self._report(n_seen, lidar.count)
+            while pending:
+                self._take(*pending.popleft())
         self._drop_impossible_stamps()
         if not len(self.scans):
             raise InputError(
@@ -128,11 +139,15 @@ class Reading:
         fraction = min(1.0, n_seen / max(n_total, 1))
         self.on_event(StageEvent(stage="read", fraction=fraction, text=f"{n_seen} of {n_total} scans"))
 
-    def _add_cloud(self, message: RawMessage, index: int) -> None:
+    def _decode(self, message: RawMessage, index: int) -> _Decoded:
+        cloud = self.decoder(message)
+        stamped = cloud if self.settings.stamps == "header" else _restamped(cloud)
+        scan, counts = make_scan(stamped, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
+        return cloud, scan, counts
+
+    def _take(self, index: int, decoded: Future[_Decoded]) -> None:
         try:
-            cloud = self.decoder(message)
-            stamped = cloud if self.settings.stamps == "header" else _restamped(cloud)
-            scan, counts = make_scan(stamped, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
+            cloud, scan, counts = decoded.result()
         except (MalformedMessage, ValueError, KeyError) as error:
             self.n_malformed += 1
             self.malformed_text = self.malformed_text or f"message {index}: {error}"

@@ -152,7 +152,7 @@ class _Rewriter:
         moved = None if scan is None else self._transform(scan)
         if scan is None or moved is None:
             return None
-        if moved.shape != (scan.points.size, 3):
+        if moved.shape != (scan.points.size, 3):  # a defect of the caller's, not of the recording
             raise ValueError(f"transform gave {moved.shape} for {scan.points.size} points")
         return MovedPoints(np.flatnonzero(selection.keep), np.asarray(moved, np.float64))
 

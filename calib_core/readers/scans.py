@@ -48,13 +48,14 @@ def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int) -> tu
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The points of a cloud that count. keep: (N,) over the cloud's points.   xyz: (K, 3) and times_ns: (K,) of those
-    kept, the times counted from base_ns.
+    """The points of a cloud that count. keep: (N,) over the cloud's points.   xyz: (N, 3) and times_ns: (N,) of all of
+    them, the times counted from base_ns.   n_kept: how many count.
     """
 
     keep: BoolArray
+    n_kept: int
     xyz: Float32Array
-    times_ns: IntArray
+    times_ns: FloatArray
     base_ns: int
     counts: ScanCounts
 
@@ -63,35 +64,42 @@ class Selection:
 def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, range_max_m: float) -> Selection:
     """The returns inside the range whose time lies inside the sweep: the one place where points are masked."""
     points = cloud.points
-    xyz = np.empty((points.size, 3), np.float32)
-    xyz[:, 0], xyz[:, 1], xyz[:, 2] = points["x"], points["y"], points["z"]
-    squared = np.einsum("ij,ij->i", xyz, xyz)
-    nearest, farthest = np.float32(range_min_m) ** 2, np.float32(range_max_m) ** 2
-    returned: BoolArray = (squared >= nearest) & (squared <= farthest) & (squared > 0)
+    x, y, z = (points[axis].astype(np.float32) for axis in "xyz")
+    squared = x * x
+    squared += y * y
+    squared += z * z
+    keep: BoolArray = squared >= max(np.float32(range_min_m) ** 2, np.finfo(np.float32).tiny)
+    keep &= squared <= np.float32(range_max_m) ** 2
+    n_returned = int(np.count_nonzero(keep))
     times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
-    keep = returned & (times_ns >= timing.low_ns) & (times_ns <= timing.high_ns)
-    n_returned, n_kept = int(np.count_nonzero(returned)), int(np.count_nonzero(keep))
+    keep &= times_ns >= timing.low_ns
+    keep &= times_ns <= timing.high_ns
+    n_kept = int(np.count_nonzero(keep))
     counts = ScanCounts(points.size, points.size - n_returned, n_returned - n_kept)
-    if n_kept < points.size:
-        xyz, times_ns = xyz[keep], times_ns[keep]
-    return Selection(keep, xyz, np.rint(times_ns).astype(np.int64), base_ns + timing.shift_ns, counts)
+    xyz = np.empty((points.size, 3), np.float32)
+    xyz[:, 0], xyz[:, 1], xyz[:, 2] = x, y, z
+    return Selection(keep, n_kept, xyz, times_ns, base_ns + timing.shift_ns, counts)
 
 
 @np.errstate(invalid="ignore", over="ignore")
 def scan_of(cloud: RawCloud, index: int, selection: Selection) -> Scan | None:
     """The scan of the selected points; None where there are none."""
-    n_kept = selection.times_ns.size
-    if n_kept == 0:
+    if selection.n_kept == 0:
         return None
-    first_ns = int(selection.times_ns.min())
-    points = cloud.points if n_kept == cloud.points.size else cloud.points[selection.keep]
-    out = np.empty(n_kept, POINT_DTYPE)
-    out["xyz"] = selection.xyz
-    out["offset_ns"] = selection.times_ns - first_ns
+    xyz, times_ns, points = selection.xyz, selection.times_ns, cloud.points
+    if selection.n_kept < points.size:
+        keep = selection.keep
+        xyz, times_ns, points = xyz[keep], times_ns[keep], points[keep]
+    whole_ns = np.rint(times_ns)
+    first_ns = float(whole_ns.min())
+    whole_ns -= first_ns
+    out = np.empty(selection.n_kept, POINT_DTYPE)
+    out["xyz"] = xyz
+    out["offset_ns"] = whole_ns
     out["intensity"] = _optional(points, _INTENSITY_NAMES)
     out["ring"] = _optional(points, _RING_NAMES)
     out["reserved"] = 0
-    return Scan(index, selection.base_ns + first_ns, out)
+    return Scan(index, selection.base_ns + int(first_ns), out)
 
 
 def make_scan(

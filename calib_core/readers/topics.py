@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from calib_core.errors import TopicError
 from calib_core.readers import livox, pointcloud2
@@ -36,14 +36,22 @@ def imu_topics(topics: Sequence[TopicSummary]) -> list[TopicSummary]:
     return [t for t in topics if t.type == imu_messages.TYPE and t.count]
 
 
-def choose_lidar(topics: Sequence[TopicSummary], wanted: str | None, recording: str) -> TopicSummary:
-    """The lidar topic: the one named, or the only one that fits."""
+def choose_lidar(
+    topics: Sequence[TopicSummary],
+    wanted: str | None,
+    recording: str,
+    *,
+    name_model: Callable[[TopicSummary], str] = lambda topic: "",
+) -> TopicSummary:
+    """The lidar topic: the one named, or the only one that fits. name_model: the sensor behind raw packets, or ""."""
     fitting = lidar_topics(topics)
     if wanted is not None:
         fitting = [t for t in topics if t.type in (*CLOUD_TYPES, *PACKET_TYPES) and t.count]
     foreign = [t for t in topics if t.type in FOREIGN_PACKET_TYPES and t.count and wanted in (None, t.name)]
     if not fitting and foreign:
-        raise unsupported_packets(foreign[0])
+        # Vendors send IMU packets under the same type: the lidar's are the many.
+        lidar = max(foreign, key=lambda t: ("imu" not in t.name, t.count))
+        raise unsupported_packets(lidar, name_model(lidar))
     return _choose(topics, fitting, wanted, recording, "lidar", "--lidar-topic")
 
 
@@ -52,11 +60,11 @@ def choose_imu(topics: Sequence[TopicSummary], wanted: str | None, recording: st
     return _choose(topics, imu_topics(topics), wanted, recording, "IMU", "--imu-topic")
 
 
-def unsupported_packets(topic: TopicSummary) -> TopicError:
+def unsupported_packets(topic: TopicSummary, model: str = "") -> TopicError:
     """The sentence for raw packets that are not decoded."""
     vendor = FOREIGN_PACKET_TYPES[topic.type]
     return TopicError(
-        f"The topic {topic.name} holds raw {vendor} packets ({topic.type}), which are not decoded here; replay them through"
+        f"The topic {topic.name} holds raw packets of a {vendor} {model or 'lidar'} ({topic.type}), which are not decoded here; replay them through"
         f" the {vendor} driver and record its point cloud.",
         code="recording.packets",
     )

@@ -15,6 +15,7 @@ median, so that one late packet moves nothing.
 from __future__ import annotations
 
 import re
+import threading
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -91,6 +92,7 @@ class VelodyneDecoder:
     """Decodes the scans of one topic. Stateful only in what it learnt of the sensor: its model."""
 
     encoding: Encoding
+    _lock: threading.Lock = field(default_factory=threading.Lock)
     _decoders: dict[int, decoder_library.ScanDecoder] = field(default_factory=dict)
 
     def __call__(self, message: RawMessage) -> RawCloud:
@@ -108,8 +110,10 @@ class VelodyneDecoder:
                 for stamp, body in zip(packets.stamps_ns.tolist(), map(bytes, packets.body), strict=True)
             ]
         )
-        decoder = self._decoders.setdefault(product, _scan_decoder(product))
-        _, decoded = decoder.decode(vector, as_pcl_structs=True)
+        with self._lock:  # the library's decoder keeps state while it decodes
+            if product not in self._decoders:
+                self._decoders[product] = _scan_decoder(product)
+            _, decoded = self._decoders[product].decode(vector, as_pcl_structs=True)
         points = _driver_geometry(decoded, packets, product)
         return RawCloud(first_packet_ns(packets), message.receive_ns, packets.frame_id, points, points.size, 1)
 

@@ -1,0 +1,60 @@
+"""Clock epochs and end-of-sweep stamps, on stamps made from a known offset."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.readers.clocks import coarse_clock_offset, stamp_end_suspicion
+from calib_core.readers.stamps import plausible_stamps
+from tests.core.readers import build
+
+PERIOD_NS = 100_000_000
+
+
+def lidar_and_imu(imu_epoch_ns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Headers and receive times of 100 scans and 1000 readings; the IMU's clock is imu_epoch_ns behind the lidar's."""
+    rng = np.random.default_rng(0)
+    true_lidar = build.EPOCH_NS + np.arange(100, dtype=np.int64) * PERIOD_NS
+    true_imu = build.EPOCH_NS + np.arange(1000, dtype=np.int64) * 10_000_000
+    lidar_receive = true_lidar + PERIOD_NS + rng.integers(1_000_000, 20_000_000, 100)
+    imu_receive = true_imu + rng.integers(500_000, 5_000_000, 1000)
+    return true_lidar, lidar_receive, true_imu - imu_epoch_ns, imu_receive
+
+
+@pytest.mark.parametrize("epoch_ns", [37_000_000_000, -1_699_999_000_000_000_001, 1_600_000_000_123_456_789])
+def test_epochs_are_brought_together_through_receive_times(epoch_ns: int) -> None:
+    """Mutation: return the negative offset; leave the scan period out of the lidar's latency."""
+    offset_ns, findings = coarse_clock_offset(*lidar_and_imu(epoch_ns), 0.1)
+    assert abs(offset_ns - epoch_ns) < 10_000_000
+    assert [f.code for f in findings] == ["clock.epochs"]
+
+
+def test_one_epoch_needs_nothing() -> None:
+    """Mutation: compare with a tenth of a second instead of ten."""
+    assert coarse_clock_offset(*lidar_and_imu(-300_000_000), 0.1) == (0, ())
+
+
+def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
+    """Mutation: compare with the IMU's own latency left out."""
+    header, receive, imu_header, imu_receive = lidar_and_imu(0)
+    imu_lag = imu_receive - imu_header
+    assert stamp_end_suspicion(receive - header, imu_lag, 0.1, 0.1, "/p") is None
+    late = stamp_end_suspicion(receive - (header + PERIOD_NS), imu_lag, 0.1, 0.1, "/p")
+    assert late is not None
+    assert "probably the sweep's end" in late.text
+    # negative times: the last point is at the header, and it is right that the scan arrives at once
+    assert stamp_end_suspicion(receive - (header + PERIOD_NS), imu_lag, 0.1, 0.0, "/p") is None
+    # receive times copied from headers say nothing
+    assert stamp_end_suspicion(np.zeros(100, np.int64), np.zeros(1000, np.int64), 0.1, 0.1, "/p") is None
+
+
+def test_a_clock_that_was_set_is_not_damage() -> None:
+    """Mutation: drop MAX_SHARE."""
+    header, receive, _, _ = lidar_and_imu(0)
+    assert plausible_stamps(header, receive).all()
+    damaged = header.copy()
+    damaged[[3, 50]] += 3_600_000_000_000
+    assert np.flatnonzero(~plausible_stamps(damaged, receive)).tolist() == [3, 50]
+    damaged[60:] += 3_600_000_000_000
+    assert plausible_stamps(damaged, receive).all()

@@ -1,0 +1,168 @@
+"""IMU readings: order, duplicates, gaps, units and signs, against readings made from a known motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.errors import InputError
+from calib_core.readers.imu import clean_imu, stamp_statistics
+from calib_core.readers.imu_messages import ImuCollector, RawImu
+from calib_core.readers.imu_units import gyroscope_unit_from_rates
+from calib_core.readers.storage import RawMessage
+from calib_core.settings import ReadSettings
+from calib_core.types import FloatArray
+from tests.core.readers import build
+
+RATE = 100.0
+
+
+def tilting(duration_s: float = 30.0, *, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Rates (Q, 3) [rad/s] and specific force (Q, 3) of a rig turned about all axes after 3 s of stillness.
+
+    The attitude is integrated with SciPy's rotations in small steps: nothing here is shared with the reader.
+    """
+    rng = np.random.default_rng(seed)
+    times = np.arange(int(duration_s * RATE)) / RATE
+    rates = np.stack([np.deg2rad(25) * np.sin(2 * np.pi * f * times + p) for f, p in ((0.23, 0.3), (0.31, 1.0), (0.41, 2.0))], 1)
+    rates[times < 3.0] = 0
+    attitude = Rotation.identity()
+    force = np.empty((times.size, 3))
+    for k in range(times.size):
+        force[k] = attitude.inv().apply([0, 0, 9.81])
+        attitude = attitude * Rotation.from_rotvec(rates[k] / RATE)
+    return rates + rng.normal(0, 2e-3, rates.shape), force + rng.normal(0, 0.02, force.shape)
+
+
+def raw(gyro: FloatArray, accel: FloatArray, stamps: np.ndarray | None = None) -> RawImu:
+    if stamps is None:
+        stamps = build.EPOCH_NS + np.rint(np.arange(len(gyro)) * 1e9 / RATE).astype(np.int64)
+    return RawImu(stamps, stamps + 1_000_000, gyro, accel, "imu", 0)
+
+
+@pytest.mark.parametrize(("scale_a", "unit_a"), [(1.0, "m_s2"), (1 / 9.80665, "g")])
+@pytest.mark.parametrize(("scale_g", "unit_g"), [(1.0, "rad_s"), (180 / np.pi, "deg_s")])
+def test_units_are_detected_and_undone(scale_a: float, unit_a: str, scale_g: float, unit_g: str) -> None:
+    """Mutation: swap the log distances in `detect_accelerometer_unit`; forget pi/180 in `clean_imu`."""
+    gyro, accel = tilting()
+    cleaned = clean_imu(raw(gyro * scale_g, accel * scale_a), ReadSettings(), "/imu")
+    assert (cleaned.accelerometer_unit, cleaned.gyroscope_unit) == (unit_a, unit_g)
+    np.testing.assert_allclose(cleaned.imu.gyro_rad_s, gyro, rtol=1e-12)
+    np.testing.assert_allclose(cleaned.imu.accel_m_s2, accel, rtol=1e-12)
+    sure = {f.code: f.confidence for f in cleaned.findings}
+    assert sure["imu.accelerometer_unit"] > 0.9
+    assert sure["imu.gyroscope_unit"] > 0.7
+
+
+def test_units_can_be_overridden() -> None:
+    """Mutation: ignore settings.gyroscope_unit."""
+    gyro, accel = tilting(10)
+    settings = ReadSettings(gyroscope_unit="deg_s", accelerometer_unit="g")
+    cleaned = clean_imu(raw(gyro, accel), settings, "/imu")
+    np.testing.assert_allclose(cleaned.imu.gyro_rad_s, np.deg2rad(gyro))
+    np.testing.assert_allclose(cleaned.imu.accel_m_s2, accel * 9.80665)
+
+
+def test_gyroscope_unit_without_tilt_rests_on_plausibility() -> None:
+    """Mutation: raise _IMPOSSIBLE_RAD_S to 1000; report full confidence without evidence."""
+    times = np.arange(2000) / RATE
+    yaw = np.zeros((2000, 3))
+    yaw[:, 2] = 80 * np.sign(np.sin(times))  # 80 deg/s about the vertical
+    flat = np.tile([0, 0, 9.81], (2000, 1)) + np.random.default_rng(0).normal(0, 0.01, (2000, 3))
+    cleaned = clean_imu(raw(yaw, flat), ReadSettings(), "/imu")
+    assert cleaned.gyroscope_unit == "deg_s"
+    cleaned = clean_imu(raw(np.deg2rad(yaw), flat), ReadSettings(), "/imu")
+    assert cleaned.gyroscope_unit == "rad_s"
+    finding = next(f for f in cleaned.findings if f.code == "imu.gyroscope_unit")
+    assert finding.confidence <= 0.5
+
+
+@pytest.mark.parametrize(("signs", "axis"), [((-1, 1, 1), "x"), ((1, -1, 1), "y")])
+def test_a_mirrored_axis_is_named(signs: tuple[int, int, int], axis: str) -> None:
+    """Mutation: return None from `_mirrored_axes`."""
+    gyro, accel = tilting()
+    cleaned = clean_imu(raw(gyro * signs, accel), ReadSettings(), "/imu")
+    finding = next(f for f in cleaned.findings if f.code == "imu.axis_signs")
+    assert f"axis {axis}" in finding.text
+    assert not any(f.code == "imu.axis_signs" for f in clean_imu(raw(gyro, accel), ReadSettings(), "/imu").findings)
+
+
+def test_rates_of_the_lidar_decide_the_unit() -> None:
+    """Mutation: compare the ratio with 180/pi instead of its logarithm's distance."""
+    rates = np.abs(np.sin(np.arange(50)))
+    assert gyroscope_unit_from_rates(rates * 57.3, rates)[0] == "deg_s"
+    unit, sure = gyroscope_unit_from_rates(rates * 1.1, rates)
+    assert unit == "rad_s"
+    assert sure > 0.9
+    assert gyroscope_unit_from_rates(rates[:3], rates[:3]) == ("rad_s", 0.5)
+
+
+def test_disorder_is_put_right_and_reported() -> None:
+    """Mutation: sort without removing duplicates; count gaps over the unsorted stamps."""
+    gyro, accel = tilting(10)
+    stamps = build.EPOCH_NS + np.arange(1000, dtype=np.int64) * 10_000_000
+    order = np.arange(1000)
+    order[[100, 101]] = order[[101, 100]]  # one pair swapped
+    order = np.insert(order, 200, 199)  # one duplicate
+    order = np.delete(order, np.arange(500, 530))  # a gap of 0.3 s
+    given = RawImu(stamps[order], stamps[order] + 1, gyro[order], accel[order], "imu", 0)
+    cleaned = clean_imu(given, ReadSettings(), "/imu")
+    kept = np.unique(order)
+    np.testing.assert_array_equal(cleaned.imu.stamps_ns, stamps[kept])
+    np.testing.assert_array_equal(cleaned.imu.gyro_rad_s, gyro[kept])
+    numbers = {f.code: {e.name: e.value for e in f.evidence} for f in cleaned.findings}
+    assert numbers["imu.duplicates"]["duplicates"] == 1
+    assert numbers["imu.out_of_order"]["backward steps"] == 1
+    assert numbers["imu.gaps"]["gaps"] == 1
+    assert numbers["imu.gaps"]["longest"] == pytest.approx(0.31)
+
+
+def test_impossible_readings_and_stamps_are_left_out() -> None:
+    """Mutation: drop `plausible_stamps` from `clean_imu`; compare with <= inf."""
+    gyro, accel = tilting(10)
+    given = raw(gyro.copy(), accel.copy())
+    given.gyro[7] = np.nan
+    given.accel[8] = 1e300
+    given.header_ns[9] = 55_832_832_130_000_000
+    cleaned = clean_imu(given, ReadSettings(), "/imu")
+    assert cleaned.imu.stamps_ns.size == 997
+    finding = next(f for f in cleaned.findings if f.code == "imu.bad_readings")
+    assert finding.evidence[0].value == 3
+
+
+def test_jitter_and_bundles_are_named() -> None:
+    """Mutation: use the standard deviation of the stamps instead of the steps."""
+    rng = np.random.default_rng(0)
+    stamps = build.EPOCH_NS + np.arange(2000, dtype=np.int64) * 5_000_000
+    bundled = stamps[19::20].repeat(20) + 100
+    assert stamp_statistics(stamps, bundled).bundled_share == pytest.approx(0.95, abs=0.01)
+    jittered = np.sort(stamps + rng.normal(0, 1e6, 2000).astype(np.int64))
+    statistics = stamp_statistics(jittered, jittered)
+    # the difference of two independent errors of 1 ms
+    assert statistics.jitter_s == pytest.approx(1.41e-3, rel=0.15)
+    assert stamp_statistics(stamps, stamps).jitter_s == 0.0
+
+
+@pytest.mark.parametrize("cdr", [False, True])
+@pytest.mark.parametrize("frame_id", ["imu", "a", "ab", "imu_link", ""])
+def test_messages_are_read_whatever_the_frame_id(cdr: bool, frame_id: str) -> None:
+    """Mutation: align the CDR readings from the payload's start instead of from after the encapsulation."""
+    collector = ImuCollector("cdr" if cdr else "ros1")
+    gyro, accel = (0.1, -0.2, 0.3), (1.0, 2.0, 9.5)
+    payload = build.imu_message(build.EPOCH_NS + 123_456_789, gyro, accel, cdr=cdr, frame_id=frame_id)
+    collector.add(RawMessage("/imu", 5, payload))
+    collector.add(RawMessage("/imu", 6, payload[:-9]))
+    collector.add(RawMessage("/imu", 7, b""))
+    got = collector.finish()
+    assert got.frame_id == frame_id
+    assert got.n_malformed == 2
+    assert got.header_ns.tolist() == [build.EPOCH_NS + 123_456_789]
+    assert tuple(got.gyro[0]) == gyro
+    assert tuple(got.accel[0]) == accel
+
+
+def test_nothing_usable_is_a_sentence() -> None:
+    """Mutation: let np.median of nothing through."""
+    with pytest.raises(InputError, match=r"holds 0 usable readings.*\.$"):
+        clean_imu(raw(np.full((5, 3), np.nan), np.zeros((5, 3))), ReadSettings(), "/imu")

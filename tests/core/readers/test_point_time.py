@@ -1,0 +1,186 @@
+"""Traps in point times: each bag's twin without the trap is the oracle, instant by instant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib_core.errors import PointTimeError
+from calib_core.readers import load
+from calib_core.readers.cloud import RawCloud
+from calib_core.readers.point_time import detect_point_time
+from calib_core.readers.scans import make_scan
+from calib_core.readers.synthesise import plan_synthesis, point_timing, synthesised_times_s
+from calib_core.settings import ReadSettings
+from tests.core.readers import build
+
+N = 55
+FREE = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2")]
+
+
+def cloud(k: int, field: str | None, kind: str, values: Callable[[NDArray[np.float64], int], NDArray[np.float64]], header_ns: int | None = None) -> RawCloud:
+    """The k-th sweep with one time field made by `values(time_s, start_ns)`."""
+    scan = build.sweep(seed=k)
+    start = build.EPOCH_NS + k * 100_000_000
+    points = np.zeros(scan["ring"].size, np.dtype(FREE + ([(field, kind)] if field else [])))
+    points["x"], points["y"], points["z"] = scan["xyz"].T
+    points["intensity"], points["ring"] = scan["intensity"], scan["ring"]
+    if field:
+        points[field] = values(scan["time_s"], start)
+    header = start if header_ns is None else header_ns
+    return RawCloud(header, start + 105_000_000, "lidar", points, points.size, 1)
+
+
+def instants(clouds: list[RawCloud], settings: ReadSettings | None = None) -> list[NDArray[np.int64]]:
+    """Absolute times of each scan's points as they are read."""
+    timing, _ = detect_point_time(clouds, settings or ReadSettings(), topic="/p")
+    out = []
+    for k, c in enumerate(clouds):
+        scan, _ = make_scan(c, k, timing, 0.3, 200.0)
+        assert scan is not None
+        out.append(scan.stamp_ns + scan.points["offset_ns"].astype(np.int64))
+    return out
+
+
+def expected(k: int) -> NDArray[np.int64]:
+    return build.EPOCH_NS + k * 100_000_000 + np.rint(build.sweep(seed=k)["time_s"] * 1e9).astype(np.int64)
+
+
+TRAPS: dict[str, tuple[str, str, Callable[[NDArray[np.float64], int], NDArray[np.float64]], int, int]] = {
+    # name: field, type, values, header after the sweep's start, tolerance
+    "plain": ("time", "<f4", lambda t, s: t, 0, 8),
+    "negative": ("time", "<f4", lambda t, s: t - 0.1, 100_000_000, 8),
+    "header in the middle": ("time", "<f4", lambda t, s: t - 0.05, 50_000_000, 8),
+    "milliseconds in float32": ("time", "<f4", lambda t, s: t * 1e3, 0, 8),
+    "microseconds in float32": ("time", "<f4", lambda t, s: t * 1e6, 0, 8),
+    "absolute nanoseconds in float64": ("timestamp", "<f8", lambda t, s: s + np.rint(t * 1e9), 0, 257),
+    "absolute seconds in float64": ("timestamp", "<f8", lambda t, s: s // 10**9 + ((s % 10**9) / 1e9 + t), 0, 121),
+    "absolute, stamp at the end": ("timestamp", "<f8", lambda t, s: s // 10**9 + ((s % 10**9) / 1e9 + t), 100_000_000, 121),
+    "absolute microseconds": ("timestamp", "<f8", lambda t, s: s // 1000 + t * 1e6, 0, 251),
+    "behaves like a time, has no name": ("w", "<f4", lambda t, s: t, 0, 8),
+}
+
+
+@pytest.mark.parametrize("name", TRAPS)
+def test_traps_read_as_their_plain_twin(name: str) -> None:
+    """Mutation: take the unit whose span is largest; treat every positive time as header-first from the header."""
+    field, kind, values, header_after, tolerance = TRAPS[name]
+    clouds = [cloud(k, field, kind, values, build.EPOCH_NS + k * 100_000_000 + header_after) for k in range(N)]
+    for k, got in enumerate(instants(clouds)):
+        assert np.abs(got - expected(k)).max() <= tolerance
+
+
+def test_absolute_times_of_another_epoch_move_by_one_constant() -> None:
+    """Mutation: add each scan's own header difference instead of the median (jitter enters the points)."""
+    rng = np.random.default_rng(0)
+    jitter = rng.integers(-3_000_000, 3_000_000, N)
+    boot_ns = 1_234_567_890_123  # the sensor counts from its start
+
+    def values(t: NDArray[np.float64], s: int) -> NDArray[np.float64]:
+        return (s - build.EPOCH_NS + boot_ns) + np.rint(t * 1e9)
+
+    clouds = [cloud(k, "timestamp", "<f8", values, build.EPOCH_NS + k * 100_000_000 + int(jitter[k])) for k in range(N)]
+    timing, findings = detect_point_time(clouds, ReadSettings(), topic="/p")
+    assert any(f.code == "points.epoch" for f in findings)
+    shifts = [got - expected(k) for k, got in enumerate(instants(clouds))]
+    assert max(np.ptp(s) for s in shifts) <= 2
+    medians = [int(np.median(s)) for s in shifts]
+    assert max(medians) - min(medians) <= 2
+    assert abs(medians[0]) < 3_500_000
+
+
+def test_garbage_times_are_left_out_and_counted() -> None:
+    """Mutation: widen the window of `_windowed` to a thousand periods."""
+    clouds = [cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)]
+    damaged = clouds[20].points.copy()
+    damaged["time"][::10] = 3.6
+    damaged["time"][5] = np.nan
+    clouds[20] = RawCloud(clouds[20].header_ns, 0, "lidar", damaged, damaged.size, 1)
+    timing, _ = detect_point_time(clouds, ReadSettings(), topic="/p")
+    scan, counts = make_scan(clouds[20], 20, timing, 0.3, 200.0)
+    assert scan is not None
+    bad = np.zeros(damaged.size, bool)
+    bad[::10] = bad[5] = True
+    assert counts.out_of_time == np.count_nonzero(bad)
+    np.testing.assert_array_equal(scan.points["xyz"][:, 0], damaged["x"][~bad])
+
+
+def test_overrides_win() -> None:
+    """Mutation: ignore settings.point_time_reference (or _unit, or _field) in `detect_point_time`."""
+    clouds = [cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)]
+    got = instants(clouds, ReadSettings(point_time_reference="header-last"))
+    last = expected(3).max()
+    assert abs((got[3] - expected(3)).mean() + (last - (build.EPOCH_NS + 300_000_000))) < 3_000_000
+    timing, _ = detect_point_time(clouds, ReadSettings(point_time_field="time", point_time_unit="s"), topic="/p")
+    assert (timing.field, timing.unit) == ("time", "s")
+    with pytest.raises(PointTimeError, match="'time' spreads over"):
+        detect_point_time(clouds, ReadSettings(point_time_unit="ns"), topic="/p")
+    with pytest.raises(PointTimeError, match="no field 'nope'"):
+        detect_point_time(clouds, ReadSettings(point_time_field="nope"), topic="/p")
+
+
+@pytest.mark.parametrize(
+    ("field", "values", "sentence"),
+    [
+        (None, lambda t, s: t, r"carry no per-point time \(fields: x, y, z, intensity, ring\)"),
+        ("time", lambda t, s: t * 0, "'time' is the same for all points"),
+        ("time", lambda t, s: t * 1e4, "is no scan of 0.100 s"),
+        ("noise_like", lambda t, s: np.random.default_rng(1).uniform(0, 100, t.size), "no usable per-point time"),
+    ],
+)
+def test_unusable_times_are_refused(field: str | None, values: Callable[..., NDArray[np.float64]], sentence: str) -> None:
+    """Mutation: drop `_MIN_ORDER` (the noise is then taken for milliseconds)."""
+    clouds = [cloud(k, field, "<f4", values) for k in range(N)]
+    with pytest.raises(PointTimeError, match=sentence) as caught:
+        detect_point_time(clouds, ReadSettings(), topic="/p")
+    assert str(caught.value).endswith("pass --synthesise-point-time.")
+    assert "\n" not in str(caught.value)
+
+
+def test_few_scans_mean_less_confidence() -> None:
+    """Mutation: leave the number of scans out of the confidence."""
+    many = detect_point_time([cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)], ReadSettings(), topic="/p")[1]
+    few = detect_point_time([cloud(k, "time", "<f4", lambda t, s: t) for k in range(6)], ReadSettings(), topic="/p")[1]
+    assert few[0].confidence < 0.6 < many[0].confidence
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_synthesised_times_follow_the_azimuth(mirror: int) -> None:
+    """Mutation: take the direction as -1 always; start at azimuth 0 instead of the first point's."""
+    clouds = []
+    for k in range(N):
+        c = cloud(k, None, "", lambda t, s: t)
+        points = c.points.copy()
+        turn = np.deg2rad(70)
+        x, y = points["x"].copy(), points["y"] * mirror
+        points["x"], points["y"] = np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y
+        clouds.append(RawCloud(c.header_ns, c.receive_ns, c.frame_id, points, c.width, c.height))
+    plan = plan_synthesis(clouds)
+    assert plan.kind == "azimuth"
+    assert plan.direction == -mirror  # the sweep of build.py turns clockwise
+    made = synthesised_times_s(clouds[7], plan)
+    column_s = np.floor(np.arange(made.size) / 16) * 0.1 / 90
+    assert np.abs(made - column_s).max() < 2e-4
+
+
+def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
+    """Mutation: drop `if not settings.synthesise_point_time: raise`."""
+    clouds = [cloud(k, None, "", lambda t, s: t) for k in range(N)]
+    with pytest.raises(PointTimeError):
+        point_timing(clouds, lambda m: clouds[0], ReadSettings(), topic="/p", help_text="")
+    messages = build.in_order(
+        [
+            ("/p", "sensor_msgs/msg/PointCloud2", c.receive_ns, build.pointcloud2(c.points, cdr=False, stamp_ns=c.header_ns))
+            for c in clouds
+        ],
+        build.still_imu(5.6, cdr=False),
+    )
+    loaded = load(build.write_ros1(tmp_path / "r.bag", messages), ReadSettings(synthesise_point_time=True))
+    found = next(f for f in loaded.findings if f.code == "points.time_synthesised")
+    assert found.level == "warning"
+    assert len(loaded.scans) == N
+    assert 0.09e9 < loaded.scans[5].points["offset_ns"].max() < 0.101e9
