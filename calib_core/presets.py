@@ -131,16 +131,34 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
 )
 
 #: For an IMU nobody names: the middle of the consumer sensors above. Callers inflate it.
-GENERIC_IMU = ImuPreset("generic-mems", _noise(2e-4, 2e-3, 2e-5, 2e-4), f"middle of common MEMS sensors; {_CONVENTION}", ())
+GENERIC_IMU = ImuPreset(
+    "generic-mems", _noise(2e-4, 2e-3, 2e-5, 2e-4), f"middle of common MEMS sensors; {_CONVENTION}", ()
+)
 
 _ARC_0_05_DEG = 8.7e-4
 LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset("livox-mid360", 0.02, 2.6e-3, "integrator page quoting the data sheet", ("mid360", "mid-360")),
     LidarPreset("livox-avia", 0.02, _ARC_0_05_DEG, "data sheet, 20 m; unconfirmed", ("livox", "avia", "horizon")),
-    LidarPreset("velodyne-vlp16", 0.02, _ARC_0_05_DEG, "start value; the sheet gives 3 cm typical accuracy", ("velodyne", "vlp", "puck")),
-    LidarPreset("ouster-os", 0.015, _ARC_0_05_DEG, "OS1 data sheet at high signal", ("ouster", "os_lidar", "os_sensor", "os0", "os1", "os2")),
-    LidarPreset("hesai-xt32", 0.01, _ARC_0_05_DEG, "data sheet accuracy; unconfirmed", ("hesai", "pandar", "xt32", "xt16")),
-    LidarPreset("robosense", 0.03, _ARC_0_05_DEG, "Airy and Helios; unconfirmed", ("rslidar", "robosense", "airy", "helios")),
+    LidarPreset(
+        "velodyne-vlp16",
+        0.02,
+        _ARC_0_05_DEG,
+        "start value; the sheet gives 3 cm typical accuracy",
+        ("velodyne", "vlp", "puck"),
+    ),
+    LidarPreset(
+        "ouster-os",
+        0.015,
+        _ARC_0_05_DEG,
+        "OS1 data sheet at high signal",
+        ("ouster", "os_lidar", "os_sensor", "os0", "os1", "os2"),
+    ),
+    LidarPreset(
+        "hesai-xt32", 0.01, _ARC_0_05_DEG, "data sheet accuracy; unconfirmed", ("hesai", "pandar", "xt32", "xt16")
+    ),
+    LidarPreset(
+        "robosense", 0.03, _ARC_0_05_DEG, "Airy and Helios; unconfirmed", ("rslidar", "robosense", "airy", "helios")
+    ),
 )
 GENERIC_LIDAR = LidarPreset("generic-lidar", 0.03, _ARC_0_05_DEG, "middle of common sensors", ())
 

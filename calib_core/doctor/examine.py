@@ -152,7 +152,9 @@ def _read(
         if n_seen % 500 == 0:
             if should_cancel():
                 raise Cancelled("Inspecting was stopped.")
-            on_event(StageEvent(stage="inspect", fraction=min(1.0, n_seen / total), text=f"{n_seen} of {total} messages"))
+            on_event(
+                StageEvent(stage="inspect", fraction=min(1.0, n_seen / total), text=f"{n_seen} of {total} messages")
+            )
         if imu is not None and message.topic == imu.name:
             collector.add(message)
         elif state.decoder is not None:

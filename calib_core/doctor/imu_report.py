@@ -24,7 +24,13 @@ _REVERSAL_RAD_S = np.deg2rad(5.0)
 
 
 def imu_report(
-    imu: ImuData, *, header_ns: IntArray, receive_ns: IntArray, recording_start_ns: int, units: tuple[str, str], wanted_preset: str = ""
+    imu: ImuData,
+    *,
+    header_ns: IntArray,
+    receive_ns: IntArray,
+    recording_start_ns: int,
+    units: tuple[str, str],
+    wanted_preset: str = "",
 ) -> ImuReport:
     """The report of one IMU; its still spans in the recording's seconds.
 

@@ -80,7 +80,9 @@ def _resting_bias(gyro_mean: FloatArray, gyro_std: FloatArray, accel_std: FloatA
     return bias if np.linalg.norm(bias) < np.deg2rad(3.0) else np.zeros(3)
 
 
-def measured_noise(imu: ImuData, spans: tuple[StillSpan, ...], *, gyro_walk: float, accel_walk: float) -> MeasuredNoise | None:
+def measured_noise(
+    imu: ImuData, spans: tuple[StillSpan, ...], *, gyro_walk: float, accel_walk: float
+) -> MeasuredNoise | None:
     """White noise from the still spans, floored at the readings' resolution; None below MIN_NOISE_S of stillness.
 
     Differences of neighbouring readings cancel bias, gravity and slow sway: their variance is twice the noise's.

@@ -25,7 +25,15 @@ ADVISED_ROTATION_DEG_S = 10.0
 CLIPPED_SHARE = 5e-4
 #: Findings that limit a calibration by themselves; their own text is the reason.
 _LIMITING = frozenset(
-    {"imu.gaps", "imu.jitter", "imu.axis_signs", "recording.truncated", "points.malformed", "clock.epochs", "points.deskewed"}
+    {
+        "imu.gaps",
+        "imu.jitter",
+        "imu.axis_signs",
+        "recording.truncated",
+        "points.malformed",
+        "clock.epochs",
+        "points.deskewed",
+    }
 )
 _SEVERAL = frozenset({"recording.several_lidar", "recording.several_imu"})
 
@@ -74,7 +82,11 @@ def judge(
         return Opinion("unusable", (*case.fatal, *case.limits), tuple(case.advice))
     if case.limits:
         return Opinion("limited", tuple(case.limits), tuple(case.advice))
-    return Opinion("good", ("Topics, point times, units, motion and stillness are as a calibration needs them.",), tuple(case.advice))
+    return Opinion(
+        "good",
+        ("Topics, point times, units, motion and stillness are as a calibration needs them.",),
+        tuple(case.advice),
+    )
 
 
 def _judge_length(case: _Case, overlap_s: float) -> None:
@@ -102,7 +114,9 @@ def _judge_motion(case: _Case, imu: ImuReport) -> None:
             f"There is little rotation about {axis_in_words(motion.weakest_axis)} of the IMU"
             f" ({motion.weakest_axis_rms_deg_s:.1f} deg/s): the lever arm along it stays weak."
         )
-        case.advice.append(f"Turn the rig about {axis_in_words(motion.weakest_axis)} of the IMU too, at 20 to 60 deg/s.")
+        case.advice.append(
+            f"Turn the rig about {axis_in_words(motion.weakest_axis)} of the IMU too, at 20 to 60 deg/s."
+        )
     elif motion.weakest_axis_rms_deg_s < ADVISED_ROTATION_DEG_S:
         case.advice.append(
             f"More rotation about {axis_in_words(motion.weakest_axis)} of the IMU would sharpen the answer"
@@ -110,7 +124,9 @@ def _judge_motion(case: _Case, imu: ImuReport) -> None:
         )
     longest_s = max((span.end_s - span.start_s for span in imu.still_spans), default=0.0)
     if longest_s < STILL_SOME_S:
-        case.limits.append("The rig never stands still for a second: noise comes from a preset and planes from one scan.")
+        case.limits.append(
+            "The rig never stands still for a second: noise comes from a preset and planes from one scan."
+        )
     if longest_s < STILL_START_S:
         case.advice.append(
             f"Let the rig stand still for 3 to 5 s before moving it (longest now: {longest_s:.1f} s),"
@@ -125,7 +141,9 @@ def _judge_imu(case: _Case, imu: ImuReport) -> None:
     clipped = max(imu.saturation.gyroscope_clipped_share, imu.saturation.accelerometer_clipped_share)
     if clipped > CLIPPED_SHARE:
         which = "gyroscope" if imu.saturation.gyroscope_clipped_share >= clipped else "accelerometer"
-        case.limits.append(f"The {which} is clipped in {clipped:.2%} of its readings: motion there is not what it says.")
+        case.limits.append(
+            f"The {which} is clipped in {clipped:.2%} of its readings: motion there is not what it says."
+        )
         case.advice.append(f"Move more gently, or widen the {which}'s range.")
     if not imu.preset_identified and imu.measured_noise is None:
         case.advice.append("Name the IMU with --imu-noise: its noise could neither be measured nor looked up.")

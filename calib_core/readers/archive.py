@@ -44,8 +44,18 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = MAX_UNPACKED_BY
                 )
             budget = _copy(stream, target, budget, path.name)
             found += 1
-    except (zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, RuntimeError) as error:
-        raise UnreadableRecording(f"The archive {path.name} is damaged ({_first_line(error)}); copy or pack it again.") from error
+    except (
+        zipfile.BadZipFile,
+        tarfile.TarError,
+        zlib.error,
+        lzma.LZMAError,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+    ) as error:
+        raise UnreadableRecording(
+            f"The archive {path.name} is damaged ({_first_line(error)}); copy or pack it again."
+        ) from error
     if not found:
         raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
     return folder

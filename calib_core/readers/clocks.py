@@ -12,7 +12,11 @@ NS_PER_S = 1_000_000_000
 
 
 def coarse_clock_offset(
-    lidar_header_ns: IntArray, lidar_receive_ns: IntArray, imu_header_ns: IntArray, imu_receive_ns: IntArray, period_s: float
+    lidar_header_ns: IntArray,
+    lidar_receive_ns: IntArray,
+    imu_header_ns: IntArray,
+    imu_receive_ns: IntArray,
+    period_s: float,
 ) -> tuple[int, tuple[Finding, ...]]:
     """Nanoseconds to add to IMU stamps to bring them near the lidar's clock; 0 where the clocks agree to 10 s.
 

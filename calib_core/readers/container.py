@@ -1,8 +1,8 @@
 """One recording, whatever it is stored in: topics, time span, messages in receive order.
 
-    path ── archive? ── unpack to a temporary folder ──┐
-         ── folder? ── its storage files ──────────────┼── each file: rosbags, else recovery ── OpenRecording
-         ── file ──────────────────────────────────────┘
+path ── archive? ── unpack to a temporary folder ──┐
+     ── folder? ── its storage files ──────────────┼── each file: rosbags, else recovery ── OpenRecording
+     ── file ──────────────────────────────────────┘
 """
 
 from __future__ import annotations
@@ -127,7 +127,9 @@ class OpenRecording:
     def __enter__(self) -> OpenRecording:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._stack.close()
 
 
@@ -136,7 +138,9 @@ def open_recording(path: Path) -> OpenRecording:
     try:
         return OpenRecording(path)
     except PermissionError as error:
-        raise UnreadableRecording(f"The file {error.filename} may not be read by this user; change its mode.") from error
+        raise UnreadableRecording(
+            f"The file {error.filename} may not be read by this user; change its mode."
+        ) from error
     except OSError as error:
         raise UnreadableRecording(f"The recording {path.name} cannot be read: {error.strerror or error}.") from error
 

@@ -21,7 +21,15 @@ TYPES = ("livox_ros_driver/msg/CustomMsg", "livox_ros_driver2/msg/CustomMsg")
 def _point_dtype(order: str) -> np.dtype[np.void]:
     f4 = f"{order}f4"
     return np.dtype(
-        [("offset_time", f"{order}u4"), ("x", f4), ("y", f4), ("z", f4), ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1")]
+        [
+            ("offset_time", f"{order}u4"),
+            ("x", f4),
+            ("y", f4),
+            ("z", f4),
+            ("reflectivity", "u1"),
+            ("tag", "u1"),
+            ("line", "u1"),
+        ]
     )
 
 

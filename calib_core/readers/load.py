@@ -41,7 +41,11 @@ def load(
     for finding in result.findings:
         if finding.level != "info":
             on_event(LogEvent(level=finding.level, code=finding.code, text=finding.text))
-    on_event(StageEvent(stage="read", fraction=1.0, text=f"{len(result.scans)} scans, {result.imu.stamps_ns.size} IMU readings"))
+    on_event(
+        StageEvent(
+            stage="read", fraction=1.0, text=f"{len(result.scans)} scans, {result.imu.stamps_ns.size} IMU readings"
+        )
+    )
     return result
 
 

@@ -43,9 +43,7 @@ def patched_payload(message: RawMessage, topic: TopicSummary, moved: MovedPoints
         parsed = parse_pointcloud2(message.payload, topic.encoding)
         dtype = cloud_dtype(parsed.fields, parsed.point_step, parsed.is_bigendian)
         row_step = parsed.row_step if parsed.height > 1 and parsed.row_step else parsed.width * parsed.point_step
-        grid = np.ndarray(
-            (parsed.height, parsed.width), dtype, payload, parsed.body_pos, (row_step, parsed.point_step)
-        )
+        grid = np.ndarray((parsed.height, parsed.width), dtype, payload, parsed.body_pos, (row_step, parsed.point_step))
         at: tuple[IntArray, ...] = np.unravel_index(moved.rows, grid.shape)
     else:
         grid = custom_msg_points(payload, topic.encoding)

@@ -167,7 +167,9 @@ def detect_point_time(
     """The timing of the clouds of `topic` and the evidence for it. Raises PointTimeError with one sentence."""
     usable = [cloud for cloud in clouds if cloud.points.size]
     if not usable:
-        raise PointTimeError(f"The first clouds on {topic} are all empty; check the sensor, or start later with --start.")
+        raise PointTimeError(
+            f"The first clouds on {topic} are all empty; check the sensor, or start later with --start."
+        )
     names = _candidates(usable, settings)
     listed = ", ".join(usable[0].names)
     if not names:
@@ -181,7 +183,9 @@ def detect_point_time(
     returns = [_returns(cloud.points) for cloud in sampled]
     samples = [_sample_field(sampled, returns, name) for name in names]
     period_s = scan_period_s(sampled)
-    units: tuple[Unit, ...] = ("s", "ms", "us", "ns") if settings.point_time_unit is None else (settings.point_time_unit,)
+    units: tuple[Unit, ...] = (
+        ("s", "ms", "us", "ns") if settings.point_time_unit is None else (settings.point_time_unit,)
+    )
     forced = settings.point_time_field is not None
     found = [
         h
@@ -236,8 +240,12 @@ def _timing(
         Evidence("share of forward steps", round(best.sample.order, 3)),
         Evidence("score", round(best.score, 3)),
         Evidence("next best score", round(runner_up, 3)),
-        Evidence("first point after header", round(float(np.nanmedian(low - _header_base(clouds, absolute))) * 1e-9, 6), "s"),
-        Evidence("last point after header", round(float(np.nanmedian(high - _header_base(clouds, absolute))) * 1e-9, 6), "s"),
+        Evidence(
+            "first point after header", round(float(np.nanmedian(low - _header_base(clouds, absolute))) * 1e-9, 6), "s"
+        ),
+        Evidence(
+            "last point after header", round(float(np.nanmedian(high - _header_base(clouds, absolute))) * 1e-9, 6), "s"
+        ),
     )
     text = f"Point times on {topic} are field {best.sample.name!r} in {best.unit}, {_REFERENCE_TEXT[reference]}."
     finding = Finding(

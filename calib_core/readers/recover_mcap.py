@@ -103,9 +103,7 @@ class McapRecovery:
             self._source.close()
             raise StorageError("the file does not start as an mcap file")
         bad_chunks, complete = self._scan(path.stat().st_size)
-        self.topics = merged_topics(
-            [replace(s, count=self._counts.get(i, 0)) for i, s in self._channels.items()]
-        )
+        self.topics = merged_topics([replace(s, count=self._counts.get(i, 0)) for i, s in self._channels.items()])
         self._spans.sort(key=lambda span: span.start_ns)
         self.start_ns = min((s.start_ns for s in self._spans), default=0)
         self.end_ns = max((s.end_ns for s in self._spans), default=0) + 1
@@ -124,7 +122,9 @@ class McapRecovery:
                 return bad_chunks, True
             if op == _CHUNK and pos + 9 + record_size > size:
                 with suppress(struct.error, ValueError, zstd.ZstdError, RuntimeError):
-                    self._visit(op, self._source.read(MAX_CHUNK_BYTES), _Span(pos + 9, size - pos - 9, 0, 0, True, True))
+                    self._visit(
+                        op, self._source.read(MAX_CHUNK_BYTES), _Span(pos + 9, size - pos - 9, 0, 0, True, True)
+                    )
                 return bad_chunks, False
             if op not in _KNOWN or pos + 9 + record_size > size:
                 return bad_chunks, False

@@ -130,9 +130,7 @@ class Ros1Recovery:
             raise StorageError("the file does not start as a ROS 1 bag")
         counts: dict[int, int] = {}
         complete = self._scan(counts)
-        self.topics = merged_topics(
-            [replace(s, count=counts.get(i, 0)) for i, s in self._names.items()]
-        )
+        self.topics = merged_topics([replace(s, count=counts.get(i, 0)) for i, s in self._names.items()])
         self.start_ns = min((c.start_ns for c in self._chunks), default=0)
         self.end_ns = max((c.end_ns for c in self._chunks), default=0) + 1
         if complete:
@@ -228,7 +226,9 @@ class Ros1Recovery:
                 yield RawMessage(name, time_ns, payload)
             if chunk.end_ns < low or chunk.start_ns >= high:
                 continue
-            for connection, time_ns, payload in self._chunk_messages(chunk.data_pos, chunk.data_size, chunk.compression):
+            for connection, time_ns, payload in self._chunk_messages(
+                chunk.data_pos, chunk.data_size, chunk.compression
+            ):
                 if connection in wanted and low <= time_ns < high:
                     order += 1
                     heapq.heappush(pending, (time_ns, order, wanted[connection], payload))

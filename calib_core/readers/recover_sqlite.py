@@ -46,7 +46,9 @@ class SqliteRecovery:
         if not counts:
             self._database.close()
             raise StorageError(reason)
-        self.topics = merged_topics([TopicSummary(s.name, s.type, counts.get(i, 0), "cdr") for i, s in self._names.items()])
+        self.topics = merged_topics(
+            [TopicSummary(s.name, s.type, counts.get(i, 0), "cdr") for i, s in self._names.items()]
+        )
         if not complete:
             self.damages.append(Damage(path.name, f"cut or damaged ({reason})", "cut", self.end_ns))
 

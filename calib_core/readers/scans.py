@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+import weakref
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import IO, overload
@@ -140,6 +141,7 @@ class StoredScans(Sequence[Scan]):
         self._arrays.append(scan.points)
         if self._n_points * POINT_DTYPE.itemsize > self._memory_bytes:
             self._file = tempfile.TemporaryFile(prefix="unsweep-scans-")
+            weakref.finalize(self, self._file.close)
             for array in self._arrays:
                 self._file.write(array.tobytes())
             self._arrays.clear()

@@ -68,7 +68,9 @@ def synthesised_times_s(cloud: RawCloud, synthesis: Synthesis) -> FloatArray:
     progress = synthesis.direction * (_azimuth(cloud) - synthesis.start_rad)
     # A hair before the start is the first column's own scatter, not the end of the sweep.
     slack = np.deg2rad(1.0)
-    return np.asarray(np.maximum((progress + slack) % (2 * np.pi) - slack, 0.0) / (2 * np.pi) * synthesis.period_s, np.float64)
+    return np.asarray(
+        np.maximum((progress + slack) % (2 * np.pi) - slack, 0.0) / (2 * np.pi) * synthesis.period_s, np.float64
+    )
 
 
 def _azimuth(cloud: RawCloud) -> FloatArray:

@@ -71,7 +71,12 @@ def unsupported_packets(topic: TopicSummary, model: str = "") -> TopicError:
 
 
 def _choose(
-    topics: Sequence[TopicSummary], fitting: Sequence[TopicSummary], wanted: str | None, recording: str, what: str, flag: str
+    topics: Sequence[TopicSummary],
+    fitting: Sequence[TopicSummary],
+    wanted: str | None,
+    recording: str,
+    what: str,
+    flag: str,
 ) -> TopicSummary:
     names = tuple(t.name for t in fitting)
     if wanted is not None:
@@ -79,14 +84,19 @@ def _choose(
         if chosen is not None:
             return chosen
         present = next((t for t in topics if t.name == wanted), None)
-        found = "is not in the recording" if present is None else f"is of type {present.type} with {present.count} messages"
+        found = (
+            "is not in the recording" if present is None else f"is of type {present.type} with {present.count} messages"
+        )
         raise TopicError(
             f"The topic {wanted} given as {what} topic {found}; {recording} has {_listed(names) or f'no {what} topic'}.",
             candidates=names,
         )
     if not fitting:
         seen = _listed([f"{t.name} ({t.type})" for t in topics][:8]) or "no topics at all"
-        raise TopicError(f"The recording {recording} has no {what} topic with messages; it holds {seen}.", code=f"recording.no_{what.lower()}")
+        raise TopicError(
+            f"The recording {recording} has no {what} topic with messages; it holds {seen}.",
+            code=f"recording.no_{what.lower()}",
+        )
     if len(fitting) > 1:
         raise TopicError(
             f"The recording {recording} has {len(fitting)} {what} topics, {_listed(names)}; choose one with {flag}.",

@@ -83,7 +83,9 @@ def pointcloud2(
     return packer.put("B", int(dense)).bytes()
 
 
-def imu_message(stamp_ns: int, gyro: Sequence[float], accel: Sequence[float], *, cdr: bool, frame_id: str = "imu") -> bytes:
+def imu_message(
+    stamp_ns: int, gyro: Sequence[float], accel: Sequence[float], *, cdr: bool, frame_id: str = "imu"
+) -> bytes:
     """A sensor_msgs/Imu without orientation."""
     packer = Packer(cdr).header(stamp_ns, frame_id)
     packer.put("d", 0, 0, 0, 1, -1, *[0] * 8)
@@ -100,7 +102,9 @@ def custom_msg(points: NDArray[np.void], *, cdr: bool, stamp_ns: int, frame_id: 
     return packer.bytes()
 
 
-def velodyne_scan(packets: Sequence[tuple[int, bytes]], *, cdr: bool, stamp_ns: int, frame_id: str = "velodyne") -> bytes:
+def velodyne_scan(
+    packets: Sequence[tuple[int, bytes]], *, cdr: bool, stamp_ns: int, frame_id: str = "velodyne"
+) -> bytes:
     """A velodyne_msgs/VelodyneScan of (stamp, 1206 bytes) packets."""
     packer = Packer(cdr).header(stamp_ns, frame_id).put("I", len(packets))
     for packet_ns, body in packets:
@@ -112,7 +116,9 @@ def velodyne_scan(packets: Sequence[tuple[int, bytes]], *, cdr: bool, stamp_ns: 
 Message = tuple[str, str, int, bytes]  # topic, type, receive_ns, payload
 
 
-def write_ros1(path: Path, messages: Iterable[Message], *, compression: str | None = None, chunk: int = 1 << 20) -> Path:
+def write_ros1(
+    path: Path, messages: Iterable[Message], *, compression: str | None = None, chunk: int = 1 << 20
+) -> Path:
     """A ROS 1 bag by rosbags' writer, type definitions left empty."""
     writer = Ros1Writer(path)
     if compression:
@@ -129,7 +135,9 @@ def write_ros1(path: Path, messages: Iterable[Message], *, compression: str | No
 
 def write_ros2(path: Path, messages: Iterable[Message], *, plugin: str = "mcap", compress: str | None = None) -> Path:
     """A ROS 2 bag folder by rosbags' writer (plugin mcap or sqlite3; compress None, file or message)."""
-    writer = Ros2Writer(path, version=9, storage_plugin=StoragePlugin.MCAP if plugin == "mcap" else StoragePlugin.SQLITE3)
+    writer = Ros2Writer(
+        path, version=9, storage_plugin=StoragePlugin.MCAP if plugin == "mcap" else StoragePlugin.SQLITE3
+    )
     if compress:
         writer.set_compression(CompressionMode[compress.upper()], CompressionFormat.ZSTD)
     with writer:
@@ -137,7 +145,9 @@ def write_ros2(path: Path, messages: Iterable[Message], *, plugin: str = "mcap",
         for topic, kind, receive_ns, payload in messages:
             if topic not in connections:
                 definition = MessageDefinition(MessageDefinitionFormat.MSG, "# none")
-                connections[topic] = writer.add_connection(topic, kind, msgdef=definition.data, rihs01="RIHS01_" + "0" * 64)
+                connections[topic] = writer.add_connection(
+                    topic, kind, msgdef=definition.data, rihs01="RIHS01_" + "0" * 64
+                )
             writer.write(connections[topic], receive_ns, payload)
     return path
 
@@ -152,16 +162,25 @@ VELODYNE_DTYPE = np.dtype(
 )
 
 
-def sweep(n_columns: int = 90, n_rings: int = 16, *, seed: int = 0, period_s: float = 0.1) -> dict[str, NDArray[np.float64]]:
+def sweep(
+    n_columns: int = 90, n_rings: int = 16, *, seed: int = 0, period_s: float = 0.1
+) -> dict[str, NDArray[np.float64]]:
     """One clockwise sweep of a spinning lidar in firing order: xyz (N, 3), ring, intensity, time_s from its start."""
     rng = np.random.default_rng(seed)
     column, ring = (a.ravel() for a in np.meshgrid(np.arange(n_columns), np.arange(n_rings), indexing="ij"))
     azimuth = -2 * np.pi * column / n_columns
     elevation = np.deg2rad(-15 + 30 * ring / max(n_rings - 1, 1))
     distance = rng.uniform(2, 30, column.size)
-    direction = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], 1)
+    direction = np.stack(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], 1
+    )
     time_s = period_s * (column + ring / n_rings * 0.5) / n_columns
-    return {"xyz": distance[:, None] * direction, "ring": ring, "intensity": rng.integers(0, 255, column.size), "time_s": time_s}
+    return {
+        "xyz": distance[:, None] * direction,
+        "ring": ring,
+        "intensity": rng.integers(0, 255, column.size),
+        "time_s": time_s,
+    }
 
 
 def velodyne_points(scan: dict[str, NDArray[np.float64]], shift_s: float = 0.0) -> NDArray[np.void]:
@@ -172,7 +191,9 @@ def velodyne_points(scan: dict[str, NDArray[np.float64]], shift_s: float = 0.0) 
     return points
 
 
-def still_imu(duration_s: float, rate_hz: float = 100.0, *, cdr: bool, topic: str = "/imu/data", start_ns: int = EPOCH_NS) -> list[Message]:
+def still_imu(
+    duration_s: float, rate_hz: float = 100.0, *, cdr: bool, topic: str = "/imu/data", start_ns: int = EPOCH_NS
+) -> list[Message]:
     """Readings of an IMU on a table, with a little noise."""
     rng = np.random.default_rng(5)
     messages: list[Message] = []
@@ -183,7 +204,9 @@ def still_imu(duration_s: float, rate_hz: float = 100.0, *, cdr: bool, topic: st
     return messages
 
 
-def velodyne_messages(n_scans: int, *, cdr: bool, shift_s: float = 0.0, topic: str = "/velodyne_points") -> list[Message]:
+def velodyne_messages(
+    n_scans: int, *, cdr: bool, shift_s: float = 0.0, topic: str = "/velodyne_points"
+) -> list[Message]:
     """Scans at 10 Hz from EPOCH_NS; with shift_s the header moves by -shift_s so that the instants stay the same."""
     messages: list[Message] = []
     for k in range(n_scans):

@@ -48,7 +48,9 @@ def packed(fields: list[tuple[str, str, int]], step: int) -> np.dtype[np.void]:
     return np.dtype({"names": list(names), "formats": list(formats), "offsets": list(offsets), "itemsize": step})
 
 
-def filled(dtype: np.dtype[np.void], scan: dict[str, NDArray[np.float64]], **more: NDArray[np.float64]) -> NDArray[np.void]:
+def filled(
+    dtype: np.dtype[np.void], scan: dict[str, NDArray[np.float64]], **more: NDArray[np.float64]
+) -> NDArray[np.void]:
     """Points with coordinates, the ring where there is one, and further fields."""
     points = np.zeros(len(scan["ring"]), dtype)
     points["x"], points["y"], points["z"] = scan["xyz"].T
@@ -90,14 +92,24 @@ def velodyne(shift_s: float) -> Callable[[int, bool], Truth]:
 def velodyne_organised(k: int, cdr: bool) -> Truth:
     """Rows are rings, columns firings; out of range is NaN, its time still there; rows padded by two bytes."""
     dtype = packed(
-        [("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8), ("intensity", "<f4", 12), ("ring", "<u2", 16), ("time", "<f4", 18)], 22
+        [
+            ("x", "<f4", 0),
+            ("y", "<f4", 4),
+            ("z", "<f4", 8),
+            ("intensity", "<f4", 12),
+            ("ring", "<u2", 16),
+            ("time", "<f4", 18),
+        ],
+        22,
     )
     scan = build.sweep(seed=k)
     order = np.arange(scan["ring"].size).reshape(90, 16).T.ravel()
     scan = {name: values[order] for name, values in scan.items()}
     lost = np.random.default_rng(k).random(order.size) < 0.2
     scan["xyz"][lost] = np.nan
-    return truth(k, cdr, filled(dtype, scan, time=scan["time_s"]), scan["time_s"], height=16, row_padding=2, dense=False)
+    return truth(
+        k, cdr, filled(dtype, scan, time=scan["time_s"]), scan["time_s"], height=16, row_padding=2, dense=False
+    )
 
 
 OUSTER = packed(
@@ -136,7 +148,15 @@ def ouster(k: int, cdr: bool, *, ring_type: str = "<u2") -> Truth:
 
 
 HESAI = packed(
-    [("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8), ("intensity", "<f4", 12), ("ring", "<u2", 16), ("timestamp", "<f8", 18)], 26
+    [
+        ("x", "<f4", 0),
+        ("y", "<f4", 4),
+        ("z", "<f4", 8),
+        ("intensity", "<f4", 12),
+        ("ring", "<u2", 16),
+        ("timestamp", "<f8", 18),
+    ],
+    26,
 )
 
 
@@ -230,11 +250,21 @@ def livox2(k: int, cdr: bool) -> Truth:
     """Absolute nanoseconds in float64, unaligned."""
     scan = build.sweep(seed=k)
     absolute = (start_ns(k) + np.rint(scan["time_s"] * 1e9)).astype(np.float64)
-    return truth(k, cdr, filled(LIVOX2, scan, timestamp=absolute, line=scan["ring"] % 4), scan["time_s"], frame_id="livox_frame")
+    return truth(
+        k, cdr, filled(LIVOX2, scan, timestamp=absolute, line=scan["ring"] % 4), scan["time_s"], frame_id="livox_frame"
+    )
 
 
 CUSTOM = packed(
-    [("offset_time", "<u4", 0), ("x", "<f4", 4), ("y", "<f4", 8), ("z", "<f4", 12), ("reflectivity", "u1", 16), ("tag", "u1", 17), ("line", "u1", 18)],
+    [
+        ("offset_time", "<u4", 0),
+        ("x", "<f4", 4),
+        ("y", "<f4", 8),
+        ("z", "<f4", 12),
+        ("reflectivity", "u1", 16),
+        ("tag", "u1", 17),
+        ("line", "u1", 18),
+    ],
     19,
 )
 
@@ -260,7 +290,12 @@ def sick(*time_fields: tuple[str, str]) -> Callable[[int, bool], Truth]:
         for name, kind in time_fields:
             fields.append((name, kind, offset))
             offset += np.dtype(kind).itemsize
-        fields += [("ring", "i1", offset), ("layer", "<i4", offset + 1), ("echo", "<i4", offset + 5), ("reflector", "u1", offset + 9)]
+        fields += [
+            ("ring", "i1", offset),
+            ("layer", "<i4", offset + 1),
+            ("echo", "<i4", offset + 5),
+            ("reflector", "u1", offset + 9),
+        ]
         scan = build.sweep(seed=k)
         relative_ns = np.rint(scan["time_s"] * 1e9).astype(np.int64)
         absolute_ns = start_ns(k) + relative_ns
@@ -299,7 +334,13 @@ def unnamed(field: str, kind: str, scale: float, *, bigendian: bool = False) -> 
     """A cloud of a converter's own: a time field under any name, in any unit, beside a field that is no time."""
     order = ">" if bigendian else "<"
     dtype = packed(
-        [("x", f"{order}f4", 0), ("y", f"{order}f4", 4), ("z", f"{order}f4", 8), ("brightness", f"{order}f4", 12), (field, order + kind, 16)],
+        [
+            ("x", f"{order}f4", 0),
+            ("y", f"{order}f4", 4),
+            ("z", f"{order}f4", 8),
+            ("brightness", f"{order}f4", 12),
+            (field, order + kind, 16),
+        ],
         16 + np.dtype(kind).itemsize,
     )
 
@@ -323,15 +364,38 @@ LAYOUTS: dict[str, Layout] = {
     "nebula": Layout(nebula, "time_stamp", "ns", "header-first", "nebula", 0),
     "seyond": Layout(seyond, "timestamp", "s", "absolute", "seyond", 120),
     "livox-driver2": Layout(livox2, "timestamp", "ns", "absolute", "livox-driver2-pointcloud2", 256),
-    "livox-custom-1": Layout(custom("livox_frame"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver/msg/CustomMsg"),
-    "livox-custom-2": Layout(custom("f"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"),
-    "livox-custom-frame-2": Layout(custom("ab"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"),
-    "livox-custom-frame-3": Layout(custom("abc"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"),
+    "livox-custom-1": Layout(
+        custom("livox_frame"),
+        "offset_time",
+        "ns",
+        "header-first",
+        "livox-custommsg",
+        0,
+        "livox_ros_driver/msg/CustomMsg",
+    ),
+    "livox-custom-2": Layout(
+        custom("f"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"
+    ),
+    "livox-custom-frame-2": Layout(
+        custom("ab"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"
+    ),
+    "livox-custom-frame-3": Layout(
+        custom("abc"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"
+    ),
     "sick-t": Layout(sick(("t", "<u4")), "t", "ns", "header-first", "sick-all-fields", 0),
     "sick-ts": Layout(sick(("ts", "<f4")), "ts", "s", "header-first", "sick-all-fields", 8),
-    "sick-sec-nsec": Layout(sick(("lidar_sec", "<u4"), ("lidar_nsec", "<u4")), "lidar_sec+lidar_nsec", "ns", "absolute", "sick-all-fields", 0),
+    "sick-sec-nsec": Layout(
+        sick(("lidar_sec", "<u4"), ("lidar_nsec", "<u4")),
+        "lidar_sec+lidar_nsec",
+        "ns",
+        "absolute",
+        "sick-all-fields",
+        0,
+    ),
     "aeva": Layout(aeva, "time_offset_ns", "ns", "header-first", "aeva", 0),
     "unnamed-ms": Layout(unnamed("phase", "f4", 1e3), "phase", "ms", "header-first", "generic", 8),
     "unnamed-us": Layout(unnamed("tick", "f4", 1e6), "tick", "us", "header-first", "generic", 8),
-    "unnamed-bigendian": Layout(unnamed("clock", "f8", 1.0, bigendian=True), "clock", "s", "header-first", "generic", 1),
+    "unnamed-bigendian": Layout(
+        unnamed("clock", "f8", 1.0, bigendian=True), "clock", "s", "header-first", "generic", 1
+    ),
 }

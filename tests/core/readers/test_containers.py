@@ -26,7 +26,9 @@ def recording(*, cdr: bool) -> list[build.Message]:
 
 
 def ros1(compression: str | None) -> Callable[[Path], Path]:
-    return lambda folder: build.write_ros1(folder / "r.bag", recording(cdr=False), compression=compression, chunk=20_000)
+    return lambda folder: build.write_ros1(
+        folder / "r.bag", recording(cdr=False), compression=compression, chunk=20_000
+    )
 
 
 def ros2(plugin: str, compress: str | None = None, *, lone: bool = False) -> Callable[[Path], Path]:
@@ -74,7 +76,9 @@ def without_definitions(folder: Path) -> Path:
         if topic not in ids:
             ids[topic] = len(ids) + 1
             database.execute("INSERT INTO topics VALUES (?, ?, ?, '', '')", (ids[topic], topic, kind))
-        database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", (ids[topic], receive_ns, payload))
+        database.execute(
+            "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", (ids[topic], receive_ns, payload)
+        )
     database.commit()
     database.close()
     return folder / "old"

@@ -25,7 +25,9 @@ def tilting(duration_s: float = 30.0, *, seed: int = 0) -> tuple[FloatArray, Flo
     """
     rng = np.random.default_rng(seed)
     times = np.arange(int(duration_s * RATE)) / RATE
-    rates = np.stack([np.deg2rad(25) * np.sin(2 * np.pi * f * times + p) for f, p in ((0.23, 0.3), (0.31, 1.0), (0.41, 2.0))], 1)
+    rates = np.stack(
+        [np.deg2rad(25) * np.sin(2 * np.pi * f * times + p) for f, p in ((0.23, 0.3), (0.31, 1.0), (0.41, 2.0))], 1
+    )
     rates[times < 3.0] = 0
     attitude = Rotation.identity()
     force = np.empty((times.size, 3))

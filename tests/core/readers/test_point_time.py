@@ -22,7 +22,13 @@ N = 55
 FREE = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2")]
 
 
-def cloud(k: int, field: str | None, kind: str, values: Callable[[NDArray[np.float64], int], NDArray[np.float64]], header_ns: int | None = None) -> RawCloud:
+def cloud(
+    k: int,
+    field: str | None,
+    kind: str,
+    values: Callable[[NDArray[np.float64], int], NDArray[np.float64]],
+    header_ns: int | None = None,
+) -> RawCloud:
     """The k-th sweep with one time field made by `values(time_s, start_ns)`."""
     scan = build.sweep(seed=k)
     start = build.EPOCH_NS + k * 100_000_000
@@ -59,7 +65,13 @@ TRAPS: dict[str, tuple[str, str, Callable[[NDArray[np.float64], int], NDArray[np
     "microseconds in float32": ("time", "<f4", lambda t, s: t * 1e6, 0, 8),
     "absolute nanoseconds in float64": ("timestamp", "<f8", lambda t, s: s + np.rint(t * 1e9), 0, 257),
     "absolute seconds in float64": ("timestamp", "<f8", lambda t, s: s // 10**9 + ((s % 10**9) / 1e9 + t), 0, 121),
-    "absolute, stamp at the end": ("timestamp", "<f8", lambda t, s: s // 10**9 + ((s % 10**9) / 1e9 + t), 100_000_000, 121),
+    "absolute, stamp at the end": (
+        "timestamp",
+        "<f8",
+        lambda t, s: s // 10**9 + ((s % 10**9) / 1e9 + t),
+        100_000_000,
+        121,
+    ),
     "absolute microseconds": ("timestamp", "<f8", lambda t, s: s // 1000 + t * 1e6, 0, 251),
     "behaves like a time, has no name": ("w", "<f4", lambda t, s: t, 0, 8),
 }
@@ -132,7 +144,9 @@ def test_overrides_win() -> None:
         ("noise_like", lambda t, s: np.random.default_rng(1).uniform(0, 100, t.size), "no usable per-point time"),
     ],
 )
-def test_unusable_times_are_refused(field: str | None, values: Callable[..., NDArray[np.float64]], sentence: str) -> None:
+def test_unusable_times_are_refused(
+    field: str | None, values: Callable[..., NDArray[np.float64]], sentence: str
+) -> None:
     """Mutation: drop `_MIN_ORDER` (the noise is then taken for milliseconds)."""
     clouds = [cloud(k, field, "<f4", values) for k in range(N)]
     with pytest.raises(PointTimeError, match=sentence) as caught:
@@ -174,7 +188,12 @@ def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
         point_timing(clouds, lambda m: clouds[0], ReadSettings(), topic="/p", help_text="")
     messages = build.in_order(
         [
-            ("/p", "sensor_msgs/msg/PointCloud2", c.receive_ns, build.pointcloud2(c.points, cdr=False, stamp_ns=c.header_ns))
+            (
+                "/p",
+                "sensor_msgs/msg/PointCloud2",
+                c.receive_ns,
+                build.pointcloud2(c.points, cdr=False, stamp_ns=c.header_ns),
+            )
             for c in clouds
         ],
         build.still_imu(5.6, cdr=False),

@@ -61,7 +61,9 @@ def test_only_coordinates_of_valid_points_change(layout: str, suffix: str, tmp_p
             np.testing.assert_array_equal(a.points[name], b.points[name])
         np.testing.assert_array_equal(b.points["xyz"], shifted(a).astype(np.float32))
         changed += int(np.count_nonzero(a.points["xyz"] != b.points["xyz"])) * 4
-    differing = sum(sum(x != y for x, y in zip(p, q, strict=True)) for (_, _, p), (_, _, q) in zip(before, after, strict=True))
+    differing = sum(
+        sum(x != y for x, y in zip(p, q, strict=True)) for (_, _, p), (_, _, q) in zip(before, after, strict=True)
+    )
     assert 0 < differing <= changed
 
 
@@ -91,7 +93,9 @@ def test_packets_become_clouds(tmp_path: Path, real_data: Path) -> None:
     folder = next(p for p in (real_data / "velodyne_ros2_packets" / "vlp16").iterdir() if p.is_dir())
     assert rewrite_clouds(folder, None, tmp_path / "out.mcap", shifted) == 4
     with open_recording(tmp_path / "out.mcap") as recording:
-        assert [(t.name, t.type, t.count) for t in recording.topics] == [("/velodyne_packets", "sensor_msgs/msg/PointCloud2", 4)]
+        assert [(t.name, t.type, t.count) for t in recording.topics] == [
+            ("/velodyne_packets", "sensor_msgs/msg/PointCloud2", 4)
+        ]
 
 
 def test_a_scan_left_alone_is_copied(tmp_path: Path) -> None:

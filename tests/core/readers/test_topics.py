@@ -69,12 +69,17 @@ def test_a_named_topic_must_be_there_and_fit(tmp_path: Path) -> None:
     path = bag(tmp_path, clouds(), imu())
     assert "is not in the recording" in refused(path, ReadSettings(lidar_topic="/nope"), TopicError)
     assert "is of type sensor_msgs/msg/Imu" in refused(path, ReadSettings(lidar_topic="/imu/data"), TopicError)
-    assert "is of type sensor_msgs/msg/PointCloud2" in refused(path, ReadSettings(imu_topic="/velodyne_points"), TopicError)
+    assert "is of type sensor_msgs/msg/PointCloud2" in refused(
+        path, ReadSettings(imu_topic="/velodyne_points"), TopicError
+    )
 
 
 def test_clouds_are_taken_before_their_packets(tmp_path: Path) -> None:
     """Mutation: list packets and clouds together in `lidar_topics`."""
-    packets = [("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", m[2], build.velodyne_scan([], cdr=False, stamp_ns=m[2])) for m in clouds()]
+    packets = [
+        ("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", m[2], build.velodyne_scan([], cdr=False, stamp_ns=m[2]))
+        for m in clouds()
+    ]
     assert load(bag(tmp_path, clouds(), packets, imu()), ReadSettings()).lidar.topic == "/velodyne_points"
 
 
@@ -83,7 +88,12 @@ def test_packets_of_an_unknown_velodyne(tmp_path: Path) -> None:
     body = bytearray(1206)
     body[1205] = 0x55
     packets = [
-        ("/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", m[2], build.velodyne_scan([(m[2], bytes(body))], cdr=False, stamp_ns=m[2]))
+        (
+            "/velodyne_packets",
+            "velodyne_msgs/msg/VelodyneScan",
+            m[2],
+            build.velodyne_scan([(m[2], bytes(body))], cdr=False, stamp_ns=m[2]),
+        )
         for m in clouds()
     ]
     text = refused(bag(tmp_path, packets, imu()), ReadSettings(), InputError)
@@ -96,10 +106,14 @@ def test_clouds_without_time_name_what_to_change(tmp_path: Path) -> None:
     import numpy as np
 
     scan = build.sweep()
-    points = np.zeros(scan["ring"].size, [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("tag", "u1"), ("line", "u1")])
+    points = np.zeros(
+        scan["ring"].size,
+        [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("tag", "u1"), ("line", "u1")],
+    )
     points["x"], points["y"], points["z"] = scan["xyz"].T
     stream = [
-        ("/livox/lidar", "sensor_msgs/msg/PointCloud2", m[2], build.pointcloud2(points, cdr=False, stamp_ns=m[2])) for m in clouds()
+        ("/livox/lidar", "sensor_msgs/msg/PointCloud2", m[2], build.pointcloud2(points, cdr=False, stamp_ns=m[2]))
+        for m in clouds()
     ]
     text = refused(bag(tmp_path, stream, imu()), ReadSettings(), PointTimeError)
     assert "/livox/lidar" in text
@@ -117,7 +131,9 @@ def test_other_sentences(tmp_path: Path) -> None:
     import numpy as np
 
     flat = np.zeros(10, [("range", "<f4"), ("time", "<f4")])
-    stream = [("/r", "sensor_msgs/msg/PointCloud2", m[2], build.pointcloud2(flat, cdr=False, stamp_ns=m[2])) for m in clouds()]
+    stream = [
+        ("/r", "sensor_msgs/msg/PointCloud2", m[2], build.pointcloud2(flat, cdr=False, stamp_ns=m[2])) for m in clouds()
+    ]
     (tmp_path / "b").mkdir()
     assert "have no x, y and z" in refused(bag(tmp_path / "b", stream, imu()), ReadSettings(), InputError)
 

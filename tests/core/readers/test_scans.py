@@ -1,0 +1,51 @@
+"""Scans in memory and on disk are the same sequence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.readers.scans import StoredScans
+from calib_core.types import POINT_DTYPE, Scan
+
+
+def scans(n: int) -> list[Scan]:
+    rng = np.random.default_rng(0)
+    made = []
+    for k in range(n):
+        points = np.zeros(int(rng.integers(1, 500)), POINT_DTYPE)
+        points["xyz"] = rng.normal(size=(points.size, 3))
+        points["offset_ns"] = np.arange(points.size)
+        made.append(Scan(3 * k, 10**18 + k, points))
+    return made
+
+
+@pytest.mark.parametrize("memory_bytes", [0, 20_000, 1 << 30])
+def test_storage_changes_nothing(memory_bytes: int) -> None:
+    """Mutation: forget the scans before the switch to the file; seek by points instead of bytes."""
+    given = scans(40)
+    stored = StoredScans(memory_bytes)
+    for scan in given:
+        stored.append(scan)
+    stored.finish()
+    assert len(stored) == 40
+    assert stored.n_points == sum(s.points.size for s in given)
+    assert stored.stamps_ns == [s.stamp_ns for s in given]
+    for a, b in zip(given, stored, strict=True):
+        assert (a.index, a.stamp_ns) == (b.index, b.stamp_ns)
+        np.testing.assert_array_equal(a.points, b.points)
+    assert stored[-1].index == 117
+    assert [s.index for s in stored[2:5]] == [6, 9, 12]
+    with pytest.raises(IndexError):
+        stored[40]
+    stored.without([0, 39])
+    assert [stored[0].index, stored[-1].index] == [3, 114]
+    np.testing.assert_array_equal(stored[10].points, given[11].points)
+
+
+def test_beyond_the_limit_nothing_stays_in_memory() -> None:
+    """Mutation: keep appending to the list after the switch to the file."""
+    stored = StoredScans(10_000)
+    for scan in scans(40):
+        stored.append(scan)
+    assert stored._arrays == []
