@@ -1,7 +1,7 @@
 """Sweeps as drivers publish them: point records with every driver's own fields, rounding and stamps.
 
 `Cloud` is the message before it becomes bytes; `scan_of` is what any faithful reader makes of it, so that a recording
-made in memory and one read from a bag agree to the last bit.
+made in memory and one read from a bag agree to the last bit (within 1 ns where a driver stamps in float64 seconds).
 """
 
 from __future__ import annotations
