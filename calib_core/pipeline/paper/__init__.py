@@ -1,6 +1,15 @@
 """The published method, whole (`--method paper`)."""
 
-from calib_core.pipeline.paper.calibrate import calibrate_paper
+from calib_core.pipeline.paper.calibrate import calibrate_paper, solve_tracked, track_planes
 from calib_core.pipeline.paper.records import ImuStates, PaperOptions, PaperRefusal, PaperSolution, PlaneFitQuality
 
-__all__ = ["ImuStates", "PaperOptions", "PaperRefusal", "PaperSolution", "PlaneFitQuality", "calibrate_paper"]
+__all__ = [
+    "ImuStates",
+    "PaperOptions",
+    "PaperRefusal",
+    "PaperSolution",
+    "PlaneFitQuality",
+    "calibrate_paper",
+    "solve_tracked",
+    "track_planes",
+]

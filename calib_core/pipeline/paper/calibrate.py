@@ -53,23 +53,57 @@ def calibrate_paper(
     still;
     None: detected in it.   Raises Cancelled.
     """
-    epoch_ns = recording.scans[first_scan].stamp_ns
-    positions = range(first_scan, len(recording.scans))
-    front = run_front_end(
+    front = track_planes(
+        recording, settings, planes=planes, first_scan=first_scan, on_event=on_event, should_cancel=should_cancel
+    )
+    return solve_tracked(
+        recording,
+        settings,
+        front,
+        initial_guess=initial_guess,
+        options=options,
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+
+
+def track_planes(
+    recording: Recording,
+    settings: CalibrateSettings,
+    *,
+    planes: Sequence[Plane] | None = None,
+    first_scan: int = 0,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> FrontEnd:
+    """The map and each scan's points on it (II-E); arguments as for `calibrate_paper`."""
+    return run_front_end(
         recording.scans,
-        positions,
-        epoch_ns,
+        range(first_scan, len(recording.scans)),
         planes=planes,
         selection=_selection(settings),
         on_event=on_event,
         should_cancel=should_cancel,
     )
+
+
+def solve_tracked(
+    recording: Recording,
+    settings: CalibrateSettings,
+    front: FrontEnd,
+    *,
+    initial_guess: InitialGuess | None = None,
+    options: PaperOptions = _PUBLISHED,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> PaperSolution | PaperRefusal:
+    """The calibration from tracked scans, so that several solves can share them."""
     total = max(recording.scans_total, len(recording.scans))
     refused = _check(front, total)
     if refused is not None:
         return refused
     on_event(StageEvent(stage="initialise", fraction=0.0, text="start values from the scans' rough poses"))
-    run = prepare(recording, settings, front, epoch_ns, initial_guess, options)
+    run = prepare(recording, settings, front, initial_guess, options)
     descent, rounds = _solve(run, on_event, should_cancel)
     return _solution(run, rounds, descent, recording.coarse_offset_ns, total)
 
@@ -171,7 +205,7 @@ def _solution(run: Run, rounds: Round, descent: Descent, coarse_ns: int, total: 
         converged=descent.converged,
         cost=descent.system.cost,
         trajectory=report.trajectory(
-            descent.state, rounds.preintegration, run.timeline, tracked, run.gravity_world, run.epoch_ns
+            descent.state, rounds.preintegration, run.timeline, tracked, run.gravity_world, run.front.epoch_ns
         ),
         messages=tuple(messages),
     )

@@ -60,7 +60,6 @@ class _View:
 def run_front_end(
     scans: Sequence[Scan],
     positions: range,
-    epoch_ns: int,
     *,
     planes: Sequence[Plane] | None,
     selection: Selection,
@@ -73,6 +72,7 @@ def run_front_end(
     detected.
     Without a plane in the first scan: an empty map and no tracked scans.
     """
+    epoch_ns = scans[positions[0]].stamp_ns
     first = _view(scans[positions[0]], selection)
     if planes is None:
         fits = _distinct(segment_planes(first.points_lidar, seed=selection.seed, settings=_FIRST_SCAN))
@@ -81,7 +81,7 @@ def run_front_end(
     else:
         fits = _off_edges([_on_plane(first, plane) for plane in planes], first)
     if not fits:
-        return FrontEnd((), (), tuple(positions), 0.0)
+        return FrontEnd(epoch_ns, (), (), tuple(positions), 0.0)
     range_std_m = _range_std(first, fits)
     tracker = _Tracker(tuple(planes), selection, epoch_ns)
     tracked = [tracker.track(positions[0], scans[positions[0]], first, fits, None)]
@@ -100,7 +100,7 @@ def run_front_end(
             tracked.append(tracker.track(position, scans[position], view, fits, tracked[-1]))
         fraction = (position - positions[0]) / len(positions)
         on_event(StageEvent(stage="track", fraction=fraction, text=f"{len(dropped)} scans lost"))
-    return FrontEnd(tracker.planes, tuple(tracked), tuple(dropped), range_std_m)
+    return FrontEnd(epoch_ns, tracker.planes, tuple(tracked), tuple(dropped), range_std_m)
 
 
 @dataclass(frozen=True, slots=True)

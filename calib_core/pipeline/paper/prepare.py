@@ -27,7 +27,6 @@ class Run:
     range_std_m: float
     time_offset_s: float
     state: PaperState
-    epoch_ns: int
     options: PaperOptions
 
 
@@ -35,12 +34,11 @@ def prepare(
     recording: Recording,
     settings: CalibrateSettings,
     front: FrontEnd,
-    epoch_ns: int,
     guess: InitialGuess | None,
     options: PaperOptions,
 ) -> Run:
     """Start values, knots and trained windows."""
-    guess = guess or InitialGuess()
+    guess, epoch_ns = guess or InitialGuess(), front.epoch_ns
     imu, period_s = recording.imu, recording.lidar.period_s
     # Readings on the lidar's clock as far as it is known before anything is estimated.
     imu_s = seconds(imu.stamps_ns + recording.coarse_offset_ns, epoch_ns)
@@ -77,7 +75,6 @@ def prepare(
         range_std_m=(noise.range_std_m if noise is not None else None) or front.range_std_m,
         time_offset_s=offset_s,
         state=PaperState(shared, states),
-        epoch_ns=epoch_ns,
         options=options,
     )
 

@@ -61,10 +61,12 @@ class TrackedScan:
 class FrontEnd:
     """Everything the solve needs from the lidar.
 
+    epoch_ns: the first scan's stamp, subtracted from all.
     planes: the map, fixed from the first scan.   scans: the tracked ones in order, the first included.
     dropped: positions of scans whose planes were lost.   range_std_m: along the beam, from the first scan's points.
     """
 
+    epoch_ns: int
     planes: tuple[Plane, ...]
     scans: tuple[TrackedScan, ...]
     dropped: tuple[int, ...]

@@ -88,12 +88,12 @@ def test_point_cap_and_field_of_view(exact):
     """
     recording, _ = exact
     arguments = {"planes": None, "on_event": lambda _: None, "should_cancel": lambda: False}
-    front = run_front_end(recording.scans, range(3), 0, selection=Selection(100, 45.0, 0), **arguments)
+    front = run_front_end(recording.scans, range(3), selection=Selection(100, 45.0, 0), **arguments)
     for scan in front.scans:
         assert np.all(np.abs(np.degrees(np.arctan2(scan.points_lidar[:, 1], scan.points_lidar[:, 0]))) <= 45.0)
         np.testing.assert_array_equal(np.bincount(scan.plane), 100)
         assert np.all(np.diff(scan.elapsed_s) >= 0.0)
-    everything = run_front_end(recording.scans, range(1), 0, selection=Selection(None, 30.0, 0), **arguments)
+    everything = run_front_end(recording.scans, range(1), selection=Selection(None, 30.0, 0), **arguments)
     assert np.all(np.abs(np.degrees(np.arctan2(*everything.scans[0].points_lidar.T[1::-1]))) <= 30.0)
     assert everything.scans[0].plane.size > 1000
 
@@ -104,7 +104,6 @@ def test_points_on_an_edge_belong_to_neither_plane(exact):
     front = run_front_end(
         recording.scans,
         range(5),
-        0,
         planes=None,
         selection=Selection(None, 45.0, 0),
         on_event=lambda _: None,
