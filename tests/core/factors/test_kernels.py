@@ -1,0 +1,235 @@
+"""The compiled loops against plain NumPy twins of the same arithmetic, and against finite differences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel, register_kernel
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
+
+SLICE_S = 0.002
+
+
+@dataclass
+class Sweep:
+    """A sweep and planes for `hits_kernel`, and what it fills."""
+
+    xyz: Float32Array
+    offset_s: FloatArray
+    n_lidar: FloatArray
+    w_lidar: FloatArray
+    omega: FloatArray
+    v: FloatArray
+    usable: BoolArray
+
+    def run(self, min_cosine: float, min_azimuth: float) -> dict[str, FloatArray | IntArray]:
+        n = len(self.xyz)
+        plane, index = np.full(n, 77, np.int64), np.full(n, 77, np.int64)
+        x_hit, d, cosine, beside = np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
+        hits_kernel(
+            self.xyz, self.offset_s, SLICE_S, self.n_lidar, self.w_lidar, self.omega, self.v, self.usable, min_cosine,
+            min_azimuth, plane, index, x_hit, d, cosine, beside,
+        )  # fmt: skip
+        return {"plane": plane, "index": index, "x_hit": x_hit, "d": d, "cosine": cosine, "beside": beside}
+
+    def twin(self, min_cosine: float, min_azimuth: float) -> dict[str, FloatArray | IntArray]:
+        """The same for all points at once, every plane's range error in one table."""
+        x = self.xyz.astype(np.float64)
+        index = np.floor(self.offset_s / SLICE_S).astype(int)
+        t = self.offset_s - (index + 0.5) * SLICE_S
+        r = np.linalg.norm(x, axis=1)
+        turned = x + t[:, None] * np.cross(self.omega[index], x)
+        shift = t[:, None] * self.v[index]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            C = np.einsum("npi,ni->np", self.n_lidar[index], turned) / r[:, None]
+            D = np.einsum("npi,ni->np", self.n_lidar[index], turned + shift) + self.w_lidar[index]
+            error = np.where(-min_cosine > C, D / C, np.inf)
+        seen = (r**2 >= 1e-6) & self.usable[index]
+        if min_azimuth > -1.5:
+            seen &= np.cos(np.arctan2(x[:, 1], x[:, 0])) >= min_azimuth
+        best = np.argmin(np.abs(error), axis=1)
+        at = np.arange(len(x))
+        seen &= np.isfinite(error[at, best])
+        e = error[at, best]
+        with np.errstate(invalid="ignore"):
+            other = np.abs(D - e[:, None] * C)
+            other[at, best] = np.inf
+            x_hit = turned + shift - (e / r)[:, None] * turned
+        blank = np.where(seen, 1.0, np.nan)
+        return {
+            "plane": np.where(seen, best, -1),
+            "index": index,
+            "x_hit": x_hit * blank[:, None],
+            "d": D[at, best] * blank,
+            "cosine": C[at, best] * blank,
+            "beside": other.min(axis=1) * blank,
+        }
+
+
+def _sweep(seed: int, *, planes: int = 5, slices: int = 6, n: int = 400) -> Sweep:
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(slices, planes, 3))
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    xyz = rng.normal(size=(n, 3)).astype(np.float32) * 4
+    xyz[:3] = [[0, 0, 0], [2e-4, 0, 0], [0, 0, 3.0]]
+    return Sweep(
+        xyz, rng.uniform(0, slices * SLICE_S, n), normals, rng.uniform(0.5, 6.0, (slices, planes)),
+        rng.normal(size=(slices, 3)) * 3, rng.normal(size=(slices, 3)) * 2, np.arange(slices) != 2,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("azimuth_deg", [None, 60.0])
+def test_hits_are_those_of_the_table_of_range_errors(seed: int, azimuth_deg: float | None) -> None:
+    """Fails when the plane is chosen by distance instead of range error, or a point moves to its slice's start.
+
+    What is not seen stays untouched: NaN went in and NaN comes out.
+    """
+    sweep = _sweep(seed)
+    azimuth = -2.0 if azimuth_deg is None else float(np.cos(np.radians(azimuth_deg)))
+    found, expected = sweep.run(0.05, azimuth), sweep.twin(0.05, azimuth)
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, atol=1e-12, err_msg=name)
+    assert 0.2 < np.mean(expected["plane"] >= 0) < 0.95
+
+
+def test_hits_without_planes_or_beside_a_single_one() -> None:
+    """Fails when the distance to the nearest other plane starts at zero: a lone plane's hits would all be ambiguous."""
+    sweep = _sweep(5, planes=1)
+    found = sweep.run(0.05, -2.0)
+    assert np.isinf(found["beside"][found["plane"] >= 0]).all()
+    none = _sweep(5, planes=1)
+    none.n_lidar, none.w_lidar = none.n_lidar[:, :0], none.w_lidar[:, :0]
+    assert (none.run(0.05, -2.0)["plane"] == -1).all()
+
+
+def test_cells_are_floors_of_the_planes_own_coordinates() -> None:
+    """Fails when cells round instead of floor, or a hit far outside is not held at the rim."""
+    rng = np.random.default_rng(1)
+    n, slices, planes, half = 300, 4, 3, 20
+    plane, index = rng.integers(-1, planes, n), rng.integers(0, slices, n)
+    x_hit = rng.normal(size=(n, 3)) * 3
+    x_hit[:4] *= 100
+    u, origin = rng.normal(size=(slices, planes, 2, 3)), rng.normal(size=(slices, planes, 2))
+    cell = np.empty((n, 2), np.int64)
+    cells_kernel(plane, index, x_hit, u, origin, 0.25, half, cell)
+    value = np.einsum("nai,ni->na", u[index, plane], x_hit) + origin[index, plane]
+    expected = np.clip(np.floor(value / 0.25).astype(int) + half, 0, 2 * half - 1)
+    np.testing.assert_array_equal(cell, np.where(plane[:, None] < 0, -1, expected))
+    assert (cell == 0).any()
+    assert (cell == 2 * half - 1).any()
+
+
+def test_collapse_is_the_sum_of_outer_products() -> None:
+    """Fails when a dropped point counts, or the order of the upper triangle is by columns."""
+    rng = np.random.default_rng(2)
+    n, slices, planes = 500, 5, 4
+    keep, plane, index = rng.random(n) < 0.7, rng.integers(0, planes, n), rng.integers(0, slices, n)
+    x_hit, d, weight = rng.normal(size=(n, 3)), rng.normal(size=n), rng.uniform(0.1, 5.0, n)
+    x_hit[~keep] = d[~keep] = weight[~keep] = np.nan
+    scatter, count = np.zeros((slices * planes, 15)), np.zeros(slices * planes, np.int64)
+    collapse_kernel(keep, plane, index, x_hit, d, weight, planes, scatter, count)
+    full = np.zeros((slices, planes, 5, 5))
+    number = np.zeros((slices, planes), int)
+    for i in np.flatnonzero(keep):
+        y = np.array([*x_hit[i], 1.0, d[i]])
+        full[index[i], plane[i]] += weight[i] * np.outer(y, y)
+        number[index[i], plane[i]] += 1
+    np.testing.assert_allclose(scatter.reshape(slices, planes, 15), full[:, :, *np.triu_indices(5)], atol=1e-12)
+    np.testing.assert_array_equal(count.reshape(slices, planes), number)
+
+
+@dataclass
+class Registration:
+    """A scan, planes and a motion for `register_kernel`."""
+
+    points: FloatArray
+    tau: FloatArray
+    normals: FloatArray
+    offsets: FloatArray
+    R: FloatArray
+    p: FloatArray
+    omega: FloatArray
+    v: FloatArray
+
+    def run(self, scale: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        hessian, gradient = np.zeros((12, 12)), np.zeros(12)
+        d, plane = np.empty(len(self.points)), np.empty(len(self.points), np.int64)
+        register_kernel(
+            self.points, self.tau, self.normals, self.offsets, self.R, self.p, self.omega, self.v, scale,
+            hessian, gradient, d, plane,
+        )  # fmt: skip
+        return hessian, gradient, d, plane
+
+    def swept(self) -> FloatArray:
+        """The points turned to second order about the scan's start, lidar axes."""
+        t = self.tau[:, None]
+        once = np.cross(self.omega, self.points)
+        return self.points + t * once + 0.5 * t**2 * np.cross(self.omega, once)
+
+    def distances(self) -> FloatArray:
+        """Of every point to every plane, infinite where it would be seen from behind, (N, P)."""
+        x = self.swept() @ self.R.T
+        along = x @ self.normals.T
+        moved = (x + self.p + self.tau[:, None] * self.v) @ self.normals.T + self.offsets
+        return np.where(along > 0, np.inf, moved)
+
+
+def _registration(seed: int, rate: float) -> Registration:
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(4, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Registration(
+        rng.normal(size=(200, 3)) * 3, rng.uniform(0, 0.1, 200), normals, rng.uniform(1.0, 4.0, 4),
+        Rotation.random(rng=rng).as_matrix(), rng.normal(size=3), rate * rng.normal(size=3), rng.normal(size=3),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_registration_is_that_of_its_rows(seed: int) -> None:
+    """Fails when a plane seen from behind is taken, or the robust weight loses its square."""
+    case = _registration(seed, 2.0)
+    hessian, gradient, d, plane = case.run(0.4)
+    table = case.distances()
+    best = np.argmin(np.abs(table), axis=1)
+    nearest = table[np.arange(len(table)), best]
+    seen = np.isfinite(nearest)
+    np.testing.assert_array_equal(plane, np.where(seen, best, -1))
+    np.testing.assert_allclose(d, nearest, atol=1e-12)
+    n = case.normals[best]
+    m = n @ case.R
+    t = case.tau[:, None]
+    turn = np.cross(case.swept(), m)
+    rows = np.hstack([turn, n, t * turn, t * n])[seen]
+    weight = 1.0 / (1.0 + (nearest[seen] / 0.4) ** 2) ** 2
+    np.testing.assert_allclose(gradient, rows.T @ (weight * nearest[seen]), atol=1e-9)
+    np.testing.assert_allclose(hessian, np.triu((rows * weight[:, None]).T @ rows), atol=1e-9)
+
+
+@pytest.mark.parametrize("block", ["rotation", "position", "rate", "velocity"])
+def test_registration_gradient_is_the_derivative_of_half_the_squares(block: str) -> None:
+    """Fails when the rotation's row has its sign flipped, or the rate's row leaves out the time.
+
+    Central differences of the cost with a weight that is one everywhere; the rate about zero, where its row is exact.
+    """
+    case = _registration(7, 0.0)
+    _, gradient, _, plane = case.run(1e9)
+    seen = plane >= 0
+
+    def cost(step: FloatArray) -> float:
+        moved = Registration(
+            case.points, case.tau, case.normals, case.offsets, case.R @ Rotation.from_rotvec(step[:3]).as_matrix(),
+            case.p + step[3:6], case.omega + step[6:9], case.v + step[9:],
+        )  # fmt: skip
+        x = (moved.swept() @ moved.R.T + moved.p + moved.tau[:, None] * moved.v)[seen]
+        d = np.einsum("ni,ni->n", x, case.normals[plane[seen]]) + case.offsets[plane[seen]]
+        return 0.5 * float(d @ d)
+
+    start = 3 * ["rotation", "position", "rate", "velocity"].index(block)
+    for i in range(start, start + 3):
+        step = 1e-5 * np.eye(12)[i]
+        assert gradient[i] == pytest.approx((cost(step) - cost(-step)) / 2e-5, rel=1e-6, abs=1e-6)

@@ -1,0 +1,148 @@
+"""The arrow solver against the same system written out in full and solved by NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.solver.arrow import ArrowSystem, NotPositiveDefinite, solve_arrow
+from calib_core.types import FloatArray
+
+
+def random_system(seed: int, knots: int, n: int, shared: int) -> ArrowSystem:
+    """Normal equations of random residuals between neighbours and the border."""
+    rng = np.random.default_rng(seed)
+    system = ArrowSystem.zeros(knots, n, shared)
+    for k in range(knots):
+        second = k + 1 if k + 1 < knots else None
+        J0, J1 = rng.normal(size=(2, 2 * n, n))
+        JS = rng.normal(size=(2 * n, shared))
+        r = rng.normal(size=2 * n)
+        system.diagonal[k] += J0.T @ J0
+        system.border[k] += J0.T @ JS
+        system.gradient[k] += J0.T @ r
+        system.corner += JS.T @ JS
+        system.gradient_shared += JS.T @ r
+        if second is not None:
+            system.diagonal[second] += J1.T @ J1
+            system.lower[k] += J1.T @ J0
+            system.border[second] += J1.T @ JS
+            system.gradient[second] += J1.T @ r
+    return system
+
+
+def dense(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
+    """H and gradient with every zero written out, border last."""
+    knots, n, _ = system.diagonal.shape
+    shared = system.corner.shape[0]
+    H = np.zeros((knots * n + shared, knots * n + shared))
+    for k in range(knots):
+        at = slice(k * n, (k + 1) * n)
+        H[at, at] = system.diagonal[k]
+        H[at, knots * n :] = system.border[k]
+        H[knots * n :, at] = system.border[k].T
+        if k + 1 < knots:
+            after = slice((k + 1) * n, (k + 2) * n)
+            H[after, at] = system.lower[k]
+            H[at, after] = system.lower[k].T
+    H[knots * n :, knots * n :] = system.corner
+    return H, np.concatenate([system.gradient.ravel(), system.gradient_shared])
+
+
+@pytest.mark.parametrize(("knots", "n", "shared"), [(1, 9, 4), (2, 3, 1), (7, 4, 5), (30, 9, 13)])
+@pytest.mark.parametrize("damping", [0.0, 0.7])
+def test_step_is_the_dense_solution(knots: int, n: int, shared: int, damping: float) -> None:
+    """Fails when `_band` stores the off-diagonal block transposed, or damping leaves the border out."""
+    system = random_system(knots + n, knots, n, shared)
+    H, g = dense(system)
+    expected = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+    solution = solve_arrow(system, damping=damping)
+    step = np.concatenate([solution.step.ravel(), solution.step_shared])
+    np.testing.assert_allclose(step, expected, rtol=1e-8, atol=1e-10)
+
+
+def test_information_is_the_inverse_of_the_borders_covariance() -> None:
+    """Fails when the Schur complement adds B' A^-1 B instead of subtracting it."""
+    system = random_system(3, 12, 9, 6)
+    covariance = np.linalg.inv(dense(system)[0])[-6:, -6:]
+    np.testing.assert_allclose(np.linalg.inv(solve_arrow(system).information), covariance, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_predicted_decrease_is_half_the_step_against_the_gradient(damping: float) -> None:
+    """Fails when the border's share is left out of the slope.
+
+    Undamped, the quadratic model falls by exactly g' H^-1 g / 2.
+    """
+    system = random_system(4, 9, 5, 3)
+    H, g = dense(system)
+    step = np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+    assert solve_arrow(system, damping=damping).predicted_decrease == pytest.approx(0.5 * g @ step, rel=1e-9)
+
+
+def test_unknowns_of_very_different_sizes_cost_no_digits() -> None:
+    """Fails when damping is added to the diagonal instead of growing it: a step would then depend on the units.
+
+    The oracle solves the same system in units in which every unknown is of size one.
+    """
+    knots, n, shared = 8, 4, 3
+    system = random_system(5, knots, n, shared)
+    size = 10.0 ** np.linspace(-7, 7, n)
+    shared_size = np.array([1e-6, 1.0, 1e6])
+    scaled = replace(
+        system,
+        diagonal=system.diagonal * size[:, None] * size,
+        lower=system.lower * size[:, None] * size,
+        border=system.border * size[:, None] * shared_size,
+        corner=system.corner * shared_size[:, None] * shared_size,
+        gradient=system.gradient * size,
+        gradient_shared=system.gradient_shared * shared_size,
+    )
+    plain, odd = solve_arrow(system, damping=0.3), solve_arrow(scaled, damping=0.3)
+    np.testing.assert_allclose(odd.step * size, plain.step, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(odd.step_shared * shared_size, plain.step_shared, rtol=1e-8)
+
+
+def test_a_chain_that_is_not_positive_definite_is_refused() -> None:
+    """Fails when LinAlgError of the chain is not turned into NotPositiveDefinite."""
+    chain = random_system(6, 5, 3, 2)
+    chain.diagonal[2] -= 1e4 * np.eye(3)
+    with pytest.raises(NotPositiveDefinite, match="chain"):
+        solve_arrow(chain)
+
+
+def test_the_border_takes_no_step_along_what_nothing_determines() -> None:
+    """Fails when the border is solved without asking what its information resolves: a huge step, or an error.
+
+    Two columns that act only through their sum: no step of the difference, and for the rest the minimum-norm answer.
+    """
+    system = random_system(6, 8, 3, 3)
+    mix = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 1.0, 0]]).T
+    twin = replace(
+        system,
+        border=system.border @ mix,
+        corner=mix.T @ system.corner @ mix,
+        gradient_shared=mix.T @ system.gradient_shared,
+    )
+    solution = solve_arrow(twin)
+    reduced = solve_arrow(
+        replace(
+            system,
+            border=system.border[:, :, :2],
+            corner=system.corner[:2, :2],
+            gradient_shared=system.gradient_shared[:2],
+        )
+    )
+    assert solution.step_shared[1] == pytest.approx(solution.step_shared[2], abs=1e-7)
+    np.testing.assert_allclose([solution.step_shared[0], 2 * solution.step_shared[1]], reduced.step_shared, atol=1e-7)
+    np.testing.assert_allclose(solution.step, reduced.step, atol=1e-7)
+
+
+def test_the_system_is_left_as_it_was() -> None:
+    """Fails when damping is added to the system in place: the next, larger damping would come on top."""
+    system = random_system(7, 6, 4, 3)
+    before, _ = dense(system)
+    solve_arrow(system, damping=0.5)
+    np.testing.assert_array_equal(dense(system)[0], before)

@@ -1,0 +1,122 @@
+"""The descent on problems whose minimum, and whose way of failing, are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from calib_core.solver.arrow import ArrowSolution, ArrowSystem
+from calib_core.solver.levenberg import Outcome, minimise
+from calib_core.types import FloatArray
+
+#: Sends the descent of the valley through a wall.
+_FORBIDDEN = -0.5
+
+
+@dataclass
+class Valley:
+    """Rosenbrock's valley, r = [10 (y - x^2), 1 - x]: x in the chain, y on the border. The minimum is at (1, 1)."""
+
+    asked: list[FloatArray] = field(default_factory=list)
+
+    def residual(self, e: FloatArray) -> FloatArray:
+        return np.array([10.0 * (e[1] - e[0] ** 2), 1.0 - e[0]])
+
+    def cost(self, estimate: FloatArray) -> float:
+        self.asked.append(estimate)
+        if estimate[1] < _FORBIDDEN:
+            return float("nan")
+        return 0.5 * float(np.sum(self.residual(estimate) ** 2))
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        J = np.array([[-20.0 * estimate[0], 10.0], [-1.0, 0.0]])
+        H, g = J.T @ J, J.T @ self.residual(estimate)
+        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+
+    def moved(self, estimate: FloatArray, solution: ArrowSolution) -> FloatArray:
+        return estimate + np.array([solution.step[0, 0], solution.step_shared[0]])
+
+
+class Bowl(Valley):
+    """r = [3 x + y - 4, x - y], with a curvature claimed to be ten times too small: every full step overshoots."""
+
+    def residual(self, e: FloatArray) -> FloatArray:
+        return np.array([3.0 * e[0] + e[1] - 4.0, e[0] - e[1]])
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        J = np.array([[3.0, 1.0], [1.0, -1.0]])
+        H, g = 0.1 * J.T @ J, J.T @ self.residual(estimate)
+        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+
+
+class Upwards(Valley):
+    """Claims the opposite slope: no step lowers the cost."""
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        system = super().linearise(estimate)
+        system.gradient *= -1.0
+        system.gradient_shared *= -1.0
+        return system
+
+
+class Flat(Valley):
+    """Curvature of the wrong sign: nothing can be factorised, whatever the damping."""
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        system = super().linearise(estimate)
+        system.diagonal *= -1.0
+        return system
+
+
+def test_valley_is_followed_to_its_minimum_and_the_cost_never_rises() -> None:
+    """Fails when a step is accepted whatever its cost."""
+    costs: list[float] = []
+    problem = Valley()
+    end = minimise(problem, np.array([-1.2, 1.0]), max_iterations=60, on_step=lambda _, cost, __: costs.append(cost))
+    np.testing.assert_allclose(end.estimate, [1.0, 1.0], atol=1e-5)
+    assert end.outcome is Outcome.CONVERGED
+    assert costs == sorted(costs, reverse=True)
+    assert end.cost == costs[-1] < 1e-10
+
+
+def test_a_cost_that_is_not_a_number_is_never_accepted() -> None:
+    """Fails when acceptance does not ask whether the cost is finite: NaN estimates follow."""
+    problem = Valley()
+    costs: list[float] = []
+    # The first full step from here leads to y = -3.84, beyond the wall.
+    end = minimise(problem, np.array([-1.2, 1.0]), max_iterations=60, on_step=lambda _, cost, __: costs.append(cost))
+    assert any(asked[1] < _FORBIDDEN for asked in problem.asked)
+    assert np.isfinite(costs).all()
+    np.testing.assert_allclose(end.estimate, [1.0, 1.0], atol=1e-4)
+
+
+def test_damping_grows_until_the_cost_falls() -> None:
+    """Fails when damping stays zero after a refused step."""
+    end = minimise(Bowl(), np.array([0.0, 0.2]), max_iterations=200)
+    np.testing.assert_allclose(end.estimate, [1.0, 1.0], atol=1e-3)
+
+
+def test_outcomes_say_why() -> None:
+    """Fails when the loop reports CONVERGED for whatever made it stop."""
+    start = np.array([-1.2, 1.0])
+    assert minimise(Valley(), start, max_iterations=2).outcome is Outcome.EXHAUSTED
+    assert minimise(Upwards(), start).outcome is Outcome.STALLED
+    singular = minimise(Flat(), start)
+    assert singular.outcome is Outcome.SINGULAR
+    assert singular.solution is None
+    np.testing.assert_array_equal(singular.estimate, start)
+
+
+def test_first_decrease_is_that_of_the_first_undamped_step() -> None:
+    """Fails when the last step's decrease is reported: every minimum would look like a fixed point.
+
+    From (1, 2): r = (10, 0), and the step to the minimum of the linear model takes all of the cost, 50.
+    """
+    end = minimise(Valley(), np.array([1.0, 2.0]))
+    assert end.first_decrease == pytest.approx(50.0)
+    again = minimise(Valley(), end.estimate)
+    assert again.first_decrease < 1e-6
+    assert again.outcome is Outcome.CONVERGED
+    assert again.iterations == 1
