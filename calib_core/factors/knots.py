@@ -25,6 +25,15 @@ class KnotStates:
     p: FloatArray
     v: FloatArray
 
+    def part(self, first: int, last: int) -> KnotStates:
+        """The states of knots first..last (exclusive)."""
+        return KnotStates(self.R[first:last], self.p[first:last], self.v[first:last])
+
+    @staticmethod
+    def joined(a: KnotStates, b: KnotStates) -> KnotStates:
+        """One run of knots after another."""
+        return KnotStates(np.concatenate([a.R, b.R]), np.concatenate([a.p, b.p]), np.concatenate([a.v, b.v]))
+
     def moved(self, step: FloatArray) -> KnotStates:
         """The states after a step (K, 9) in block order phi, p, v."""
         return KnotStates(self.R @ exp(step[:, :3]), self.p + step[:, 3:6], self.v + step[:, 6:])

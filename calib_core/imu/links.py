@@ -58,6 +58,20 @@ class UpsampledImu:
     excess_density2: FloatArray
     linked: BoolArray
 
+    def part(self, first: int, last: int) -> UpsampledImu:
+        """The knots first..last (exclusive) and the links among them."""
+        knots, links = slice(first, last), slice(first, last - 1)
+        return UpsampledImu(
+            self.knots_s[knots],
+            self.spacing_s,
+            self.gyro[links],
+            self.accel[links],
+            self.knot_gyro[knots],
+            self.knot_accel[knots],
+            self.excess_density2[links],
+            self.linked[links],
+        )
+
 
 @dataclass(frozen=True)
 class Links:

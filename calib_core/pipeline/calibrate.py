@@ -20,11 +20,13 @@ from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignor
 from calib_core.geometry import log
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.links import NoiseDensity
-from calib_core.pipeline.full import Clocks, Context, NoStart, Solved, read_clocks, solve, start_values, track_lidar
+from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
+from calib_core.pipeline.full import solve, start_values, track_lidar
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import find_reference, named_planes, propose_planes
 from calib_core.pipeline.report import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.pipeline.rounds import Solved
 from calib_core.pipeline.track import ScanMotion
 from calib_core.presets import find_imu_preset
 from calib_core.result import (

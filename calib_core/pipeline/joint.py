@@ -15,7 +15,7 @@ and a later time offset by delta looks the pose up earlier: phi = -omega delta, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,6 +51,10 @@ class BiasNodes:
         times = np.linspace(start, end, count)
         node = np.clip(np.searchsorted(times, middle, side="right") - 1, 0, count - 2)
         return BiasNodes(times, node, (middle - times[node]) / (times[node + 1] - times[node]))
+
+    def part(self, first: int, last: int) -> BiasNodes:
+        """The same nodes as seen by the links among knots first..last (exclusive)."""
+        return BiasNodes(self.times_s, self.node[first : last - 1], self.fraction[first : last - 1])
 
     def at_links(self, values: FloatArray) -> FloatArray:
         """Bias of every link. values: (N, 3) at the nodes. Returns (L, 3)."""
@@ -94,11 +98,29 @@ class Bins:
     time_offset_s: float
 
 
+def no_bins(time_offset_s: float) -> Bins:
+    """No lidar factors at all."""
+    none = np.zeros(0, np.int64)
+    return Bins(none, none, np.zeros((0, 5, 5)), none, time_offset_s)
+
+
 @dataclass(frozen=True)
 class PriorRow:
     """One Gaussian statement about the shared state: column, value (of the quantity itself), std."""
 
     column: int
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Held:
+    """A direction of the calibration that the data do not determine, held where it is said to be.
+
+    vector: (7,) over [turn from R_reference, translation, time offset], SI.   value: of vector . that.   std: small.
+    """
+
+    vector: FloatArray
     value: float
     std: float
 
@@ -119,6 +141,21 @@ class Priors:
     accel_bias_std_m_s2: float = 1.0
     gyro_walk: float = 1e-5
     accel_walk: float = 1e-4
+    held: tuple[Held, ...] = ()
+
+    def calibration_vector(self, estimate: Estimate) -> FloatArray:
+        """(7,): turn from R_reference [rad], translation [m], time offset [s]: what the prior rows speak of."""
+        turn = log(self.R_reference.T @ estimate.R_imu_lidar)
+        return np.concatenate([turn, estimate.p_imu_lidar, [estimate.time_offset_s]])
+
+    def calibration_information(self) -> FloatArray:
+        """(7, 7) that the rows and the held directions add to the calibration's information."""
+        total = np.zeros((CALIBRATION, CALIBRATION))
+        for row in self.rows:
+            total[row.column, row.column] += 1.0 / row.std**2
+        for held in self.held:
+            total += np.outer(held.vector, held.vector) / held.std**2
+        return total
 
 
 @dataclass(frozen=True)
@@ -151,7 +188,8 @@ class Layout:
 class JointProblem:
     """Factors at one linearisation: links about their biases, bins about their time offset.
 
-    gauge_knot: whose pose defines the map frame while solving.   frozen: shared columns held fixed.
+    gauge_knot: whose pose defines the map frame while solving, its velocity too where hold_velocity.   frozen: shared
+    columns held fixed.
     """
 
     readings: UpsampledImu
@@ -163,6 +201,7 @@ class JointProblem:
     priors: Priors
     gauge_knot: int
     frozen: tuple[int, ...] = ()
+    hold_velocity: bool = False
 
     def layout(self, estimate: Estimate) -> Layout:
         """The shared columns for this number of nodes and planes."""
@@ -198,7 +237,7 @@ class JointProblem:
         system.cost += 0.5 * float(residual @ residual)
         # The map frame is free to move as a whole: the gauge knot's pose stays where it is. Velocity that nothing
         # constrains (a knot between two silences) stays put as well.
-        index = np.arange(6)
+        index = np.arange(9 if self.hold_velocity else 6)
         system.diagonal[self.gauge_knot, index, index] += 1e8
         vel = np.arange(6, 9)
         system.diagonal[:, vel, vel] += 1e-6
@@ -346,10 +385,11 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
         residuals.append(residual)
         rows.append(row)
 
-    turn = log(priors.R_reference.T @ estimate.R_imu_lidar)
-    now = np.concatenate([turn, estimate.p_imu_lidar, [estimate.time_offset_s]])
+    now = priors.calibration_vector(estimate)
     for row in priors.rows:
         add((now[row.column] - row.value) / row.std, [row.column], np.array([1.0 / row.std]))
+    for held in priors.held:
+        add((held.vector @ now - held.value) / held.std, list(range(CALIBRATION)), held.vector / held.std)
     magnitude = float(np.linalg.norm(estimate.gravity))
     std = max(priors.gravity_std_m_s2, 1e-7)
     add((magnitude - priors.gravity_m_s2) / std, [7, 8, 9], estimate.gravity / magnitude / std)
@@ -365,7 +405,3 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
                 add((values[k + 1, axis] - values[k, axis]) / step_std, columns, np.array([-1.0, 1.0]) / step_std)
     return np.array(residuals), np.array(rows)
 
-
-def with_bins(problem: JointProblem, bins: Bins) -> JointProblem:
-    """The same problem with other lidar factors."""
-    return replace(problem, bins=bins)

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib_core.pipeline.joint import CALIBRATION, Priors
 from calib_core.result import WeakDirection
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray
 
 #: One unit of each parameter: 1 deg, 10 mm, 1 ms.
 UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
@@ -21,6 +21,8 @@ UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
 LIMITS = np.array([0.5] * 3 + [2.0] * 3 + [2.0])
 #: The standing prior of 1 rad, 10 m, 10 s in the same units: along an undetermined direction this is all there is.
 STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
+#: Spread of a direction along any parameter, in the scaled units, beyond which it counts as undetermined and is held.
+UNDETERMINED = np.array([2.0] * 3 + [10.0] * 3 + [10.0])
 _LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 _NAMES = (
     "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
@@ -48,28 +50,53 @@ class Knowledge:
         return bool((self.data_std > LIMITS * UNITS).any()) or bool(self.weak)
 
 
+def data_information(information: FloatArray, priors: Priors) -> FloatArray:
+    """(7, 7), in the scaled units: what the data alone say of the calibration. information: (S, S), priors included."""
+    calibration = np.linalg.inv(np.linalg.pinv(information, rcond=1e-15, hermitian=True)[:CALIBRATION, :CALIBRATION])
+    data = (calibration - priors.calibration_information()) * UNITS[:, None] * UNITS[None, :]
+    return 0.5 * (data + data.T)
+
+
+def undetermined(data: FloatArray) -> FloatArray:
+    """Directions (7, U), scaled units, in which the data say less than noise alone would seem to say.
+
+    Why a threshold far from zero: the information is evaluated at estimated motion, whose noise looks like excitation.
+    A lever arm along a fixed axis, truly unknown, seems known to half a metre after 20 s, and left free it wanders.
+    """
+    values, vectors = np.linalg.eigh(data)
+    spread = 1.0 / np.sqrt(np.maximum(values, 1e-16))
+    return np.asarray(vectors[:, _is_open(vectors, spread)])
+
+
+def _is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:
+    return np.asarray((np.abs(vectors) * spread > UNDETERMINED[:, None]).any(axis=0))
+
+
 def assess(information: FloatArray, priors: Priors, *, inflation: float = 1.0, frozen_offset: bool = False) -> Knowledge:
     """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations."""
-    covariance = np.linalg.inv(information)[:CALIBRATION, :CALIBRATION] * inflation**2
-    calibration = np.linalg.inv(covariance)
-    prior = np.zeros(CALIBRATION)
-    for row in priors.rows:
-        prior[row.column] += 1.0 / row.std**2
-    data = (calibration - np.diag(prior) / inflation**2) * UNITS[:, None] * UNITS[None, :]
+    data = data_information(information, priors) / inflation**2
     if frozen_offset:
+        data[6, :] = data[:, 6] = 0.0
         data[6, 6] = 1e12
+    open_directions = undetermined(data)
+    outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
+    data = outside @ data @ outside
     values, vectors = np.linalg.eigh(0.5 * (data + data.T))
     # What is left of an undetermined direction after subtracting the prior is round-off, of either sign.
-    values = np.maximum(values, 1e-16)
-    spread = 1.0 / np.sqrt(values)
+    spread = 1.0 / np.sqrt(np.maximum(values, 1e-16))
     longest = 1.0 / np.sqrt(np.sum((vectors / STANDING[:, None]) ** 2, axis=0))
     spread = np.minimum(spread, longest)
     data_std = np.sqrt((vectors**2) @ spread**2) * UNITS
-    weak = []
+    weak: list[WeakDirection] = []
+    opened = _is_open(vectors, spread)
     for k in range(CALIBRATION):
         along = np.abs(vectors[:, k]) * spread[k]
         if (along > LIMITS).any():
-            weak.append(_describe(vectors[:, k], float(spread[k]), undetermined=bool(spread[k] > 0.2 * longest[k])))
+            weak.append(_describe(vectors[:, k], float(spread[k]), undetermined=bool(opened[k])))
+    rows = np.zeros(CALIBRATION)
+    for row in priors.rows:
+        rows[row.column] += 1.0 / row.std**2
+    covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
     rotation = np.linalg.eigvalsh(data[:3, :3])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / 5.0**2))
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from calib_core.events import IterationEvent, PlaneResidual
+from calib_core.pipeline.context import Context
 from calib_core.pipeline.joint import Estimate, JointProblem
+from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray
 
 
@@ -45,3 +48,22 @@ def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[flo
         total = float(weight[mine].sum())
         out.append((float(np.sqrt(max(chi2[mine].sum(), 0.0) / total)) if total > 0 else 0.0, int(bins.count[mine].sum())))
     return out
+
+
+def iteration_event(ctx: Context, problem: JointProblem, estimate: Estimate, cost: float, solution: ArrowSolution, round_number: int) -> IterationEvent:
+    """One accepted step, for whoever watches."""
+    cov = np.linalg.pinv(solution.information, hermitian=True)[:7, :7]
+    std = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    return IterationEvent(
+        iteration=ctx.iterations,
+        round=round_number,
+        cost=cost,
+        matrix=transform_matrix(estimate.R_imu_lidar, estimate.p_imu_lidar).tolist(),
+        translation_m=estimate.p_imu_lidar.tolist(),
+        euler_xyz_deg=euler_xyz_deg(estimate.R_imu_lidar),
+        time_offset_s=ctx.clocks.offset_ns(estimate.time_offset_s) * 1e-9,
+        rotation_std_deg=np.degrees(std[:3]).tolist(),
+        translation_std_m=std[3:6].tolist(),
+        time_offset_std_s=float(std[6]),
+        planes=[PlaneResidual(name=f"plane {j + 1}", rms_m=rms, points=points) for j, (rms, points) in enumerate(plane_residuals(problem, estimate))],
+    )

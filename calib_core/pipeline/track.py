@@ -53,8 +53,10 @@ class TrackSettings:
     tie_rate_rad_s: float = 1.5
     tie_velocity_m_s: float = 0.6
     lidar_std_m: float = 0.03
-    lost_share: float = 0.35
-    lost_determinacy: float = 0.01
+    lost_share: float = 0.5
+    lost_determinacy: float = 0.02
+    jump_rotation_rad: float = 0.3
+    jump_position_m: float = 0.35
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
@@ -139,7 +141,7 @@ def track(
             if len(points) < 60:
                 break
             motion = register(points, tau, normals, offsets, predicted, tie=tie, settings=s, position=position)
-            if motion.share < s.lost_share * first.share or motion.determinacy < s.lost_determinacy:
+            if _lost(motion, predicted, first, s):
                 break
             run.append(motion)
             previous = motion
@@ -149,6 +151,17 @@ def track(
                 on_progress(done / total)
         runs.append(run)
     return [*reversed(runs[1]), first, *runs[0]]
+
+
+def _lost(motion: ScanMotion, predicted: ScanMotion, first: ScanMotion, s: TrackSettings) -> bool:
+    """Whether a registration is not to be trusted: too few points on planes, too few directions, or a leap.
+
+    A box looks the same after a half turn: a registration far from its prediction is more likely that than a motion.
+    """
+    few = motion.share < s.lost_share * first.share or motion.determinacy < s.lost_determinacy
+    turned = float(np.linalg.norm(log(predicted.R.T @ motion.R)))
+    moved = float(np.linalg.norm(motion.p - predicted.p))
+    return few or turned > s.jump_rotation_rad or moved > s.jump_position_m
 
 
 def _predict(previous: ScanMotion, scans: Sequence[Scan], position: int, s: TrackSettings) -> tuple[ScanMotion, FloatArray]:

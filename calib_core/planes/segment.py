@@ -37,6 +37,9 @@ class SegmentSettings:
     min_incidence: float = 0.06
     dominance: float = 0.6
     subsample: int = 4000
+    roughness: float = 1.7
+    narrowness: float = 0.5
+    slab_share: float = 0.45
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +102,20 @@ def segment_planes(
         else:
             failures += 1
         free &= ~near
-    moved = [PlaneFit(f.normal, f.offset_m - float(f.normal @ view), f.inliers, f.rms_m) for f in _merge(points, fits)]
+    smooth = _without_rough(_merge(points, fits), s.roughness)
+    moved = [PlaneFit(f.normal, f.offset_m - float(f.normal @ view), f.inliers, f.rms_m) for f in smooth]
     return sorted(moved, key=lambda f: -int(f.inliers.sum()))
+
+
+def _without_rough(fits: list[PlaneFit], roughness: float) -> list[PlaneFit]:
+    """The fits without those much rougher than the best carried: the noise is the sensor's, more than that is clutter."""
+    if not fits:
+        return []
+    weight = np.array([float(f.inliers.sum()) for f in fits])
+    rms = np.array([f.rms_m for f in fits])
+    order = np.argsort(rms)
+    typical = rms[order][np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())]
+    return [f for f in fits if f.rms_m <= max(roughness * typical, typical + 0.004)]
 
 
 def _best_hypothesis(
@@ -183,7 +198,12 @@ def _is_surface(
     every, every_count = np.unique(key[slab], return_counts=True)
     if len(mine) < 6:
         return False
-    share = mine_count / every_count[np.searchsorted(every, mine)]
+    nearby = every_count[np.searchsorted(every, mine)]
+    # A cut through fog fills its band evenly and holds a fifth of the slab; a surface has a narrow band and most of it.
+    narrow = fit.rms_m < s.narrowness * float(np.mean(tolerance[fit.inliers]))
+    if not narrow or mine_count.sum() < s.slab_share * nearby.sum():
+        return False
+    share = mine_count / nearby
     # Weighted by points: the share of this plane's points that lie in cells it dominates.
     return float(mine_count[share > s.dominance].sum() / mine_count.sum()) > 0.6
 

@@ -63,6 +63,19 @@ class ArrowSolution:
     predicted_decrease: float
 
 
+#: Relative to unit diagonal: what the border's information cannot resolve after eliminating the chain in double precision.
+ROUND_OFF = 1e-11
+
+
+def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
+    """The border's step, none along directions that the information does not resolve from round-off."""
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(schur), 1e-300))
+    values, vectors = np.linalg.eigh(schur * unit[:, None] * unit[None, :])
+    along = vectors.T @ (-unit * gradient)
+    known = values > ROUND_OFF
+    return unit * (vectors @ np.where(known, along / np.where(known, values, 1.0), 0.0))
+
+
 def _band(diagonal: FloatArray, lower: FloatArray) -> FloatArray:
     """Lower banded storage of the chain: row d holds the d-th subdiagonal. Returns (2 n, K n)."""
     knots, n, _ = diagonal.shape
@@ -79,7 +92,7 @@ def _band(diagonal: FloatArray, lower: FloatArray) -> FloatArray:
 def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     """One Gauss-Newton (damping 0) or Levenberg-Marquardt step, damping relative to H's diagonal.
 
-    Raises NotPositiveDefinite where the damped chain or border is not positive definite.
+    Raises NotPositiveDefinite where the damped chain is not positive definite.
     """
     knots, n, _ = system.diagonal.shape
     shared = system.corner.shape[0]
@@ -104,13 +117,7 @@ def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     schur = corner - flat[:, :shared].T @ solved[:, :shared]
     reduced = system.gradient_shared - flat[:, :shared].T @ solved[:, shared]
     schur = 0.5 * (schur + schur.T)
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(schur), 1e-300))
-    try:
-        lower = np.linalg.cholesky(schur * unit[:, None] * unit[None, :])
-    except np.linalg.LinAlgError as error:
-        raise NotPositiveDefinite("the shared parameters' information is not positive definite") from error
-    half = np.linalg.solve(lower, -unit * reduced)
-    step_shared = unit * np.linalg.solve(lower.T, half)
+    step_shared = _shared_step(schur, reduced)
     step = -(solved[:, shared] + solved[:, :shared] @ step_shared).reshape(knots, n) * scale
     slope = float(np.sum(step * system.gradient) + step_shared @ system.gradient_shared)
     return ArrowSolution(step, step_shared, schur, -0.5 * slope)

@@ -1,0 +1,79 @@
+"""What every stage of one calibration shares: the recording's two clocks, the choices made, and whom to tell."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib_core.errors import Cancelled
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
+from calib_core.gp.regression import Hyper
+from calib_core.pipeline.noise import ImuNoiseLevel
+from calib_core.settings import CalibrateSettings
+from calib_core.types import FloatArray, Recording
+
+
+class NoStart(Exception):
+    """The recording cannot give start values or hold a solve: the reason in words, under a stable code."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """Both clocks in seconds of their own epochs. lidar time = imu time + offset, |offset| small after coarse alignment.
+
+    imu_s: (Q,).   scan_s: (M,) first points' times.   sweep_s: (M,) last point after the first.
+    """
+
+    lidar_epoch_ns: int
+    imu_epoch_ns: int
+    imu_s: FloatArray
+    scan_s: FloatArray
+    sweep_s: FloatArray
+
+    def offset_ns(self, time_offset_s: float) -> int:
+        """The contract's time offset in nanoseconds: exact epochs' difference plus the estimate."""
+        return self.lidar_epoch_ns - self.imu_epoch_ns + round(time_offset_s * 1e9)
+
+    def offset_s(self, time_offset_ns: int) -> float:
+        """The inverse of `offset_ns`."""
+        return (time_offset_ns - (self.lidar_epoch_ns - self.imu_epoch_ns)) * 1e-9
+
+
+def read_clocks(recording: Recording) -> Clocks:
+    """Clocks of a recording: the IMU's epoch is the lidar's, moved by the coarse offset."""
+    stamps = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
+    epoch = int(stamps[0])
+    imu_epoch = epoch - recording.coarse_offset_ns
+    sweeps = np.array([int(s.points["offset_ns"].max()) * 1e-9 if len(s.points) else 0.0 for s in recording.scans])
+    return Clocks(epoch, imu_epoch, (recording.imu.stamps_ns - imu_epoch) * 1e-9, (stamps - epoch) * 1e-9, sweeps)
+
+
+@dataclass
+class Context:
+    """What every stage of one run needs: the recording, choices, and whom to tell."""
+
+    recording: Recording
+    settings: CalibrateSettings
+    clocks: Clocks
+    noise: ImuNoiseLevel
+    hyper: Hyper
+    on_event: OnEvent
+    should_cancel: ShouldCancel
+    threads: int = field(default_factory=lambda: max(1, min(4, len(os.sched_getaffinity(0)))))
+    iterations: int = 0
+
+    def stage(self, stage: Stage, fraction: float, text: str = "") -> None:
+        """Report progress; stop where the caller asked to."""
+        if self.should_cancel():
+            raise Cancelled("the calibration was cancelled")
+        self.on_event(StageEvent(stage=stage, fraction=min(max(fraction, 0.0), 1.0), text=text))
+
+    def say(self, level: str, code: str, text: str) -> None:
+        """A sentence for a person."""
+        self.on_event(LogEvent.model_validate({"level": level, "code": code, "text": text}))

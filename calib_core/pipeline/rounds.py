@@ -1,0 +1,258 @@
+"""Association and joint solve in rounds, coarse to fine, over as much of the recording as the estimate can carry.
+
+A round lays the current motion under the points (associate), gathers them into factors, preintegrates about the current
+biases and descends. The first rounds use the scans that could be tracked by the lidar alone; then the estimate itself
+predicts the rest, piece by piece (`extend`): a scan that sees one plane still contributes, one that sees none is
+bridged by the IMU. The last rounds use every point within four standard deviations, until nothing moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.errors import Cancelled
+from calib_core.factors.bins import Gate, LidarNoise
+from calib_core.factors.knots import KnotStates
+from calib_core.geometry import exp
+from calib_core.imu.links import Links, UpsampledImu, preintegrate
+from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
+from calib_core.pipeline.context import Context
+from calib_core.pipeline.joint import BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
+from calib_core.pipeline.observability import UNITS, data_information, undetermined
+from calib_core.pipeline.report import iteration_event
+from calib_core.planes.extent import PlaneExtents
+from calib_core.planes.segment import determinacy
+from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.levenberg import Minimum, Outcome, minimise
+from calib_core.types import FloatArray
+
+_CHUNK_S = 0.3
+_WINDOW_S = 1.2
+#: Hits this near another plane are ambiguous: eight times a usual range noise.
+_MARGIN_M = 0.12
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The end of the rounds. map_time_s: of the first used scan, lidar clock."""
+
+    problem: JointProblem
+    estimate: Estimate
+    minimum: Minimum[Estimate]
+    micro: Micro
+    lidar_noise: LidarNoise
+    extents: PlaneExtents | None
+    map_time_s: float
+    rounds: int
+
+    @property
+    def map_pose(self) -> tuple[FloatArray, FloatArray]:
+        """The lidar's pose at the first used scan's time, in the frame of the solve: R (3, 3), p (3,). It defines the map."""
+        e = self.estimate
+        when = np.array([self.map_time_s - e.time_offset_s])
+        pose = self.problem.motion(e).lidar_at(when, e.R_imu_lidar, e.p_imu_lidar)
+        return pose.R[0], pose.p[0]
+
+
+@dataclass
+class Rounds:
+    """The working state of the rounds.
+
+    readings, nodes: over the whole recording.   first, last: the knots that are estimated so far (last exclusive); the
+    estimate's states are theirs.   gauge: the knot that holds the map frame.   positions: scans in play.
+    """
+
+    ctx: Context
+    readings: UpsampledImu
+    nodes: BiasNodes
+    priors: Priors
+    estimate: Estimate
+    first: int
+    last: int
+    gauge: int
+    positions: list[int]
+    reference: int
+    lidar_noise: LidarNoise = LidarNoise(0.02, 0.005)  # noqa: RUF009  frozen
+    extents: PlaneExtents | None = None
+    micro: Micro | None = None
+    minimum: Minimum[Estimate] | None = None
+    number: int = 0
+
+    def run(self) -> Solved:
+        """Coarse to fine, to the fixed point."""
+        # Two steps from the start: enough to see which directions the data determine, not to wander along the others.
+        for extra, iterations in ((0.12, 2), (0.12, 10), (0.06, 10)):
+            self._associate(Gate(extra_m=extra, margin_m=_MARGIN_M), stride=5)
+            self._solve(iterations)
+            self._hold()
+        self.extend()
+        gate = Gate(extra_m=0.02, margin_m=_MARGIN_M)
+        self._learn(gate)
+        self._associate(replace(gate, extra_m=0.01), stride=5)
+        self._solve(10)
+        gate = Gate(margin_m=_MARGIN_M)
+        self._learn(gate)
+        self._associate(gate, stride=1)
+        problem = self.problem()
+        for _ in range(self.ctx.settings.max_rounds):
+            problem, minimum = self._solve(15)
+            if minimum.first_decrease < 1e-3 and minimum.outcome is not Outcome.SINGULAR:
+                break
+        assert self.micro is not None and self.minimum is not None
+        map_time_s = float(self.ctx.clocks.scan_s[self.reference])
+        return Solved(
+            problem, self.estimate, self.minimum, self.micro, self.lidar_noise, self.extents, map_time_s, self.number
+        )
+
+    def problem(self, bins: Bins | None = None) -> JointProblem:
+        """The joint problem over the knots estimated so far, linked about the present biases."""
+        e = self.estimate
+        nodes = self.nodes.part(self.first, self.last)
+        readings = self.readings.part(self.first, self.last)
+        bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
+        links = preintegrate(readings, bg, ba, self.ctx.noise.density)
+        frozen: list[int] = []
+        if not self.ctx.settings.estimate_time_offset:
+            frozen.append(6)
+        if not self.ctx.settings.estimate_planes:
+            start = 10 + 6 * len(nodes.times_s)
+            frozen.extend(range(start, start + 3 * len(e.normals)))
+        lidar = bins if bins is not None else no_bins(e.time_offset_s)
+        return JointProblem(readings, nodes, links, bg, ba, lidar, self.priors, self.gauge - self.first, tuple(frozen))
+
+    def _view(self, problem: JointProblem, estimate: Estimate) -> View:
+        ctx = self.ctx
+        return View(
+            ctx.recording.scans, ctx.clocks.lidar_epoch_ns, problem.motion(estimate), estimate, ctx.settings, ctx.threads
+        )
+
+    def _associate(self, gate: Gate, stride: int) -> None:
+        done = [0]
+
+        def count(_: int) -> None:
+            done[0] += 1
+            if done[0] % 20 == 0:
+                self.ctx.stage("associate", done[0] / len(self.positions), f"round {self.number + 1}")
+
+        view = self._view(self.problem(), self.estimate)
+        self.micro = associate(
+            view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count
+        )
+
+    def _learn(self, gate: Gate) -> None:
+        """How far each plane reaches and how noisy the lidar is."""
+        view = self._view(self.problem(), self.estimate)
+        self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=7)
+        step = max(1, len(self.positions) // 60)
+        self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
+
+    def _solve(self, iterations: int) -> tuple[JointProblem, Minimum[Estimate]]:
+        """Preintegrate and gather about the present estimate, then descend."""
+        assert self.micro is not None
+        self.number += 1
+        problem = self.problem()
+        problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
+
+        def report(estimate: Estimate, cost: float, solution: ArrowSolution) -> None:
+            ctx = self.ctx
+            ctx.iterations += 1
+            if ctx.should_cancel():
+                raise Cancelled("the calibration was cancelled")
+            ctx.on_event(iteration_event(ctx, problem, estimate, cost, solution, self.number))
+
+        self.minimum = minimise(problem, self.estimate, max_iterations=iterations, on_step=report)
+        self.estimate = self.minimum.estimate
+        return problem, self.minimum
+
+    def _hold(self) -> None:
+        """Hold the directions that the data do not determine: translation at zero, the others where they are."""
+        assert self.minimum is not None
+        if self.minimum.solution is None:
+            return
+        data = data_information(self.minimum.solution.information, self.priors)
+        if not self.ctx.settings.estimate_time_offset:
+            data[6, 6] = 1e12
+        held = []
+        now = self.priors.calibration_vector(self.estimate)
+        for direction in undetermined(data).T:
+            vector = direction / UNITS
+            only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
+            held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
+        self.priors = replace(self.priors, held=tuple(held))
+
+    def extend(self) -> None:
+        """Carry the estimate over the rest of the recording, and solve jointly again each time its span has doubled."""
+        clocks = self.ctx.clocks
+        total = len(self.readings.knots_s)
+        chunk = max(2, round(_CHUNK_S / self.readings.spacing_s))
+        solved_span = self.last - self.first
+        blind_s = 0.0
+        while self.last < total:
+            end = min(self.last + chunk, total)
+            if total - end < chunk // 2:
+                end = total
+            span_s = (end - self.last) * self.readings.spacing_s
+            seen = self._extend_to(end, 0.06 + min(0.5, 0.06 * blind_s**2))
+            blind_s = 0.0 if seen else blind_s + span_s
+            now = self.readings.knots_s[self.last - 1] + self.estimate.time_offset_s
+            known = set(self.positions)
+            ends = clocks.scan_s + 0.5 * clocks.sweep_s
+            self.positions += [int(i) for i in np.flatnonzero(ends < now) if i > max(known) and i not in known]
+            self.ctx.stage("associate", self.last / total, "carrying the estimate through the recording")
+            if self.last - self.first >= 2 * solved_span or self.last == total:
+                solved_span = self.last - self.first
+                self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=8)
+                self._solve(6)
+                self._hold()
+
+    def _extend_to(self, end: int, extra_m: float) -> bool:
+        """Predict the knots up to `end`, then let the points there correct them. Whether they determine the pose."""
+        start = max(self.first, self.last - max(3, round(_WINDOW_S / self.readings.spacing_s)))
+        e = self.estimate
+        nodes, readings = self.nodes.part(start, end), self.readings.part(start, end)
+        bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
+        links = preintegrate(readings, bg, ba, self.ctx.noise.density)
+        known = self.last - start
+        states = _predicted(e.states.part(start - self.first, self.last - self.first), links, readings, known, e.gravity)
+        window = replace(e, states=states)
+        layout = 10 + 6 * len(nodes.times_s) + 3 * len(e.normals)
+        problem = JointProblem(
+            readings, nodes, links, bg, ba, no_bins(e.time_offset_s), self.priors, 0, tuple(range(layout)), hold_velocity=True
+        )
+        low, high = readings.knots_s[0] + e.time_offset_s, readings.knots_s[-1] + e.time_offset_s
+        clocks = self.ctx.clocks
+        inside = np.flatnonzero((clocks.scan_s + clocks.sweep_s > low) & (clocks.scan_s < high))
+        seen = False
+        for extra in (extra_m, 0.05):
+            view = self._view(problem, window)
+            gate = Gate(extra_m=extra, margin_m=_MARGIN_M)
+            micro = associate(view, [int(i) for i in inside], self.lidar_noise, gate, None, stride=12)
+            if len(micro.count) == 0:
+                break
+            problem = replace(problem, bins=gather(micro, problem.motion(window), window))
+            window = minimise(problem, window, max_iterations=6, tolerance=1e-3).estimate
+            fresh = micro.time_s > readings.knots_s[known - 1] + e.time_offset_s
+            per_plane = np.bincount(micro.plane[fresh], micro.count[fresh], len(e.normals))
+            strong = per_plane > 20
+            seen = bool(strong.sum() >= 3 and determinacy(e.normals[strong]) > 0.02)
+        keep = self.estimate.states.part(0, start - self.first)
+        self.estimate = replace(e, states=KnotStates.joined(keep, window.states))
+        self.last = end
+        return seen
+
+
+def _predicted(known: KnotStates, links: Links, readings: UpsampledImu, count: int, gravity: FloatArray) -> KnotStates:
+    """States continued over the links beyond the first `count` knots; where the IMU was silent, at constant velocity and rate."""
+    R, p, v = [*known.R], [*known.p], [*known.v]
+    h = links.h_s
+    for k in range(count - 1, len(links.DR)):
+        turn, Dv, Dp = links.DR[k], links.Dv[k], links.Dp[k]
+        if not readings.linked[k]:
+            turn = exp(readings.knot_gyro[k] * h)
+            Dv, Dp = -R[-1].T @ gravity * h, -R[-1].T @ gravity * (0.5 * h**2)
+        p.append(p[-1] + v[-1] * h + 0.5 * h**2 * gravity + R[-1] @ Dp)
+        v.append(v[-1] + h * gravity + R[-1] @ Dv)
+        R.append(R[-1] @ turn)
+    return KnotStates(np.array(R), np.array(p), np.array(v))
