@@ -21,7 +21,7 @@ from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import InitialGuess as WireGuess
 from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
-from app.storage.files import tree_size
+from app.storage.sizes import tree_size
 from calib_core import api
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent

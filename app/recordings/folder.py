@@ -6,7 +6,8 @@ from pathlib import Path
 
 from app.errors import NotFound, Refused
 from app.schemas.recordings import FolderEntry, FolderListing
-from app.storage.files import SUFFIXES, tree_size
+from app.storage.files import SUFFIXES
+from app.storage.sizes import tree_size
 
 
 class RecordingsFolder:

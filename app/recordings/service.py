@@ -22,8 +22,9 @@ from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
 from app.schemas.report import Report
 from app.settings import AppSettings
-from app.storage.files import DataFolder, display_name, suffix_of, tree_size
+from app.storage.files import DataFolder, display_name, suffix_of
 from app.storage.records import RecordingRecord
+from app.storage.sizes import tree_size
 from app.storage.store import RecordingStore
 from calib_core import api
 from calib_core.settings import ReadSettings

@@ -125,10 +125,3 @@ class DataFolder:
         """Delete the bytes of an upload and what tus knows of it."""
         for name in (recording_id, f"{recording_id}.info"):
             (self.uploads / name).unlink(missing_ok=True)
-
-
-def tree_size(path: Path) -> int:
-    """Bytes of a file, or of all files below a folder."""
-    if path.is_file():
-        return path.stat().st_size
-    return sum(entry.stat().st_size for entry in path.rglob("*") if entry.is_file())

@@ -1,0 +1,86 @@
+"""Job functions for tests of the machinery: quick, and told by the recording's name how to behave.
+
+    slow...      works until it is asked to stop        stubborn...  works and never looks
+    crash...     its process dies                       defect...    raises what nobody expects
+    broken...    refuses the input                      anything else: succeeds, with the world of world.py
+    Planes are proposed for room... only.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+
+from app.arrays.proposals import write_proposals
+from app.arrays.recording import write_recording
+from app.arrays.trajectory import write_trajectory
+from app.jobs.functions import proposal_arrays, recording_arrays
+from app.results.thickness import measure_thickness
+from app.results.verdict import solve_outcome
+from app.schemas.jobs import InspectOutcome, PlanesOutcome, SimulateOutcome
+from calib_core.errors import Cancelled, UnreadableRecording
+from calib_core.events import IterationEvent, LogEvent, StageEvent
+from tests.app.support import world
+from tests.app.support.report import make_report
+
+
+def run(order, on_event, should_cancel):
+    """One job."""
+    on_event(LogEvent(level="info", code="fake.threads", text=os.environ.get("OPENBLAS_NUM_THREADS", "")))
+    if order.kind == "simulate":
+        order.source.parent.mkdir(parents=True, exist_ok=True)
+        order.source.write_bytes(b"simulated")
+        return SimulateOutcome(size_bytes=9)
+    if order.kind == "inspect":
+        if order.recording_name.startswith("broken"):
+            raise UnreadableRecording("Expected a bag, found porridge in broken.bag; choose another file.")
+        (order.folder / "report.json").write_text(make_report(order.recording_name).to_json())
+        return InspectOutcome()
+    if order.kind == "planes":
+        if not order.recording_name.startswith("room"):
+            return PlanesOutcome(patches=0, points=0, static=False)
+        write_recording(recording_arrays(order.cache), world.make_recording())
+        write_proposals(proposal_arrays(order.cache), world.make_proposals())
+        return PlanesOutcome(patches=6, points=6200, static=True)
+    return solve(order, on_event, should_cancel)
+
+
+def solve(order, on_event, should_cancel):
+    """A solve that behaves as the recording's name says."""
+    name = order.recording_name
+    if name.startswith("crash"):
+        os._exit(7)
+    if name.startswith("defect"):
+        raise ZeroDivisionError("secret internals")
+    for step in range(5):
+        on_event(iteration(step))
+    while name.startswith(("slow", "stubborn")):
+        on_event(StageEvent(stage="solve", fraction=0.5, text="thinking"))
+        time.sleep(0.02)
+        if name.startswith("slow") and should_cancel():
+            raise Cancelled("Stopped as asked.")
+    result = world.make_result("refused" if name.startswith("refused") else "calibrated", name)
+    trajectory = world.make_trajectory()
+    if result.T_imu_lidar is not None:
+        write_trajectory(order.folder / "trajectory.npz", trajectory)
+        walls = measure_thickness(world.make_recording(), trajectory, world.plane_quality())
+        (order.folder / "thickness.json").write_text(walls.model_dump_json())
+    (order.folder / "result.json").write_text(result.to_json())
+    return solve_outcome(result)
+
+
+def iteration(step):
+    """A step of a solve."""
+    return IterationEvent(
+        iteration=step,
+        round=0,
+        cost=100.0 / (step + 1),
+        matrix=world.transform_matrix().tolist(),
+        translation_m=world.P_IMU_LIDAR.tolist(),
+        euler_xyz_deg=[10.0, -20.0, 30.0],
+        time_offset_s=0.0,
+        rotation_std_deg=[0.1] * 3,
+        translation_std_m=[0.01] * 3,
+        time_offset_std_s=0.001,
+        planes=[],
+    )

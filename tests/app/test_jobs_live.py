@@ -1,0 +1,130 @@
+"""Jobs in real processes behind a real server: their ends, their events, and what a restart leaves."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+import pytest
+
+from tests.app.support.live import serving
+
+
+def final(message):
+    return message["event"] == "state" and message["job"]["state"] in {"done", "failed", "cancelled", "interrupted"}
+
+
+def test_an_upload_is_inspected_and_its_planes_proposed_by_itself(shared_live):
+    """Oracle: issue's order of steps. Mutation: FOLLOW_UPS without "inspect" leaves no planes job."""
+    recording_id = shared_live.ready()
+    recording = shared_live.http.get(f"/api/recordings/{recording_id}").json()
+    assert recording["state"] == "ready"
+    assert recording["report"]["schema"] == "unsweep.report/1"
+    assert shared_live.job_states(recording_id) == {"inspect": "done", "planes": "done"}
+
+
+def test_events_come_in_order_and_resume_after_the_last_id(shared_live):
+    """Oracle: the first reading of the whole stream. Mutation: starting at `last` instead of `last + 1` repeats one."""
+    job_id = shared_live.start(shared_live.upload("any.bag"))
+    whole = shared_live.events(f"/api/jobs/{job_id}/events", until=final)
+    kinds = [message["event"] for _, message in whole]
+    assert [m["job"]["state"] for _, m in whole if m["event"] == "state"] == ["queued", "running", "done"]
+    assert kinds.index("iteration") > kinds.index("log")
+    assert [int(event_id) for event_id, _ in whole] == list(range(len(whole)))
+    costs = [m["cost"] for _, m in whole if m["event"] == "iteration"]
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] == 20.0  # the last of the burst is never dropped
+    rest = shared_live.events(f"/api/jobs/{job_id}/events", until=final, headers={"Last-Event-ID": whole[1][0]})
+    assert rest == whole[2:]
+
+
+def test_workers_have_one_numerical_thread(shared_live, monkeypatch):
+    """Oracle: the environment the worker itself saw. Mutation: launching outside _capped_threads gives 4."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
+    job_id = shared_live.start(shared_live.upload("any.bag"))
+    messages = shared_live.events(f"/api/jobs/{job_id}/events", until=final)
+    assert next(m["text"] for _, m in messages if m["event"] == "log") == "1"
+
+
+@pytest.mark.parametrize(
+    ("name", "state", "code"),
+    [("crash.bag", "failed", "job.died"), ("defect.bag", "failed", "defect"), ("refused.bag", "done", None)],
+)
+def test_every_end_of_a_job_has_its_state_and_sentence(shared_live, name, state, code):
+    """Mutation: passing str(error) of a defect on shows "secret internals"."""
+    job = shared_live.finish(shared_live.start(shared_live.upload(name)))
+    assert job["state"] == state
+    assert (job["error"] or {}).get("code") == code
+    assert "secret internals" not in str(job)
+    if name == "refused.bag":
+        assert job["result"]["verdict"] == "Refused: Nothing moves; record motion."
+
+
+def test_an_unreadable_recording_fails_with_the_readers_sentence(shared_live):
+    """Mutation: state_after returning "ready" for a failed inspection."""
+    recording_id = shared_live.upload("broken.bag")
+    shared_live.wait(lambda: shared_live.http.get(f"/api/recordings/{recording_id}").json()["state"] == "failed")
+    error = shared_live.http.get(f"/api/recordings/{recording_id}").json()["error"]
+    assert error["code"] == "recording.unreadable"
+    assert "porridge" in error["text"]
+
+
+@pytest.mark.parametrize("name", ["slow.bag", "stubborn.bag"])
+def test_cancel_asks_politely_and_then_insists(shared_live, name):
+    """Mutation: without the timer the stubborn job never ends; without the event the slow one ends by signal."""
+    job_id = shared_live.start(shared_live.upload(name))
+    shared_live.wait(lambda: shared_live.job(job_id)["stage"] == "solve")
+    assert shared_live.http.post(f"/api/jobs/{job_id}/cancel").json()["state"] in {"cancelling", "cancelled"}
+    assert shared_live.finish(job_id)["state"] == "cancelled"
+    assert shared_live.http.post(f"/api/jobs/{job_id}/cancel").status_code == 409
+    assert shared_live.http.get(f"/api/results/{job_id}").json()["error"]["code"] == "result.not_there"
+
+
+def test_only_so_many_jobs_run_at_once(tmp_path):
+    """Oracle: states while three want to run and one may. Mutation: may_start ignoring `running` starts all."""
+    with serving(tmp_path, concurrent_jobs=1) as live:
+        recording_id = live.upload("slow.bag")
+        jobs = [live.start(recording_id) for _ in range(3)]
+        live.wait(lambda: live.job(jobs[0])["stage"] == "solve")
+        assert [live.job(job_id)["state"] for job_id in jobs] == ["running", "queued", "queued"]
+        assert live.http.post(f"/api/jobs/{jobs[1]}/cancel").json()["state"] == "cancelled"
+        live.http.post(f"/api/jobs/{jobs[0]}/cancel")
+        live.wait(lambda: live.job(jobs[2])["state"] == "running")
+        first, third = live.finish(jobs[0]), live.job(jobs[2])
+        assert datetime.fromisoformat(third["started_at"]) >= datetime.fromisoformat(first["ended_at"])
+
+
+def test_a_restart_leaves_the_upload_and_an_interrupted_job_that_runs_again(tmp_path):
+    """Mutation: recover() doing nothing leaves the job "running" for ever."""
+    with serving(tmp_path) as live:
+        recording_id = live.upload("slow.bag")
+        job_id = live.start(recording_id)
+        live.wait(lambda: live.job(job_id)["stage"] == "solve")
+    with serving(tmp_path) as live:
+        assert live.job(job_id)["state"] == "interrupted"
+        assert "run it again" in live.job(job_id)["state_text"]
+        assert live.http.get(f"/api/recordings/{recording_id}").status_code == 200
+        again = live.http.post(f"/api/jobs/{job_id}/retry").json()
+        assert (again["retry_of"], again["kind"]) == (job_id, "solve")
+        live.wait(lambda: live.job(again["id"])["stage"] == "solve")
+        assert live.events(f"/api/jobs/{job_id}/events", until=final)[-1][1]["job"]["state"] == "interrupted"
+
+
+def test_deleting_a_recording_stops_its_jobs_and_leaves_no_file(live):
+    """Oracle: the file system. Mutation: not stopping the job first leaves its folder behind."""
+    recording_id = live.upload("stubborn.bag")
+    job_id = live.start(recording_id)
+    live.wait(lambda: live.job(job_id)["stage"] == "solve")
+    assert live.http.delete(f"/api/recordings/{recording_id}").status_code == 204
+    assert live.http.get(f"/api/recordings/{recording_id}").status_code == 404
+    assert live.http.get(f"/api/jobs/{job_id}").status_code == 404
+    left = [path for path in live.settings.data_dir.rglob("*") if recording_id in str(path) or job_id in str(path)]
+    live.wait(lambda: not [p for p in left if p.exists() and ".locks" not in str(p)])
+
+
+def test_a_sample_is_simulated_then_inspected(shared_live):
+    """Mutation: FOLLOW_UPS without "simulate" stops after the simulation."""
+    made = shared_live.http.post("/api/recordings", json={"sample": "paper-normal"}).json()
+    assert made["origin"] == "sample"
+    shared_live.wait(lambda: shared_live.job_states(made["id"]).get("planes") == "done")
+    assert shared_live.http.get(f"/api/recordings/{made['id']}").json()["size_bytes"] == 9
+    assert shared_live.http.post("/api/recordings", json={"sample": "../../etc"}).status_code == 422
