@@ -1,4 +1,4 @@
-"""A recording on disk -> DoctorReport. Whatever opens is reported; what stands in the way of a calibration is a reason."""
+"""A recording on disk -> DoctorReport. Whatever opens is reported; what hinders a calibration is a reason."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from calib_core.doctor.timeline import timeline
 from calib_core.doctor.verdict import judge
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.readers.cloud import RawCloud
 from calib_core.readers.clocks import coarse_clock_offset, stamp_end_suspicion
+from calib_core.readers.cloud import RawCloud
 from calib_core.readers.container import OpenRecording, open_recording
 from calib_core.readers.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.imu import CleanedImu, clean_imu

@@ -92,7 +92,8 @@ def judge(
 def _judge_length(case: _Case, overlap_s: float) -> None:
     if overlap_s < MIN_OVERLAP_S:
         case.fatal.append(
-            f"Lidar and IMU cover only {overlap_s:.1f} s together; at least {MIN_OVERLAP_S:g} s are needed, check the clocks or record longer."
+            f"Lidar and IMU cover only {overlap_s:.1f} s together; at least {MIN_OVERLAP_S:g} s are"
+            f" needed, check the clocks or record longer."
         )
     elif overlap_s < SHORT_S:
         case.limits.append(f"Lidar and IMU cover {overlap_s:.1f} s together, which is short.")
@@ -158,7 +159,7 @@ def _judge_lidar(case: _Case, lidar: LidarReport) -> None:
 
 
 def axis_in_words(axis: tuple[float, float, float]) -> str:
-    """ "x", "y", "z" for a direction near an axis, else its components."""
+    """The axis a direction is near, as "x", "y" or "z"; else its components."""
     largest = max(range(3), key=lambda i: abs(axis[i]))
     if abs(axis[largest]) > 0.9:
         return "xyz"[largest]

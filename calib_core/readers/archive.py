@@ -87,7 +87,8 @@ def _copy(stream: IO[bytes], target: Path, budget: int, archive_name: str) -> in
             budget -= len(block)
             if budget < 0:
                 raise UnreadableRecording(
-                    f"The archive {archive_name} unpacks to more than there is room for; unpack it by hand and open the folder."
+                    f"The archive {archive_name} unpacks to more than there is room for; unpack it by"
+                    f" hand and open the folder."
                 )
             sink.write(block)
     return budget

@@ -14,12 +14,11 @@ from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Literal
-
-from calib_core.readers.compression import zstd
+from typing import Literal, Self
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.archive import is_archive, unpack_archive
+from calib_core.readers.compression import zstd
 from calib_core.readers.recover_mcap import McapRecovery
 from calib_core.readers.recover_ros1 import Ros1Recovery
 from calib_core.readers.recover_sqlite import SqliteRecovery
@@ -124,7 +123,7 @@ class OpenRecording:
                 f"The file {file.name} is no readable recording ({str(error).rstrip('.')}); expected {_ACCEPTED}."
             ) from error
 
-    def __enter__(self) -> OpenRecording:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

@@ -92,7 +92,8 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     unique_ns, first = np.unique(stamps_ns[good], return_index=True)
     if unique_ns.size < 2:
         raise InputError(
-            f"The IMU topic {topic} holds {unique_ns.size} usable readings, at least 2 are needed; pick another topic or recording.",
+            f"The IMU topic {topic} holds {unique_ns.size} usable readings, at least 2 are needed; pick"
+            f" another topic or recording.",
             code="imu.empty",
         )
     gyro, accel = raw.gyro[good][first], raw.accel[good][first]

@@ -72,7 +72,10 @@ def detect_accelerometer_unit(
     text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.3f}."
     level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
     if confidence < 0.5:
-        text = f"At rest the accelerations on {topic} have norm {norm:.3f}, which is gravity neither in m/s2 nor in g; {name} is assumed."
+        text = (
+            f"At rest the accelerations on {topic} have norm {norm:.3f}, which is gravity neither in m/s2"
+            f" nor in g; {name} is assumed."
+        )
     finding = Finding(
         code="imu.accelerometer_unit",
         level=level,

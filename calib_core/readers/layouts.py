@@ -62,7 +62,7 @@ def recognise_layout(cloud: RawCloud, topic: str) -> Layout:
     for name, vendor, needed in _BY_FIELDS:
         if needed <= fields:
             if name == "xyzirt-absolute" and spoken in ("hesai", "robosense"):
-                name = spoken
+                return Layout(spoken, spoken)
             return Layout(name, vendor or spoken)
     if fields <= {"x", "y", "z", "intensity", "ring"}:
         if spoken == "robosense":

@@ -16,8 +16,8 @@ from calib_core.readers.decoders import cloud_decoder
 from calib_core.readers.fingerprint import recording_sha256
 from calib_core.readers.imu import clean_imu
 from calib_core.readers.layouts import recognise_layout
-from calib_core.readers.point_time import scan_period_s
 from calib_core.readers.packet_models import packet_model
+from calib_core.readers.point_time import scan_period_s
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar

@@ -29,12 +29,14 @@ NS_PER_UNIT: dict[Unit, float] = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 SEC_NSEC = ("lidar_sec", "lidar_nsec")
 COMPOSITE = "lidar_sec+lidar_nsec"
 TIME_NAMES = frozenset(
-    "t ts time timestamp time_stamp timestamps offset_time time_offset time_offset_ns timeoffset point_time stamp".split()
+    {"t", "ts", "time", "timestamp", "time_stamp", "timestamps", "offset_time", "time_offset", "time_offset_ns"}
+    | {"timeoffset", "point_time", "stamp"}
 )
 _OTHER_NAMES = frozenset(
-    "x y z i intensity ring line tag channel azimuth elevation distance range reflectivity reflector ambient signal "
-    "near_ir noise rgb rgba label return_type flags normal_x normal_y normal_z layer echo velocity scan_id scan_idx "
-    "is_2nd_return lidar_sec lidar_nsec row column col laser_id".split()
+    {"x", "y", "z", "i", "intensity", "ring", "line", "tag", "channel", "azimuth", "elevation", "distance", "range"}
+    | {"reflectivity", "reflector", "ambient", "signal", "near_ir", "noise", "rgb", "rgba", "label", "return_type"}
+    | {"flags", "normal_x", "normal_y", "normal_z", "layer", "echo", "velocity", "scan_id", "scan_idx"}
+    | {"is_2nd_return", "lidar_sec", "lidar_nsec", "row", "column", "col", "laser_id"}
 )
 #: Below this share of forward steps a field is no clock but some quantity that merely has a fitting spread.
 _MIN_ORDER = 0.6
@@ -151,7 +153,7 @@ def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit]) ->
 
 
 def scan_period_s(clouds: Sequence[RawCloud]) -> float:
-    """Median time between scans by their headers, by receive times where the headers stand still; 0.1 s for one scan."""
+    """Median time between scans by their headers, by receive times where those stand still; 0.1 s for one scan."""
     for stamps in ([c.header_ns for c in clouds], [c.receive_ns for c in clouds]):
         steps = np.diff(np.array(stamps, np.int64))
         steps = steps[steps > 0]
@@ -175,7 +177,8 @@ def detect_point_time(
     if not names:
         wanted = f"no field {settings.point_time_field!r}" if settings.point_time_field else "no per-point time"
         raise PointTimeError(
-            f"The clouds on {topic} carry {wanted} (fields: {listed}); {help_text or 'record with a driver setting that keeps it'},"
+            f"The clouds on {topic} carry {wanted} (fields: {listed});"
+            f" {help_text or 'record with a driver setting that keeps it'},"
             " or pass --synthesise-point-time."
         )
     # The first scan of a recording may be cut or hold leftovers of the sensor's start.
@@ -255,7 +258,8 @@ def _timing(
         evidence=evidence,
         confidence=round(confidence, 3),
         consequence="every point is placed at its own instant of the sweep with these times",
-        override=f"--point-time-field {best.sample.name} --point-time-unit {best.unit} --point-time-reference {reference}",
+        override=f"--point-time-field {best.sample.name} --point-time-unit {best.unit}"
+        f" --point-time-reference {reference}",
     )
     return timing, (finding, *extra)
 
@@ -294,7 +298,7 @@ def _windowed(
         shifted = PointTiming(timing.field, timing.unit, reference, timing.low_ns, timing.high_ns, shift_ns)
         return shifted, (_epoch_finding(apart_s, offsets),)
     shift = 0.0
-    if reference != natural and natural != "absolute":
+    if natural not in {reference, "absolute"}:
         # The values count from the other end: move the sweep so that the header is where the user says.
         shift = -first if reference == "header-first" else -last
     edge = 0.012 * span
@@ -323,6 +327,7 @@ def _epoch_finding(apart_s: float, offsets: FloatArray) -> Finding:
         text=f"Point times and headers count from different instants, {apart_s:.3f} s apart.",
         evidence=(Evidence("header minus first point", apart_s, "s"), Evidence("its spread", spread_s, "s")),
         confidence=1.0,
-        consequence="point times are moved into the headers' epoch by one constant, so that a jittering header moves nothing",
+        consequence="point times are moved into the headers' epoch by one constant, so that a jittering"
+        " header moves nothing",
         override="--point-time-reference header-first",
     )

@@ -64,7 +64,8 @@ def sample_clouds(
             continue
         if not {"x", "y", "z"} <= set(cloud.names):
             raise InputError(
-                f"The clouds on {topic.name} have no x, y and z (fields: {', '.join(cloud.names)}); choose a lidar's topic.",
+                f"The clouds on {topic.name} have no x, y and z (fields: {', '.join(cloud.names)});"
+                f" choose a lidar's topic.",
                 code="points.no_xyz",
             )
         if not clouds or cloud.points.dtype == clouds[0].points.dtype:
@@ -121,7 +122,8 @@ class Reading:
         if not len(self.scans):
             raise InputError(
                 f"No scan on {lidar.name} holds a point between {self.settings.range_min_m:g} m and"
-                f" {self.settings.range_max_m:g} m inside its sweep ({n_seen} scans read); check the sensor or the point times.",
+                f" {self.settings.range_max_m:g} m inside its sweep ({n_seen} scans read); check the"
+                f" sensor or the point times.",
                 code="points.none_valid",
             )
 
@@ -180,7 +182,8 @@ class Reading:
                 Finding(
                     "points.malformed",
                     "warning",
-                    f"{self.n_malformed} messages on {topic} cannot be decoded and were left out ({self.malformed_text}).",
+                    f"{self.n_malformed} messages on {topic} cannot be decoded and were left out"
+                    f" ({self.malformed_text}).",
                     (Evidence("malformed messages", self.n_malformed),),
                 )
             )
@@ -227,7 +230,8 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
             Finding(
                 code="recording.truncated" if damage.kind == "cut" else "recording.damaged",
                 level="info" if damage.kind == "index" else "warning",
-                text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used ({n_scans} scans).",
+                text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used"
+                f" ({n_scans} scans).",
                 evidence=(Evidence("scans recovered", n_scans), Evidence("file", damage.file)),
                 consequence="" if damage.kind == "index" else "the result rests on the recovered part only",
             )

@@ -14,8 +14,8 @@ from pathlib import Path
 from zlib import crc32
 
 import lz4.frame  # type: ignore[import-untyped]
-from calib_core.readers.compression import zstd
 
+from calib_core.readers.compression import zstd
 from calib_core.readers.storage import (
     Damage,
     RawMessage,

@@ -72,7 +72,8 @@ def _check_out(out: Path, recording: OpenRecording) -> None:
     if out.suffix not in allowed:
         bags = " or ".join(_SUFFIXES[recording.kind])
         raise SettingsError(
-            f"The output {out.name} does not fit {recording.name}: give a folder (no suffix) for .ply files, or a {bags} file."
+            f"The output {out.name} does not fit {recording.name}: give a folder (no suffix) for .ply"
+            f" files, or a {bags} file."
         )
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise SettingsError(f"The output {out} exists already; remove it or choose another name.")
@@ -116,7 +117,7 @@ class _Rewriter:
         return self._count
 
     def write_bag(self, file: Path) -> int:
-        """All topics, the lidar's with its points moved. Packets become PointCloud2, for they cannot hold moved points."""
+        """All topics, the lidar's with its points moved. Packets become PointCloud2: they cannot hold moved points."""
         is_packets = self._lidar.type not in (POINTCLOUD2, *LIVOX_TYPES)
         topics = [
             TopicSummary(t.name, POINTCLOUD2, t.count, t.encoding) if t == self._lidar and is_packets else t

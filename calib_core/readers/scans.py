@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib_core.readers.cloud import RawCloud, StructArray
 from calib_core.readers.point_time import PointTiming, raw_times
-from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, IntArray, PointArray, Scan
+from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.
 MEMORY_BYTES = 256 * (1 << 20)
@@ -140,7 +140,7 @@ class StoredScans(Sequence[Scan]):
             return
         self._arrays.append(scan.points)
         if self._n_points * POINT_DTYPE.itemsize > self._memory_bytes:
-            self._file = tempfile.TemporaryFile(prefix="unsweep-scans-")
+            self._file = tempfile.TemporaryFile(prefix="unsweep-scans-")  # noqa: SIM115 - lives as long as the scans
             weakref.finalize(self, self._file.close)
             for array in self._arrays:
                 self._file.write(array.tobytes())

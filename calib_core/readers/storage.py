@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from calib_core.readers.compression import zstd
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2 import Reader as Ros2Reader
 
+from calib_core.readers.compression import zstd
 from calib_core.readers.wire import Encoding
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -25,7 +25,7 @@ MAX_MESSAGE_BYTES = 1 << 29
 
 
 class StorageError(Exception):
-    """This file cannot be opened this way; the caller tries the next way or gives up with a sentence."""
+    """A file cannot be opened this way; the caller tries the next way or gives up with a sentence."""
 
 
 class RawMessage(NamedTuple):
@@ -125,7 +125,7 @@ class RosbagsStorage:
             return
         except (MemoryError, GeneratorExit):
             raise
-        except Exception as error:  # decompressors and readers raise what they like at damage
+        except Exception as error:  # noqa: BLE001 - decompressors and readers raise what they like at damage
             reason = str(error) or type(error).__name__
         yield from self._after_damage(reason, topics, last_ns, stop_ns)
 

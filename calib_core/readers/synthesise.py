@@ -117,7 +117,8 @@ def point_timing(
     finding = Finding(
         code="points.time_synthesised",
         level="warning",
-        text=f"The clouds on {topic} carry no per-point time; times were made up {how}, over {synthesis.period_s * 1e3:.1f} ms.",
+        text=f"The clouds on {topic} carry no per-point time; times were made up {how}, over"
+        f" {synthesis.period_s * 1e3:.1f} ms.",
         evidence=(
             Evidence("scan period", synthesis.period_s, "s"),
             Evidence("direction", synthesis.direction),

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from calib_core.errors import TopicError
-from calib_core.readers import livox, pointcloud2
-from calib_core.readers import imu_messages
+from calib_core.readers import imu_messages, livox, pointcloud2
 from calib_core.readers.storage import TopicSummary
 
 CLOUD_TYPES = (pointcloud2.TYPE, *livox.TYPES)
@@ -41,7 +40,7 @@ def choose_lidar(
     wanted: str | None,
     recording: str,
     *,
-    name_model: Callable[[TopicSummary], str] = lambda topic: "",
+    name_model: Callable[[TopicSummary], str] = lambda _: "",
 ) -> TopicSummary:
     """The lidar topic: the one named, or the only one that fits. name_model: the sensor behind raw packets, or ""."""
     fitting = lidar_topics(topics)
@@ -64,7 +63,8 @@ def unsupported_packets(topic: TopicSummary, model: str = "") -> TopicError:
     """The sentence for raw packets that are not decoded."""
     vendor = FOREIGN_PACKET_TYPES[topic.type]
     return TopicError(
-        f"The topic {topic.name} holds raw packets of a {vendor} {model or 'lidar'} ({topic.type}), which are not decoded here; replay them through"
+        f"The topic {topic.name} holds raw packets of a {vendor} {model or 'lidar'} ({topic.type}), which"
+        f" are not decoded here; replay them through"
         f" the {vendor} driver and record its point cloud.",
         code="recording.packets",
     )
@@ -88,7 +88,8 @@ def _choose(
             "is not in the recording" if present is None else f"is of type {present.type} with {present.count} messages"
         )
         raise TopicError(
-            f"The topic {wanted} given as {what} topic {found}; {recording} has {_listed(names) or f'no {what} topic'}.",
+            f"The topic {wanted} given as {what} topic {found}; {recording} has"
+            f" {_listed(names) or f'no {what} topic'}.",
             candidates=names,
         )
     if not fitting:

@@ -58,9 +58,9 @@ class Wire:
         end = self.pos + size
         if end > len(self.buffer):
             raise MalformedMessage(f"message ends after {len(self.buffer)} bytes, {end} needed")
-        (value,) = struct.unpack_from(self._order + code, self.buffer, self.pos)
+        values: tuple[int | float] = struct.unpack_from(self._order + code, self.buffer, self.pos)
         self.pos = end
-        return value  # type: ignore[no-any-return]
+        return values[0]
 
     def u8(self) -> int:
         return int(self.unpack("B", 1))
@@ -93,7 +93,7 @@ class Wire:
         return bytes(self.view(size)).rstrip(b"\0").decode("utf-8", "replace")
 
     def stamp_ns(self) -> int:
-        """builtin time: seconds and nanoseconds, as int64 nanoseconds."""
+        """Builtin time: seconds and nanoseconds, as int64 nanoseconds."""
         seconds = self.u32() if self.encoding == "ros1" else self.i32()
         nanoseconds = self.u32()
         if nanoseconds >= NS_PER_S:

@@ -99,10 +99,10 @@ def test_what_is_wrong_is_said(change: str, verdict: str, words: str, tmp_path: 
     gyro, accel = tilting(25)
     scans = 240
     if change == "still":
-        gyro, accel = rng.normal(0, 2e-3, gyro.shape), [0, 0, 9.81] + rng.normal(0, 0.02, accel.shape)
+        gyro, accel = rng.normal(0, 2e-3, gyro.shape), np.array([0, 0, 9.81]) + rng.normal(0, 0.02, accel.shape)
     elif change == "no-rotation":
         gyro = rng.normal(0, 2e-3, gyro.shape)
-        accel = [0, 0, 9.81] + rng.normal(0, 0.02, accel.shape)
+        accel = np.array([0, 0, 9.81]) + rng.normal(0, 0.02, accel.shape)
         accel[300:, 0] += 2 * np.sin(np.arange(len(gyro) - 300) / 20)
     elif change == "one-axis":
         gyro[:, :2] = rng.normal(0, 2e-3, (len(gyro), 2))
@@ -150,8 +150,8 @@ def test_still_spans_are_found_where_they_are() -> None:
     """Mutation: compare the acceleration's mean instead of its deviation; forget the resting bias."""
     gyro, accel = tilting(20, seed=3)
     gyro[1200:1500] = np.random.default_rng(0).normal(0, 2e-3, (300, 3))
-    accel[1200:1500] = [1, 2, 9.5] + np.random.default_rng(0).normal(0, 0.02, (300, 3))
-    spans = still_spans(data(gyro + [0.02, -0.01, 0.015], accel))
+    accel[1200:1500] = np.array([1, 2, 9.5]) + np.random.default_rng(0).normal(0, 0.02, (300, 3))
+    spans = still_spans(data(gyro + np.array([0.02, -0.01, 0.015]), accel))
     assert [(round(s.start_s), round(s.end_s)) for s in spans] == [(0, 3), (12, 15)]
 
 

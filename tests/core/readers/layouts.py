@@ -282,7 +282,7 @@ def custom(frame_id: str) -> Callable[[int, bool], Truth]:
 
 
 def sick(*time_fields: tuple[str, str]) -> Callable[[int, bool], Truth]:
-    """multiScan's user-defined clouds with one of its three time fields; `i` is the intensity."""
+    """MultiScan's user-defined clouds with one of its three time fields; `i` is the intensity."""
 
     def make(k: int, cdr: bool) -> Truth:
         fields = [("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8), ("i", "<f4", 12)]

@@ -69,7 +69,8 @@ def without_definitions(folder: Path) -> Path:
         " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)"
     )
     database.execute(
-        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT"
+        " NULL, data BLOB NOT NULL)"
     )
     ids: dict[str, int] = {}
     for topic, kind, receive_ns, payload in recording(cdr=True):
@@ -126,7 +127,7 @@ CONTAINERS: dict[str, Callable[[Path], Path]] = {
 
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_every_container_gives_the_same_recording(container: str, tmp_path: Path) -> None:
-    """Mutation: sort split files by plain name in `storage_files` ("split"); skip `unpacked` ("sqlite-zstd-message")."""
+    """Mutation: return the payload as it is from `unpacked` ("sqlite-zstd-message")."""
     path = CONTAINERS[container](tmp_path)
     loaded = load(path, ReadSettings())
     assert len(loaded.scans) == N_SCANS
@@ -183,7 +184,7 @@ def test_an_archive_bomb_ends_in_a_sentence(tmp_path: Path) -> None:
 
 
 def test_a_folder_hashes_by_name_order_and_content(tmp_path: Path) -> None:
-    """Mutation: leave out `sorted` in `recording_sha256` (fails where the file system lists otherwise), or hash names."""
+    """Mutation: hash the names too, or sort in reverse, in `recording_sha256`."""
     import hashlib
 
     folder = tmp_path / "f"

@@ -1,4 +1,4 @@
-"""Cut and damaged recordings: what can be recovered is, with a finding; the rest ends in one sentence. Never a crash."""
+"""Cut and damaged recordings: recovered as far as they go, with a finding, or refused in one sentence. No crash."""
 
 from __future__ import annotations
 
@@ -28,14 +28,13 @@ def messages(*, cdr: bool) -> list[build.Message]:
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One intact file per container."""
     folder = tmp_path_factory.mktemp("bags")
-    made = {
+    return {
         "plain.bag": build.write_ros1(folder / "plain.bag", messages(cdr=False), chunk=100_000),
         "lz4.bag": build.write_ros1(folder / "lz4.bag", messages(cdr=False), compression="lz4", chunk=100_000),
         "plain.mcap": next(build.write_ros2(folder / "m", messages(cdr=True)).glob("*.mcap")),
         "zstd.mcap": next(build.write_ros2(folder / "z", messages(cdr=True), compress="storage").glob("*.mcap")),
         "plain.db3": next(build.write_ros2(folder / "s", messages(cdr=True), plugin="sqlite3").glob("*.db3")),
     }
-    return made
 
 
 def attempt(path: Path) -> Recording | str:
@@ -53,7 +52,7 @@ def is_one_sentence(text: str) -> bool:
 @pytest.mark.parametrize("name", ["plain.bag", "lz4.bag", "plain.mcap", "zstd.mcap", "plain.db3"])
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.45, 0.7, 0.95, 0.999])
 def test_truncated(name: str, share: float, bags: dict[str, Path], tmp_path: Path) -> None:
-    """Mutation: return True from `_scan`'s end in recover_ros1 whatever was met (no finding); drop MIN_SCANS_OF_DAMAGED."""
+    """Mutation: return True from the end of `Ros1Recovery._scan` whatever was met; drop MIN_SCANS_OF_DAMAGED."""
     whole = bags[name].read_bytes()
     cut = tmp_path / name
     cut.write_bytes(whole[: int(len(whole) * share)])

@@ -18,7 +18,7 @@ N_SCANS = 55
 @pytest.mark.parametrize("container", ["ros1", "ros2"])
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_layout_reads_back_exactly(name: str, container: str, tmp_path: Path) -> None:
-    """Mutation: drop `is_bigendian` in cloud_dtype; take Livox's CDR stride as 19; drop the origin test in `_returns`."""
+    """Mutation: drop `is_bigendian` in `cloud_dtype`; take Livox's CDR stride as 19; keep the origin in `_returns`."""
     layout = LAYOUTS[name]
     cdr = container == "ros2"
     truths = [layout.make(k, cdr) for k in range(N_SCANS)]

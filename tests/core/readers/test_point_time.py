@@ -96,7 +96,7 @@ def test_absolute_times_of_another_epoch_move_by_one_constant() -> None:
         return (s - build.EPOCH_NS + boot_ns) + np.rint(t * 1e9)
 
     clouds = [cloud(k, "timestamp", "<f8", values, build.EPOCH_NS + k * 100_000_000 + int(jitter[k])) for k in range(N)]
-    timing, findings = detect_point_time(clouds, ReadSettings(), topic="/p")
+    _, findings = detect_point_time(clouds, ReadSettings(), topic="/p")
     assert any(f.code == "points.epoch" for f in findings)
     shifts = [got - expected(k) for k, got in enumerate(instants(clouds))]
     assert max(np.ptp(s) for s in shifts) <= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from calib_core.errors import InputError, TopicError
 from calib_core.readers import load, open_recording
 from calib_core.readers.decoders import cloud_decoder
 from calib_core.readers.pointcloud2 import read_pointcloud2
-from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.storage import RawMessage
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 
@@ -54,7 +55,7 @@ def test_velodyne_packet_times_are_even(real_data: Path) -> None:
         decode = cloud_decoder(topic)
         clouds = [decode(message) for message in recording.messages([topic.name])]
     # One scan's first firing follows the one before's last by the firing cycle: 151 packets of 12 firings in dual mode.
-    for before, after in zip(clouds, clouds[1:], strict=False):
+    for before, after in itertools.pairwise(clouds):
         last_ns = before.header_ns + round(float(before.points["time"].max()) * 1e9)
         assert 0 < after.header_ns - last_ns < 400_000 or abs(after.header_ns - last_ns) < 6_000_000
         assert before.points["time"].min() >= 0

@@ -124,7 +124,7 @@ def test_clouds_without_time_name_what_to_change(tmp_path: Path) -> None:
 def test_other_sentences(tmp_path: Path) -> None:
     """Mutation: let an empty span, far points or a cloud without xyz through to the estimator."""
     path = bag(tmp_path, clouds(), imu())
-    with pytest.raises(InputError, match="Nothing of r.bag lies between 100 s"):
+    with pytest.raises(InputError, match=r"Nothing of r\.bag lies between 100 s"):
         load(path, ReadSettings(start_s=100.0))
     with pytest.raises(InputError, match="No scan on /velodyne_points holds a point between 500 m and"):
         load(path, ReadSettings(range_min_m=500.0, range_max_m=600.0))
