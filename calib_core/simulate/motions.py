@@ -90,7 +90,7 @@ LIVOX = _swing(Pose((0.0, 10.0, -137.0), (2.7, 2.5, 1.3)), shift=0.8, turn=1.0, 
 _UPRIGHT = (-float(np.sin(np.deg2rad(35.0))), 0.0, float(np.cos(np.deg2rad(35.0))))
 TURNING_AWAY = replace(
     PAPER_NORMAL,
-    turns=(Turn(_UPRIGHT, _deg((160.0, 0.055, -1.2))), *PAPER_NORMAL.turns),
+    turns=(Turn(_UPRIGHT, _deg((140.0, 0.06, -1.3))), *PAPER_NORMAL.turns),
     start=Start(static_s=2.0, ramp_s=1.5),
 )
 

@@ -107,7 +107,7 @@ def _upright(name: str, start_m: tuple[float, float], end_m: tuple[float, float]
 #: Three panels that stand free in the open: whoever turns away sees none of them, only things further off.
 FREE_CORNER = Scene(
     faces=(
-        wall("floor", (0.004, -0.006, 1.0), (0.0, 0.0, 0.0), (1.95, 0.0, -0.0078), (0.0, 1.95, 0.0117), 0.4),
+        wall("floor", (0.004, -0.006, 1.0), (0.0, 0.0, 0.0), (1.5, 0.0, -0.006), (0.0, 1.5, 0.009), 0.4),
         wall("panel west", (1.0, 0.012, 0.0), (0.0, 0.0, 0.0), (-0.0312, 2.6, 0.0), (0.0, 0.0, 2.4), 0.6),
         wall("panel south", (-0.009, 1.0, 0.0), (0.0, 0.0, 0.0), (2.6, 0.0234, 0.0), (0.0, 0.0, 2.4), 0.6),
     ),
