@@ -23,15 +23,16 @@ from calib_core.doctor.timeline import timeline
 from calib_core.doctor.verdict import judge
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.readers.clocks import coarse_clock_offset, stamp_end_suspicion
+from calib_core.readers.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.cloud import RawCloud
 from calib_core.readers.container import OpenRecording, open_recording
 from calib_core.readers.decoders import CloudDecoder, cloud_decoder
+from calib_core.readers.deskewed import deskew_suspicion
 from calib_core.readers.imu import CleanedImu, clean_imu
 from calib_core.readers.imu_messages import ImuCollector, RawImu
 from calib_core.readers.layouts import Layout, recognise_layout
 from calib_core.readers.packet_models import packet_model
-from calib_core.readers.point_time import PointTiming, scan_period_s
+from calib_core.readers.point_time import PointTiming, last_point_after_header_s, scan_period_s
 from calib_core.readers.reading import damage_findings, sample_clouds, span_ns
 from calib_core.readers.scans import ScanCounts, make_scan
 from calib_core.readers.storage import TopicSummary
@@ -218,19 +219,24 @@ def _report(state: _Examination, recording: OpenRecording, settings: ReadSetting
 
 
 def _clocks(state: _Examination, header_ns: IntArray, receive_ns: IntArray, settings: ReadSettings) -> int:
-    raw = state.raw_imu
-    if raw is None or not header_ns.size or not raw.header_ns.size or settings.stamps == "receive":
+    """The coarse clock offset; what the clocks and the clouds give away joins the findings."""
+    raw, topic = state.raw_imu, state.lidar_topic
+    if raw is None or topic is None or not header_ns.size or not raw.header_ns.size:
         return 0
-    offset_ns, found = coarse_clock_offset(header_ns, receive_ns, raw.header_ns, raw.receive_ns, state.period_s)
-    state.findings.extend(found)
-    time_finding = next((f for f in state.findings if f.code == "points.time_field"), None)
-    if time_finding is not None and state.lidar_topic is not None and not offset_ns:
-        last_s = next((float(e.value) for e in time_finding.evidence if e.name == "last point after header"), 0.0)
-        suspicion = stamp_end_suspicion(
-            receive_ns - header_ns, raw.receive_ns - raw.header_ns, state.period_s, last_s, state.lidar_topic.name
+    offset_ns = 0
+    if settings.stamps == "header":
+        offset_ns, found = examine_clocks(
+            HeaderTimes(header_ns, receive_ns),
+            HeaderTimes(raw.header_ns, raw.receive_ns),
+            period_s=state.period_s,
+            last_point_s=last_point_after_header_s(state.findings),
+            topic=topic.name,
         )
-        if suspicion is not None:
-            state.findings.append(suspicion)
+        state.findings.extend(found)
+    scans = [scan for scan, _ in state.examined if scan is not None]
+    if state.cleaned is not None and scans:
+        suspicion = deskew_suspicion(scans, state.cleaned.imu, offset_ns, topic.name)
+        state.findings.extend(() if suspicion is None else (suspicion,))
     return offset_ns
 
 

@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from calib_core.types import Evidence, Finding, IntArray
 
+
+class HeaderTimes(NamedTuple):
+    """Stamps of one topic's messages in receive order. header_ns, receive_ns: (Q,)."""
+
+    header_ns: IntArray
+    receive_ns: IntArray
+
+
 #: Headers further apart than this are taken for different epochs.
 SAME_EPOCH_NS = 10_000_000_000
 NS_PER_S = 1_000_000_000
+
+
+def examine_clocks(
+    lidar: HeaderTimes, imu: HeaderTimes, *, period_s: float, last_point_s: float, topic: str
+) -> tuple[int, tuple[Finding, ...]]:
+    """Nanoseconds to add to IMU stamps to bring them near the lidar's clock, and what the stamps give away.
+
+    last_point_s: the sweep's end after the header, as the point times have it.   topic: the lidar's.
+    """
+    offset_ns, findings = coarse_clock_offset(
+        lidar.header_ns, lidar.receive_ns, imu.header_ns, imu.receive_ns, period_s
+    )
+    if offset_ns:
+        return offset_ns, findings
+    suspicion = stamp_end_suspicion(
+        lidar.receive_ns - lidar.header_ns, imu.receive_ns - imu.header_ns, period_s, last_point_s, topic
+    )
+    return 0, findings if suspicion is None else (*findings, suspicion)
 
 
 def coarse_clock_offset(

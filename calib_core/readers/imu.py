@@ -149,6 +149,12 @@ def _stamp_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
                 consequence="scans that reach into a gap cannot be used",
             )
         )
+    return found + _pace_findings(statistics, topic)
+
+
+def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
+    period_ms = statistics.period_s * 1e3
+    found: list[Finding] = []
     if statistics.jitter_s > 0.1 * statistics.period_s > 0:
         found.append(
             Finding(

@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.readers.clocks import coarse_clock_offset
+from calib_core.presets import find_imu_preset, find_lidar_preset
+from calib_core.readers.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.container import OpenRecording, open_recording
 from calib_core.readers.decoders import cloud_decoder
+from calib_core.readers.deskewed import deskew_suspicion
 from calib_core.readers.fingerprint import recording_sha256
 from calib_core.readers.imu import clean_imu
 from calib_core.readers.layouts import recognise_layout
 from calib_core.readers.packet_models import packet_model
-from calib_core.readers.point_time import scan_period_s
+from calib_core.readers.point_time import last_point_after_header_s, scan_period_s
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
@@ -63,27 +65,42 @@ def _load_open(
     decoder, timing, findings = point_timing(
         sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text
     )
-    info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, "", scan_period_s(sample))
+    preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
+    model = "" if preset is None else preset.name
+    info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
     del sample  # tens of megabytes that the pass below does not need
     reading = Reading(recording, settings, decoder, timing, on_event, should_cancel)
     reading.run(lidar_topic, imu_topic, span)
-    findings += reading.findings(lidar_topic.name)
     raw_imu = reading.imu.finish()
     cleaned = clean_imu(raw_imu, settings, imu_topic.name)
-    header_ns, receive_ns = np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)
+    scans = reading.scans.finish()
     offset_ns = 0
     clock_findings: tuple[Finding, ...] = ()
     if settings.stamps == "header":
-        offset_ns, clock_findings = coarse_clock_offset(
-            header_ns, receive_ns, raw_imu.header_ns, raw_imu.receive_ns, info.period_s
+        offset_ns, clock_findings = examine_clocks(
+            HeaderTimes(np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)),
+            HeaderTimes(raw_imu.header_ns, raw_imu.receive_ns),
+            period_s=info.period_s,
+            last_point_s=last_point_after_header_s(findings),
+            topic=lidar_topic.name,
         )
+    suspicion = deskew_suspicion(scans, cleaned.imu, offset_ns, lidar_topic.name)
+    imu_preset = find_imu_preset(imu_topic.name, raw_imu.frame_id)
     return Recording(
         name=recording.name,
         imu=cleaned.imu,
-        scans=reading.scans.finish(),
+        scans=scans,
         lidar=info,
         duration_s=recording.duration_s,
         coarse_offset_ns=offset_ns,
         scans_total=len(reading.header_ns),
-        findings=(*findings, *cleaned.findings, *clock_findings, *damage_findings(recording, len(reading.scans))),
+        findings=(
+            *findings,
+            *reading.findings(lidar_topic.name),
+            *cleaned.findings,
+            *clock_findings,
+            *(() if suspicion is None else (suspicion,)),
+            *damage_findings(recording, len(scans)),
+        ),
+        imu_model="" if imu_preset is None else imu_preset.name,
     )

@@ -264,6 +264,14 @@ def _timing(
     return timing, (finding, *extra)
 
 
+def last_point_after_header_s(findings: Sequence[Finding]) -> float:
+    """The sweep's end after the header, from the evidence of `detect_point_time`; 0 where times were made up."""
+    for finding in findings:
+        if finding.code == "points.time_field":
+            return next((float(e.value) for e in finding.evidence if e.name == "last point after header"), 0.0)
+    return 0.0
+
+
 _REFERENCE_TEXT: dict[Reference, str] = {
     "header-first": "counted from the header, which is the first point's time",
     "header-last": "counted from the header, which is the last point's time",

@@ -14,7 +14,10 @@ from calib_core.doctor import inspect
 from calib_core.errors import InputError, TopicError
 from calib_core.readers import load, open_recording
 from calib_core.readers.decoders import cloud_decoder
+from calib_core.readers.deskewed import azimuth_misfit_rad
+from calib_core.readers.point_time import PointTiming
 from calib_core.readers.pointcloud2 import read_pointcloud2
+from calib_core.readers.scans import make_scan
 from calib_core.readers.storage import RawMessage
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
@@ -163,3 +166,16 @@ def test_real_imu_units_are_detected(real_data: Path) -> None:
     flipped = np.deg2rad(gyro) * (1, -1, 1)
     _, findings = detect_gyroscope(stamps, flipped, accel * 9.80665, ReadSettings(), "/imu")
     assert any(f.code == "imu.axis_signs" and "axis y" in f.text for f in findings)
+
+
+def test_real_static_scans_are_not_called_deskewed(real_data: Path) -> None:
+    """Mutation: take the azimuth of all rings together in `azimuth_misfit_rad`."""
+    folder = next(p for p in (real_data / "velodyne_ros2_packets" / "vls128").iterdir() if p.is_dir())
+    with open_recording(folder) as recording:
+        decode = cloud_decoder(recording.topics[0])
+        clouds = [decode(message) for message in recording.messages([recording.topics[0].name])]
+    scan, _ = make_scan(clouds[1], 1, PointTiming("time", "s", "header-first", -1e7, 1.2e8), 0.3, 200.0)
+    assert scan is not None
+    misfit = azimuth_misfit_rad(scan)
+    assert misfit is not None
+    assert misfit < np.deg2rad(0.1)
