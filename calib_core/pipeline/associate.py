@@ -16,6 +16,7 @@ from calib_core.factors.bins import (
     Hits,
     LidarNoise,
     MicroBins,
+    SlicePoses,
     cells_of,
     collapse,
     find_hits,
@@ -60,14 +61,37 @@ class View:
         scan = self.scans[position]
         points = scan.points[::stride] if stride > 1 else scan.points
         offset = points["offset_ns"] * 1e-9
-        slices = int(offset.max(initial=0.0) / SLICE_S) + 1
-        start_s = (scan.stamp_ns - self.epoch_ns) * 1e-9
+        e = self.estimate
+        return find_hits(
+            points["xyz"],
+            offset,
+            self.slice_poses(position, offset),
+            e.normals,
+            e.offsets_m,
+            gate,
+            field_of_view_deg=self.settings.field_of_view_deg,
+        )
+
+    def slice_poses(self, position: int, offset_s: FloatArray) -> SlicePoses:
+        """The lidar at the centres of a scan's slices, as many as the points' times (N,) reach."""
+        slices = int(offset_s.max(initial=0.0) / SLICE_S) + 1
+        start_s = (self.scans[position].stamp_ns - self.epoch_ns) * 1e-9
         centres = start_s + (np.arange(slices) + 0.5) * SLICE_S
         e = self.estimate
-        poses = self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
-        return find_hits(
-            points["xyz"], offset, poses, e.normals, e.offsets_m, gate, field_of_view_deg=self.settings.field_of_view_deg
-        )
+        return self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
+
+    def strays(self, position: int, count: int, away_m: float) -> FloatArray:
+        """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
+        scan = self.scans[position]
+        stride = max(1, len(scan.points) // count)
+        points = scan.points[::stride]
+        hits = self.hits(position, Gate(), stride)
+        offset = points["offset_ns"] * 1e-9
+        poses = self.slice_poses(position, offset)
+        free = poses.usable[hits.slice_index] & ((hits.plane < 0) | (np.abs(hits.d) > away_m))
+        index = hits.slice_index[free]
+        xyz = points["xyz"][free].astype(np.float64)
+        return np.asarray(np.einsum("nij,nj->ni", poses.R[index], xyz) + poses.p[index])
 
     def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""

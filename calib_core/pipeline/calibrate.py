@@ -25,7 +25,7 @@ from calib_core.pipeline.full import solve, start_values, track_lidar
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import find_reference, named_planes, propose_planes
-from calib_core.pipeline.report import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.pipeline.report import euler_xyz_deg, misfit, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.pipeline.rounds import Solved
 from calib_core.pipeline.track import ScanMotion
 from calib_core.presets import find_imu_preset
@@ -51,6 +51,7 @@ _LEAST_TURN_RAD = np.radians(1.0)
 _LEAST_MOVE_M = 0.05
 #: How far the mean squared residual may stray before the solve has not explained the data.
 _WORST_CHI2 = 4.0
+_WORST_MISFIT = 30.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def _calibrate_full(
         if still is not None:
             return refuse("motion.none", still)
         lidar, start = start_values(ctx, motions, guess)
-        solved = solve(ctx, lidar, motions, start, used_planes, reference, guess)
+        solved = solve(ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=planes is None)
     except NoStart as error:
         return refuse(error.code, str(error))
     if solved.minimum.solution is None or solved.minimum.outcome is Outcome.SINGULAR or not np.isfinite(solved.minimum.cost):
@@ -135,11 +136,14 @@ def _calibrate_full(
             f"the best answer leaves residuals {np.sqrt(chi2):.1f} times their noise on {points} points; the stamps, the "
             "per-point times or the planes are not what they seem: see `unsweep inspect`",
         )
+    wrong = _implausible(ctx, solved)
+    if wrong is not None:
+        return refuse("solve.inconsistent", wrong)
     frozen = not settings.estimate_time_offset
     knowledge = assess(solved.minimum.solution.information, solved.problem.priors, frozen_offset=frozen)
     if not knowledge.rotation_known:
         return refuse("motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least")
-    result = _document(ctx, solved, knowledge, messages, used_planes, time.monotonic() - started)
+    result = _document(ctx, solved, knowledge, messages, time.monotonic() - started)
     return Calibration(result, trajectory_of(ctx.clocks, solved))
 
 
@@ -201,6 +205,23 @@ def _standing_still(motions: Sequence[ScanMotion]) -> str | None:
     )
 
 
+def _implausible(ctx: Context, solved: Solved) -> str | None:
+    """Why an answer that the descent is content with cannot be true, or None."""
+    hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
+    gravity = ctx.settings.gravity
+    magnitude = float(np.linalg.norm(solved.estimate.gravity))
+    away = abs(magnitude - gravity.magnitude_m_s2)
+    if gravity.std_m_s2 > 0 and away > max(6.0 * gravity.std_m_s2, 6.0 * _gravity_std(solved)):
+        return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
+    rest = misfit(solved.problem, solved.estimate)
+    if rest > _WORST_MISFIT:
+        return (
+            f"the best answer leaves averaged distances {np.sqrt(rest):.0f} times what range noise allows, so the motion "
+            f"does not explain the points; {hint}"
+        )
+    return None
+
+
 def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
     """The lidar's solved motion at every knot, in the map frame."""
     e = solved.estimate
@@ -213,7 +234,7 @@ def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
 
 
 def _document(
-    ctx: Context, solved: Solved, knowledge: Knowledge, messages: list[Message], planes: Sequence[Plane], duration_s: float
+    ctx: Context, solved: Solved, knowledge: Knowledge, messages: list[Message], duration_s: float
 ) -> CalibrationResult:
     """The result document of a solve."""
     e = solved.estimate
@@ -262,8 +283,8 @@ def _document(
             scans_used=len(np.unique(solved.micro.scan)),
             scans_total=ctx.recording.scans_total or len(ctx.recording.scans),
             planes=[
-                PlaneQuality(name=p.name, normal=n.tolist(), offset_m=float(w), points=count, rms_m=r)
-                for p, n, w, (r, count) in zip(planes, normals, offsets, residuals, strict=True)
+                PlaneQuality(name=name, normal=n.tolist(), offset_m=float(w), points=count, rms_m=r)
+                for name, n, w, (r, count) in zip(solved.plane_names, normals, offsets, residuals, strict=True)
             ],
             iterations=ctx.iterations,
             duration_s=duration_s,

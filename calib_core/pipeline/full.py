@@ -17,13 +17,23 @@ import numpy as np
 from calib_core.factors.knots import KnotStates
 from calib_core.imu.links import knot_spacing_s, upsample
 from calib_core.pipeline.context import Context, NoStart
-from calib_core.pipeline.initialise import LidarTrack, LinearStart, RotationStart, linear_start, rotation_start, turns_about
+from calib_core.pipeline.initialise import (
+    LidarTrack,
+    LinearStart,
+    RotationStart,
+    acceleration_start,
+    linear_start,
+    rotation_start,
+    turns_about,
+)
 from calib_core.pipeline.joint import BiasNodes, Estimate, PriorRow, Priors
 from calib_core.pipeline.rounds import Rounds, Solved
 from calib_core.pipeline.track import ScanMotion, track
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 BIAS_NODE_SPACING_S = 5.0
+#: With less turning than this (rms) the gyroscope says nothing of the rotation, and the accelerometer has to.
+LEAST_TURNING_RAD_S = 0.03
 _AXES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 
 
@@ -47,7 +57,10 @@ def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGues
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, ctx.clocks.scan_s[positions], ctx.clocks.sweep_s[positions])
     imu = ctx.recording.imu
-    candidates = rotation_start(lidar, ctx.clocks.imu_s, imu.gyro_rad_s)
+    turning = float(np.sqrt(np.mean(np.sum(lidar.omega_rad_s**2, axis=1))))
+    candidates = rotation_start(lidar, ctx.clocks.imu_s, imu.gyro_rad_s) if turning > LEAST_TURNING_RAD_S else []
+    if not candidates:
+        candidates = acceleration_start(lidar, ctx.clocks.imu_s, imu.accel_m_s2)
     if guess is not None:
         candidates = _guided(ctx, lidar, candidates, guess)
     if not candidates:
@@ -141,6 +154,8 @@ def solve(
     planes: Sequence[Plane],
     reference: int,
     guess: InitialGuess | None,
+    *,
+    may_add_planes: bool = True,
 ) -> Solved:
     """All rounds of association and joint solve."""
     offset = start.rotation.time_offset_s
@@ -169,5 +184,7 @@ def solve(
         gauge=int(np.argmin(np.abs(whole[:inside] + offset - ctx.clocks.scan_s[reference]))),
         positions=[m.position for m in motions if covered[m.position]],
         reference=reference,
+        names=[plane.name for plane in planes],
+        may_add_planes=may_add_planes,
     )
     return rounds.run()

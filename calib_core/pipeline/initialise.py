@@ -19,10 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import fftconvolve
 from scipy.sparse.linalg import spsolve
 
-from calib_core.geometry import exp
+from calib_core.geometry import exp, mean_rotation, nearest_rotation
 from calib_core.pipeline.track import ScanMotion
 from calib_core.types import FloatArray
 
@@ -196,6 +197,46 @@ def _fit_rotation(track: LidarTrack, average: GyroAverage, offset_s: float, corr
         u, _, _ = np.linalg.svd(((b - b.mean(axis=0)) * weight[:, None]).T @ (b - b.mean(axis=0)))
         axis = u[:, 0]
     return RotationStart(offset_s, R, bias, noise / max(spread, 1e-9), correlation, axis)
+
+
+def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatArray) -> list[RotationStart]:
+    """Time offset and rotation of a platform that moves without turning, from the accelerations alone, best first.
+
+    The second derivative of the lidar's smoothed position and the equally smoothed specific force differ by a rotation
+    and a constant (gravity and bias): Kabsch on both, centred, at the lags where their norms agree.
+    """
+    width_s, rate = 0.12, _GRID_HZ
+    lidar_t = np.arange(track.start_s[0], track.start_s[-1], 1 / rate)
+    imu_t = np.arange(imu_s[0], imu_s[-1], 1 / rate)
+    if len(lidar_t) < 4 * rate or len(imu_t) < 4 * rate:
+        return []
+    R0 = mean_rotation(track.R)
+    position = gaussian_filter1d(track.at(lidar_t)[1], width_s * rate, axis=0)
+    lidar = np.gradient(np.gradient(position, 1 / rate, axis=0), 1 / rate, axis=0) @ R0
+    force = np.stack([np.interp(imu_t, imu_s, accel_m_s2[:, i]) for i in range(3)], axis=1)
+    force = gaussian_filter1d(force, width_s * rate, axis=0)
+    force -= force.mean(axis=0)
+    lidar -= lidar.mean(axis=0)
+    a, b = np.linalg.norm(lidar, axis=1), np.linalg.norm(force, axis=1)
+    correlation, overlap = _masked_correlation(a, b, np.ones(len(b)))
+    lags = track.start_s[0] - imu_t[0] + (np.arange(len(correlation)) - (len(b) - 1)) / rate
+    score = np.where(overlap >= max(5 * rate, 0.3 * len(a)), correlation, -np.inf)
+    starts = []
+    for _ in range(5):
+        k = int(np.argmax(score))
+        if not np.isfinite(score[k]):
+            break
+        fits = []
+        for offset in lags[k] + np.arange(-0.06, 0.0601, 0.005):
+            moved = np.stack([np.interp(lidar_t - offset, imu_t, force[:, i]) for i in range(3)], axis=1)
+            inside = (lidar_t - offset > imu_t[0]) & (lidar_t - offset < imu_t[-1])
+            x, y = lidar[inside] - lidar[inside].mean(axis=0), moved[inside] - moved[inside].mean(axis=0)
+            R = nearest_rotation(y.T @ x)
+            rest = float(np.sqrt(np.mean((y - x @ R.T) ** 2) / max(np.mean(y**2), 1e-12)))
+            fits.append(RotationStart(float(offset), R, np.zeros(3), rest, float(correlation[k]), None))
+        starts.append(min(fits, key=lambda f: f.residual))
+        score[np.abs(lags - lags[k]) < 0.25] = -np.inf
+    return sorted(starts, key=lambda f: f.residual)
 
 
 def linear_start(

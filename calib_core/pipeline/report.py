@@ -67,3 +67,14 @@ def iteration_event(ctx: Context, problem: JointProblem, estimate: Estimate, cos
         time_offset_std_s=float(std[6]),
         planes=[PlaneResidual(name=f"plane {j + 1}", rms_m=rms, points=points) for j, (rms, points) in enumerate(plane_residuals(problem, estimate))],
     )
+
+
+def misfit(problem: JointProblem, estimate: Estimate) -> float:
+    """Mean square, in standard deviations, of the bins' mean distances: about 1 or less where the model explains the data.
+
+    A bin averages hundreds of points, so that what its mean has left is not range noise but motion, timing or geometry.
+    """
+    bins = problem.bins
+    a, _ = problem.planes_seen(estimate)
+    mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a)
+    return float(np.mean(mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30))) if len(a) else 0.0

@@ -21,9 +21,9 @@ from calib_core.pipeline.associate import Micro, View, associate, gather, measur
 from calib_core.pipeline.context import Context
 from calib_core.pipeline.joint import BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
 from calib_core.pipeline.observability import UNITS, data_information, undetermined
-from calib_core.pipeline.report import iteration_event
+from calib_core.pipeline.report import iteration_event, plane_residuals
 from calib_core.planes.extent import PlaneExtents
-from calib_core.planes.segment import determinacy
+from calib_core.planes.segment import SegmentSettings, determinacy, segment_planes
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import FloatArray
@@ -45,6 +45,7 @@ class Solved:
     lidar_noise: LidarNoise
     extents: PlaneExtents | None
     map_time_s: float
+    plane_names: tuple[str, ...]
     rounds: int
 
     @property
@@ -74,6 +75,8 @@ class Rounds:
     gauge: int
     positions: list[int]
     reference: int
+    names: list[str]
+    may_add_planes: bool
     lidar_noise: LidarNoise = LidarNoise(0.02, 0.005)  # noqa: RUF009  frozen
     extents: PlaneExtents | None = None
     micro: Micro | None = None
@@ -88,6 +91,10 @@ class Rounds:
             self._solve(iterations)
             self._hold()
         self.extend()
+        if self.may_add_planes and self._discover():
+            self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=5)
+            self._solve(8)
+        self._cull()
         gate = Gate(extra_m=0.02, margin_m=_MARGIN_M)
         self._learn(gate)
         self._associate(replace(gate, extra_m=0.01), stride=5)
@@ -103,7 +110,8 @@ class Rounds:
         assert self.micro is not None and self.minimum is not None
         map_time_s = float(self.ctx.clocks.scan_s[self.reference])
         return Solved(
-            problem, self.estimate, self.minimum, self.micro, self.lidar_noise, self.extents, map_time_s, self.number
+            problem, self.estimate, self.minimum, self.micro, self.lidar_noise, self.extents, map_time_s,
+            tuple(self.names), self.number,
         )
 
     def problem(self, bins: Bins | None = None) -> JointProblem:
@@ -165,6 +173,57 @@ class Rounds:
         self.minimum = minimise(problem, self.estimate, max_iterations=iterations, on_step=report)
         self.estimate = self.minimum.estimate
         return problem, self.minimum
+
+    def _discover(self) -> bool:
+        """Planes that the reference scan did not show, among the points that lie on none; whether any were found."""
+        view = self._view(self.problem(), self.estimate)
+        step = max(1, len(self.positions) // 60)
+        some = self.positions[::step]
+        strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, 1500, 0.15)))
+        eye = np.mean([view.slice_poses(i, np.zeros(1)).p[0] for i in some], axis=0)
+        if len(strays) < 1000:
+            return False
+        settings = SegmentSettings(min_share=0.03, min_points=300, min_breadth_m=0.25, max_planes=6, distance_m=0.05)
+        found = []
+        for fit in segment_planes(strays, viewpoint_m=eye, seed=self.ctx.settings.random_seed, settings=settings):
+            centre = strays[fit.inliers].mean(axis=0)
+            alike = self.estimate.normals @ fit.normal > np.cos(np.radians(8.0))
+            near = np.abs(self.estimate.normals @ centre + self.estimate.offsets_m) < 0.25
+            if not (alike & near).any():
+                found.append(fit)
+        if not found:
+            return False
+        e = self.estimate
+        self.estimate = replace(
+            e,
+            normals=np.vstack([e.normals, [f.normal for f in found]]),
+            offsets_m=np.append(e.offsets_m, [f.offset_m for f in found]),
+        )
+        first = len(self.names) + 1
+        self.names += [f"plane {first + k}" for k in range(len(found))]
+        self.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
+        return True
+
+    def _cull(self) -> None:
+        """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined."""
+        assert self.micro is not None
+        problem = self.problem()
+        problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
+        rms = np.array([value for value, _ in plane_residuals(problem, self.estimate)])
+        points = np.array([n for _, n in plane_residuals(problem, self.estimate)])
+        if points.sum() == 0:
+            return
+        order = np.argsort(rms)
+        typical = rms[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
+        keep = (points > 0) & (rms < 2.5 * typical + 0.005)
+        if keep.all() or keep.sum() < 3:
+            return
+        dropped = [name for name, kept in zip(self.names, keep, strict=True) if not kept]
+        self.ctx.say("warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}")
+        self.names = [name for name, kept in zip(self.names, keep, strict=True) if kept]
+        e = self.estimate
+        self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
+        self.micro = None
 
     def _hold(self) -> None:
         """Hold the directions that the data do not determine: translation at zero, the others where they are."""
