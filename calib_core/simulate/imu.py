@@ -91,7 +91,7 @@ def _some(rng: np.random.Generator, n: int, fraction: float) -> BoolArray:
 def spoil(messages: ImuMessages, faults: ImuFaults, rng: np.random.Generator) -> ImuMessages:
     """The messages after gaps, losses, jitter, duplicates and swaps, in the order they are sent."""
     n = messages.true_ns.shape[0]
-    jitter = np.clip(rng.standard_normal(n), -4.0, 4.0) * faults.jitter_s
+    jitter = rng.uniform(-faults.jitter_s, faults.jitter_s, n)
     missing, twice, late = (_some(rng, n, part) for part in (faults.missing, faults.duplicated, faults.swapped))
     kept = ~missing
     t_s = messages.true_ns * 1e-9

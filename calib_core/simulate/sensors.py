@@ -71,7 +71,7 @@ class ImuFaults:
     """What goes wrong between the IMU and the bag.
 
     gaps_s: (start, length) of stretches without a message.   missing, duplicated, swapped: fractions of the messages
-    lost, sent twice, sent after their follower.   jitter_s: sigma of the error of a stamp.
+    lost, sent twice, sent after their follower.   jitter_s: a stamp is wrong by up to this, evenly spread.
     """
 
     gaps_s: tuple[tuple[float, float], ...] = ()
