@@ -138,7 +138,9 @@ def test_weights_are_those_of_white_noise_really_drawn() -> None:
     rng = np.random.default_rng(2)
     count, points, h = 6000, 48, 0.5
     f = np.array([2.0, -5.0, 8.0])
-    sigma = np.concatenate([DENSITY.gyro_rad_s_sqrt_hz, DENSITY.accel_m_s2_sqrt_hz]) / np.sqrt(h / points)
+    # Turning and force matter alike: 10 m/s2 times 0.5 s times 0.01 rad is 0.05 m/s.
+    density = NoiseDensity(np.array([0.01, 0.02, 0.015]), np.array([0.04, 0.05, 0.03]))
+    sigma = np.concatenate([density.gyro_rad_s_sqrt_hz, density.accel_m_s2_sqrt_hz]) / np.sqrt(h / points)
     noise = rng.normal(size=(count, points, 6)) * sigma
     still = np.ones(count, bool)
     up = UpsampledImu(
@@ -146,7 +148,7 @@ def test_weights_are_those_of_white_noise_really_drawn() -> None:
         np.zeros((count + 1, 3)), np.zeros((count, 6)), still,
     )  # fmt: skip
     zero = np.zeros((count, 3))
-    links = preintegrate(up, zero, zero, DENSITY)
+    links = preintegrate(up, zero, zero, density)
     errors = np.hstack([log(links.DR), links.Dv - f * h, links.Dp - 0.5 * f * h**2])
     white = np.einsum("lij,lj->li", links.sqrt_info, errors)
     np.testing.assert_allclose(white.T @ white / count, np.eye(9), atol=0.12)

@@ -1,0 +1,112 @@
+"""IMU noise as measured against what was drawn, and standstill as found against what was done."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.pipeline.noise import (
+    ACCEL_FLOOR_M_S2_SQRT_HZ,
+    GYRO_FLOOR_RAD_S_SQRT_HZ,
+    longest_still,
+    measure_imu_noise,
+)
+from calib_core.simulate import SCENARIOS, Truth
+from calib_core.simulate.motion import Start
+from calib_core.types import FloatArray
+
+GYRO_STD, ACCEL_STD = 2e-3, 0.03
+_SCENARIO = SCENARIOS["paper-fast"]
+
+
+def _recorded(
+    seconds: float, rate_hz: float, *, seed: int, noise: float = 1.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Fast hand-held motion after a second of standstill: stamps, gyro, accel with white noise on top."""
+    truth = Truth(_SCENARIO, 0, 0, 0, np.zeros(3), np.zeros(3))
+    t = np.arange(int(seconds * rate_hz)) / rate_hz
+    at = truth.imu(t)
+    force = np.einsum("nji,nj->ni", at.R_world, at.a_m_s2 - truth.gravity_world_m_s2)
+    rng = np.random.default_rng(seed)
+    gyro = at.omega_rad_s + noise * GYRO_STD * rng.normal(size=(len(t), 3))
+    return t, gyro, force + noise * ACCEL_STD * rng.normal(size=(len(t), 3))
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 400.0])
+def test_noise_is_what_was_drawn_moving_or_still(rate_hz: float) -> None:
+    """Fails when a standstill's differences are not divided by two, or densities by the root of the period.
+
+    From n samples a variance is good to sqrt(2 / n), doubled for neighbours' shared readings and again for the median
+    in motion; three axes pooled. Five sigmas.
+    """
+    t, gyro, accel = _recorded(30.0, rate_hz, seed=1)
+    rng = np.random.default_rng(2)
+    quiet = rng.normal(size=(len(t), 6)) * np.repeat([GYRO_STD, ACCEL_STD], 3) + [0.01, 0.02, 0, 0, 0, 9.8]
+    still = slice(0, len(t))
+    for level, n in (
+        (measure_imu_noise(t, gyro, accel, None), len(t)),
+        (measure_imu_noise(t, quiet[:, :3], quiet[:, 3:], still), len(t)),
+    ):
+        for std, true in ((level.sample_std[:3], GYRO_STD), (level.sample_std[3:], ACCEL_STD)):
+            assert np.ptp(std) == 0.0
+            assert abs(std[0] / true - 1) < 5 * np.sqrt(2.0 / (3 * n))
+        np.testing.assert_allclose(level.density.gyro_rad_s_sqrt_hz, level.sample_std[:3] / np.sqrt(rate_hz))
+        np.testing.assert_allclose(level.density.accel_m_s2_sqrt_hz, level.sample_std[3:] / np.sqrt(rate_hz))
+
+
+def test_a_slow_drift_in_a_standstill_is_not_noise() -> None:
+    """Fails when the standstill's standard deviation is taken instead of its differences'."""
+    rng = np.random.default_rng(3)
+    t = np.arange(2000) / 100.0
+    values = rng.normal(size=(2000, 6)) * np.repeat([GYRO_STD, ACCEL_STD], 3) + np.outer(t, [0.01] * 3 + [0.1] * 3)
+    level = measure_imu_noise(t, values[:, :3], values[:, 3:], slice(0, 2000))
+    np.testing.assert_allclose(level.sample_std, np.repeat([GYRO_STD, ACCEL_STD], 3), rtol=0.06)
+
+
+def test_a_noise_free_sensor_is_held_to_a_floor_and_a_coarse_one_to_its_resolution() -> None:
+    """Fails when the floor is left out: the solve would divide by zero. Or when the resolution is."""
+    t, gyro, accel = _recorded(10.0, 100.0, seed=4, noise=0.0)
+    level = measure_imu_noise(t, gyro, accel, None)
+    assert (level.density.gyro_rad_s_sqrt_hz >= GYRO_FLOOR_RAD_S_SQRT_HZ * 0.999).all()
+    assert (level.density.accel_m_s2_sqrt_hz >= ACCEL_FLOOR_M_S2_SQRT_HZ * 0.999).all()
+    assert (level.sample_std < 1e-3).all()
+    coarse = measure_imu_noise(
+        t, np.zeros((len(t), 3)) + 0.02 * (np.arange(len(t)) % 50 == 0)[:, None], accel, slice(0, 900)
+    )
+    assert coarse.sample_std[0] >= 0.02 / np.sqrt(12.0) * 0.999
+
+
+def test_the_standstill_found_is_the_one_that_was_made() -> None:
+    """Fails when a slow start is let in (the windows' means are not compared with the first's).
+
+    Still for 3 s, then swaying: found to a quarter-second window at its start, and to half a second at its end, where
+    the ramp has not yet moved anything by more than the noise.
+    """
+    motion = SCENARIOS["handheld"].motion
+    assert getattr(motion, "start", None) == Start(static_s=3.0, ramp_s=2.0)
+    truth = Truth(SCENARIOS["handheld"], 0, 0, 0, np.zeros(3), np.zeros(3))
+    t = np.arange(1200) / 100.0
+    at = truth.imu(t)
+    force = np.einsum("nji,nj->ni", at.R_world, at.a_m_s2 - truth.gravity_world_m_s2)
+    rng = np.random.default_rng(5)
+    still = longest_still(
+        t, at.omega_rad_s + 1e-3 * rng.normal(size=(1200, 3)), force + 0.01 * rng.normal(size=(1200, 3))
+    )
+    assert still is not None
+    assert still.start == 0
+    assert 2.75 <= t[still.stop - 1] <= 3.6
+
+
+def test_a_recording_without_standstill_has_none_and_one_that_never_moves_is_all() -> None:
+    """Fails when a steady turn counts as still (no limit on the mean rate), or the last run is not looked at."""
+    rng = np.random.default_rng(6)
+    t = np.arange(1000) / 100.0
+    noise = rng.normal(size=(1000, 6)) * np.repeat([1e-3, 0.01], 3)
+    steady = noise[:, :3] + [0.0, 0.0, 0.5]
+    assert longest_still(t, steady, noise[:, 3:] + [0, 0, 9.8]) is None
+    moving = _recorded(12.0, 100.0, seed=7)
+    late = [values[300:] for values in moving]
+    assert longest_still(*late) is None
+    whole = longest_still(t, noise[:, :3] + [0.01, 0.0, 0.0], noise[:, 3:] + [0, 0, 9.8])
+    assert whole == slice(0, 1000)
+    assert longest_still(t[:60], noise[:60, :3], noise[:60, 3:]) is None
