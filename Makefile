@@ -34,7 +34,8 @@ run: system-run client
 
 test: system-test client modules $(STAMPS)/test
 	$(NPM) run test
-	$(BIN)/python -m pytest -n auto --dist loadgroup
+	browser=$$($(BIN)/python tools/browser.py) && \
+	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto --dist loadgroup
 
 check: system-run client modules $(STAMPS)/test
 	$(BIN)/ruff check .

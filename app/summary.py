@@ -8,6 +8,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from app.results.verdict import verdict
 from app.terminal import LEVEL_STYLES, bullet
 from calib_core.result import CalibrationResult, Status, Transform, Uncertainty
 
@@ -18,17 +19,6 @@ def refusal(result: CalibrationResult) -> str:
     """Why a refused result has no answer, in one sentence."""
     reasons = [message.text for message in result.messages if message.level == "error"]
     return reasons[0] if reasons else "The recording cannot give the answer; record one with turns about all axes."
-
-
-def verdict(result: CalibrationResult) -> str:
-    """The result in one sentence."""
-    if result.status == "refused":
-        return f"Refused: {refusal(result)}"
-    if result.status == "calibrated":
-        return "Calibrated: every component is known to better than 0.5 deg, 20 mm and 2 ms."
-    labels = [direction.label or "a mixed direction" for direction in result.observability.weak_directions]
-    named = f" ({', '.join(labels)})" if labels else ""
-    return f"Weak: some of the answer is known only roughly{named}; the rest can be used."
 
 
 def result_summary(result: CalibrationResult) -> RenderableType:
@@ -70,7 +60,7 @@ def _quality(result: CalibrationResult) -> RenderableType:
 
 def _remarks(result: CalibrationResult) -> list[RenderableType]:
     """Messages worth reading, weak directions and advice, each said once."""
-    said = {text for text in [verdict(result)] if text}
+    told = verdict(result)
     lines: list[RenderableType] = []
     remarks = [
         (message.text, LEVEL_STYLES[message.level])
@@ -80,8 +70,8 @@ def _remarks(result: CalibrationResult) -> list[RenderableType]:
     remarks += [(direction.text, "yellow") for direction in result.observability.weak_directions]
     remarks += [(f"Next time: {text}", "cyan") for text in result.observability.advice]
     for text, style in remarks:
-        if text not in said:
-            said.add(text)
+        if text not in told:
+            told += f" {text}"
             lines.append(bullet("-", Text(text), style))
     return lines
 

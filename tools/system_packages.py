@@ -20,7 +20,7 @@ LIBRARIES = (
     ("libusb-1.0.so.0", "libusb-1.0-0"),
     ("libgomp.so.1", "libgomp1"),
 )
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSERS = ("chromium", "google-chrome", "google-chrome-stable")
 # A browser without a font draws boxes, and the screenshots would show them.
 BROWSER_PACKAGES = ("chromium", "fonts-dejavu-core")
 
@@ -44,12 +44,21 @@ def can_load(library):
     return True
 
 
+def is_debian():
+    """True on Debian itself, whose chromium is a package; Ubuntu's is a snap, see tools/browser.py."""
+    try:
+        with open("/etc/os-release") as facts:
+            return "ID=debian" in facts.read().split()
+    except OSError:
+        return False
+
+
 def missing_packages(purpose):
     """Debian packages to install for `purpose` ("run" or "test"), in a fixed order."""
     packages = [] if can_make_environments() else ["python3-venv"]
     if sys.platform.startswith("linux"):
         packages += [package for library, package in LIBRARIES if not can_load(library)]
-    if purpose == "test" and not any(shutil.which(browser) for browser in BROWSERS):
+    if purpose == "test" and is_debian() and not any(shutil.which(browser) for browser in BROWSERS):
         packages += BROWSER_PACKAGES
     return packages
 
