@@ -99,7 +99,7 @@ def _choose(state: _Examination, recording: OpenRecording, settings: ReadSetting
         state.lidar_topic = choose_lidar(
             recording.topics, settings.lidar_topic, recording.name, name_model=partial(packet_model, recording)
         )
-        state.decoder = cloud_decoder(state.lidar_topic)
+        state.decoder = cloud_decoder(state.lidar_topic, settings.stamps)
     except InputError as error:
         state.problems.append(error)
         state.lidar_topic = None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
 
 from calib_core.readers import livox, pointcloud2, velodyne
 from calib_core.readers.cloud import RawCloud
@@ -15,8 +17,22 @@ from calib_core.readers.topics import unsupported_packets
 CloudDecoder = Callable[[RawMessage], RawCloud]
 
 
-def cloud_decoder(topic: TopicSummary) -> CloudDecoder:
-    """The decoder for the topic's messages. Raises TopicError for packets that are not decoded here."""
+def cloud_decoder(topic: TopicSummary, stamps: Literal["header", "receive"] = "header") -> CloudDecoder:
+    """The decoder for the topic's messages. Raises TopicError for packets that are not decoded here.
+
+    stamps: "receive" puts the recorder's clock in the place of the headers'.
+    """
+    decoder = _decoder(topic)
+    if stamps == "header":
+        return decoder
+
+    def restamped(message: RawMessage) -> RawCloud:
+        return replace(decoder(message), header_ns=message.receive_ns)
+
+    return restamped
+
+
+def _decoder(topic: TopicSummary) -> CloudDecoder:
     encoding = topic.encoding
     if topic.type == pointcloud2.TYPE:
         return lambda message: read_pointcloud2(message, encoding)

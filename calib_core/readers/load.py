@@ -59,7 +59,7 @@ def _load_open(
     )
     imu_topic = choose_imu(recording.topics, settings.imu_topic, recording.name)
     span = span_ns(recording, settings)
-    decoder = cloud_decoder(lidar_topic)
+    decoder = cloud_decoder(lidar_topic, settings.stamps)
     sample = sample_clouds(recording, lidar_topic, decoder, span)
     layout = recognise_layout(sample[0], lidar_topic.name)
     decoder, timing, findings = point_timing(

@@ -232,7 +232,8 @@ def _timing(
     if not absolute:
         natural = "header-last" if abs(np.nanmedian(high)) < abs(np.nanmedian(low)) else "header-first"
     reference = settings.point_time_reference or natural
-    timing, extra = _windowed(best, reference, natural, clouds, low, high, period_s)
+    own_clock = settings.stamps == "header"
+    timing, extra = _windowed(best, reference, natural, clouds, low, high, period_s, own_clock=own_clock)
     confidence = max(0.0, min(1.0, best.score - 0.5 * runner_up * (found[-1] is not best)))
     if len(clouds) < 49:
         confidence = min(confidence, 0.5 + len(clouds) / 100)
@@ -291,8 +292,10 @@ def _windowed(
     low: FloatArray,
     high: FloatArray,
     period_s: float,
+    *,
+    own_clock: bool,
 ) -> tuple[PointTiming, tuple[Finding, ...]]:
-    """The timing with its garbage window and shift."""
+    """The timing with its garbage window and shift. own_clock: absolute times near the headers stay as they are."""
     margin = 0.06e9 * period_s
     first, last = float(np.nanmedian(low)), float(np.nanmedian(high))
     span = (last - first) / 0.98
@@ -300,7 +303,7 @@ def _windowed(
         offsets = np.array([c.header_ns for c in clouds], np.float64) - low
         apart_s = float(np.nanmedian(offsets)) * 1e-9
         timing = PointTiming(best.sample.name, best.unit, reference, -1.1 * span - margin, 1.1 * span + margin)
-        if abs(apart_s) <= _SAME_EPOCH_S:
+        if own_clock and abs(apart_s) <= _SAME_EPOCH_S:
             return timing, ()
         shift_ns = _exact_shift_ns(best.sample, best.unit, clouds)
         shifted = PointTiming(timing.field, timing.unit, reference, timing.low_ns, timing.high_ns, shift_ns)

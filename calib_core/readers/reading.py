@@ -143,8 +143,7 @@ class Reading:
 
     def _decode(self, message: RawMessage, index: int) -> _Decoded:
         cloud = self.decoder(message)
-        stamped = cloud if self.settings.stamps == "header" else _restamped(cloud)
-        scan, counts = make_scan(stamped, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
+        scan, counts = make_scan(cloud, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
         return cloud, scan, counts
 
     def _take(self, index: int, decoded: Future[_Decoded]) -> None:
@@ -207,10 +206,6 @@ class Reading:
                 )
             )
         return tuple(found)
-
-
-def _restamped(cloud: RawCloud) -> RawCloud:
-    return RawCloud(cloud.receive_ns, cloud.receive_ns, cloud.frame_id, cloud.points, cloud.width, cloud.height)
 
 
 def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ...]:

@@ -62,10 +62,10 @@ def choose_imu(topics: Sequence[TopicSummary], wanted: str | None, recording: st
 def unsupported_packets(topic: TopicSummary, model: str = "") -> TopicError:
     """The sentence for raw packets that are not decoded."""
     vendor = FOREIGN_PACKET_TYPES[topic.type]
+    sensor = f"{vendor} {model}".strip()
     return TopicError(
-        f"The topic {topic.name} holds raw packets of a {vendor} {model or 'lidar'} ({topic.type}), which"
-        f" are not decoded here; replay them through"
-        f" the {vendor} driver and record its point cloud.",
+        f"The topic {topic.name} holds raw {sensor} packets ({topic.type}), which are not decoded here;"
+        f" replay them through the {vendor} driver and record its point cloud.",
         code="recording.packets",
     )
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from calib_core.readers import load
 from calib_core.readers.clocks import coarse_clock_offset, stamp_end_suspicion
 from calib_core.readers.stamps import plausible_stamps
+from calib_core.settings import ReadSettings
 from tests.core.readers import build
+from tests.core.readers.layouts import LAYOUTS, start_ns
 
 PERIOD_NS = 100_000_000
 
@@ -58,3 +63,18 @@ def test_a_clock_that_was_set_is_not_damage() -> None:
     assert np.flatnonzero(~plausible_stamps(damaged, receive)).tolist() == [3, 50]
     damaged[60:] += 3_600_000_000_000
     assert plausible_stamps(damaged, receive).all()
+
+
+def test_receive_times_in_place_of_headers(tmp_path: Path) -> None:
+    """Mutation: restamp the IMU only; leave absolute point times in their own clock."""
+    layout = LAYOUTS["hesai"]
+    stream = [
+        (layout.topic, layout.type, start_ns(k) + 5_000_000_000, layout.make(k, False).payload) for k in range(12)
+    ]
+    imu = [(t, kind, r + 5_000_000_000 - 500_000, p) for t, kind, r, p in build.still_imu(1.2, cdr=False)]
+    path = build.write_ros1(tmp_path / "r.bag", build.in_order(stream, imu))
+    loaded = load(path, ReadSettings(stamps="receive"))
+    assert loaded.imu.stamps_ns[0] == build.EPOCH_NS + 5_000_000_000
+    for k, scan in enumerate(loaded.scans):
+        # the first percentile of the points stands for the first point: a thousandth of a second
+        assert abs(scan.stamp_ns - (start_ns(k) + 5_000_000_000)) < 2_000_000
