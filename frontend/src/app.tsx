@@ -7,20 +7,23 @@ import { SolveScreen } from "./features/solve/screen";
 import { StartScreen } from "./features/start/screen";
 import { WorkspaceLayout } from "./features/workspace/layout";
 import { NotFound } from "./features/workspace/notfound";
+import { Boundary } from "./ui/boundary";
 
 /** Every screen is a URL; the recording is in the path, the run and the view are in the query. */
 export function App() {
   return (
-    <Routes>
-      <Route path="/" element={<StartScreen />} />
-      <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
-        <Route path="recording" element={<RecordingScreen />} />
-        <Route path="planes" element={<PlanesScreen />} />
-        <Route path="solve" element={<SolveScreen />} />
-        <Route path="inspect" element={<InspectScreen />} />
-        <Route path="result" element={<ResultScreen />} />
-      </Route>
-      <Route path="*" element={<NotFound />} />
-    </Routes>
+    <Boundary>
+      <Routes>
+        <Route path="/" element={<StartScreen />} />
+        <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
+          <Route path="recording" element={<RecordingScreen />} />
+          <Route path="planes" element={<PlanesScreen />} />
+          <Route path="solve" element={<SolveScreen />} />
+          <Route path="inspect" element={<InspectScreen />} />
+          <Route path="result" element={<ResultScreen />} />
+        </Route>
+        <Route path="*" element={<NotFound />} />
+      </Routes>
+    </Boundary>
   );
 }

@@ -10,7 +10,6 @@ type Plain<T> = T extends readonly (infer Item)[] ? Plain<Item>[] : T extends ob
 export type Recording = Plain<Schemas["Recording"]>;
 export type ChangeRecording = Schemas["ChangeRecording"];
 export type OpenRecording = Schemas["OpenRecording"];
-export type Timeline = Schemas["Timeline"];
 export type DoctorReport = Plain<Schemas["DoctorReport"]>;
 export type FindingReport = Schemas["FindingReport"];
 export type ReadSettings = Schemas["ReadSettings"];

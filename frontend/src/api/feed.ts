@@ -18,7 +18,6 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });
       if (message.job.kind === "planes") void client.invalidateQueries({ queryKey: keys.planes(id) });
-      if (message.job.kind === "inspect") void client.invalidateQueries({ queryKey: keys.timeline(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });

@@ -13,10 +13,12 @@ export interface RunLog {
   /** In the order in which they began. */
   stages: StageProgress[];
   iterations: IterationEvent[];
+  /** Rounds of assigning points and solving, as a number that grows within a round. */
+  rounds: number;
   logs: LogEvent[];
 }
 
-export const emptyRun: RunLog = { job: null, stages: [], iterations: [], logs: [] };
+export const emptyRun: RunLog = { job: null, stages: [], iterations: [], rounds: 0, logs: [] };
 
 /** The run after some more messages. */
 export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLog {
@@ -28,10 +30,12 @@ export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLo
         const at = next.stages.findIndex((known) => known.stage === message.stage);
         if (at < 0) next.stages.push(entry);
         else next.stages[at] = entry;
+        if (message.stage === "associate") next.rounds = Math.max(next.rounds, (next.iterations.at(-1)?.round ?? 0) + 0.7 * message.fraction);
         break;
       }
       case "iteration":
         next.iterations.push(message);
+        next.rounds = Math.max(next.rounds, message.round - 0.2);
         break;
       case "log":
         next.logs.push(message);

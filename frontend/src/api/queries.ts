@@ -19,7 +19,6 @@ export const keys = {
   facts: ["facts"] as const,
   recordings: ["recordings"] as const,
   recording: (id: string) => ["recording", id] as const,
-  timeline: (id: string) => ["recording", id, "timeline"] as const,
   planes: (id: string) => ["recording", id, "planes"] as const,
   view: (id: string) => ["recording", id, "view"] as const,
   runs: (id: string) => ["recording", id, "runs"] as const,
@@ -46,13 +45,6 @@ export const recordingsQuery = queryOptions({
 
 export const recordingQuery = (id: string) =>
   queryOptions({ queryKey: keys.recording(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}", of(id))) });
-
-export const timelineQuery = (id: string) =>
-  queryOptions({
-    queryKey: keys.timeline(id),
-    queryFn: () => body(api.GET("/api/recordings/{recording_id}/timeline", of(id))),
-    staleTime: Infinity,
-  });
 
 export const planesQuery = (id: string) =>
   queryOptions({ queryKey: keys.planes(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/planes", of(id))) });

@@ -21,7 +21,7 @@ export function typesText(event: KeyboardEvent): boolean {
 }
 
 const names: Record<string, string> = {
-  mod: navigator.platform.startsWith("Mac") ? "⌘" : "Ctrl",
+  mod: /Mac/.test(navigator.userAgent) ? "⌘" : "Ctrl",
   shift: "Shift",
   alt: "Alt",
   ArrowLeft: "←",

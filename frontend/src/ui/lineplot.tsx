@@ -27,6 +27,9 @@ interface LinePlotProps {
   onPick?: (x: number) => void;
 }
 
+/** uPlot's enum of distributions exists in its types only; 3 is the logarithmic one. */
+const logarithmicScale: uPlot.Scale = JSON.parse('{"distr":3}') as uPlot.Scale;
+
 function token(color: string): string {
   const name = /^var\((--[\w-]+)\)$/.exec(color)?.[1];
   return name === undefined ? color : getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -38,7 +41,8 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
   const plot = useRef<uPlot | null>(null);
   const pick = useRef(onPick);
   const scheme = useComputedColorScheme("dark");
-  const [from, to] = xRange ?? [null, null];
+  const from = xRange?.[0] ?? null;
+  const to = xRange?.[1] ?? null;
   const shape = JSON.stringify(lines.map((line) => [line.label, line.color, line.dash]));
 
   useEffect(() => {
@@ -60,10 +64,10 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
         legend: { show: false },
         padding: [8, 8, 0, 0],
         cursor: { y: false, drag: { x: false, y: false }, points: { size: 5 } },
-        scales: { x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) }, y: logarithmic ? { distr: 3 } : {} },
+        scales: { x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) }, y: logarithmic ? logarithmicScale : {} },
         axes: [
           { ...axis, size: 24, values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${xUnit}` : String(tick))) },
-          { ...axis, size: 46, values: (_, ticks) => ticks.map((tick) => (tick as number | null) === null ? "" : shortNumber(tick)) },
+          { ...axis, size: 46, values: (_, ticks: (number | null)[]) => ticks.map(tickText) },
         ],
         series: [
           {},
@@ -116,6 +120,11 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
       <div ref={box} className={css.canvas} style={{ height }} />
     </figure>
   );
+}
+
+/** uPlot leaves out ticks of a logarithmic axis by handing null where its types promise a number. */
+function tickText(value: number | null): string {
+  return value === null ? "" : shortNumber(value);
 }
 
 function shortNumber(value: number): string {

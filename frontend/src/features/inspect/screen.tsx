@@ -12,7 +12,7 @@ import { NudgeSection } from "./nudge";
 import { ThicknessSection } from "./thickness";
 import { Transport } from "./transport";
 import { ViewBar } from "./viewbar";
-import { useInspectView } from "./wish";
+import { fastestScan, useInspectView } from "./wish";
 
 /** What the calibration does to the cloud: scan by scan, wall by wall, and what being wrong would cost. */
 export function InspectScreen() {
@@ -21,7 +21,7 @@ export function InspectScreen() {
   const navigate = useNavigate();
   const run = chosenRun(runs, query.get("job"));
   const answered = run !== undefined && !isRefused(run);
-  const { wish, change } = useInspectView(recording.id, answered ? run.job.id : null);
+  const { wish, change } = useInspectView(recording.id, answered ? run.job.id : null, fastestScan(recording.report?.timeline));
   const view = useQuery(viewQuery(recording.id)).data;
   const goOn = () => run !== undefined && void navigate(`/r/${recording.id}/result?job=${run.job.id}`);
   useShortcuts("Inspect", [{ keys: "Enter", label: "See the result", run: goOn }]);

@@ -1,6 +1,6 @@
 import { useCallback, useEffect, useRef } from "react";
 import { useSearchParams } from "react-router";
-import type { ChangeView } from "../../api/client";
+import type { ChangeView, DoctorReport } from "../../api/client";
 import { useChangeView } from "../../api/queries";
 import { parseNudge, writeNudge, type Nudge } from "./nudges";
 
@@ -18,8 +18,8 @@ const shows: readonly Show[] = ["raw", "deskewed", "both", "map"];
 const colorings: readonly ColorBy[] = ["plane", "time", "residual", "intensity"];
 
 /** What to show, as the URL says it: a reload or a shared link shows the same. */
-export function readWish(query: URLSearchParams): InspectWish {
-  const scan = Number(query.get("scan") ?? "0");
+export function readWish(query: URLSearchParams, firstScan: number): InspectWish {
+  const scan = Number(query.get("scan") ?? firstScan);
   return {
     scan: Number.isInteger(scan) && scan >= 0 ? scan : 0,
     show: shows.find((show) => show === query.get("show")) ?? "both",
@@ -28,10 +28,18 @@ export function readWish(query: URLSearchParams): InspectWish {
   };
 }
 
+/** The scan during which the rig turned fastest: there the motion shows most. */
+export function fastestScan(timeline: DoctorReport["timeline"] | undefined): number {
+  if (timeline === undefined) return 0;
+  const fastest = timeline.rotation_norm_deg_s.reduce((best, rate, i, rates) => (rate > (rates[best] ?? 0) ? i : best), 0);
+  const atS = timeline.t_s[fastest] ?? 0;
+  return Math.max(0, timeline.scan_t_s.findLastIndex((t) => t <= atS));
+}
+
 /** The wish in the URL, kept in step with what the scene is told; of quick changes only the last is sent. */
-export function useInspectView(recordingId: string, jobId: string | null) {
+export function useInspectView(recordingId: string, jobId: string | null, firstScan: number) {
   const [query, setQuery] = useSearchParams();
-  const wish = readWish(query);
+  const wish = readWish(query, firstScan);
   const { mutate } = useChangeView(recordingId);
   const busy = useRef(false);
   const next = useRef<Partial<ChangeView> | null>(null);

@@ -77,20 +77,17 @@ function PatchRow({ patch, all, apply }: RowProps) {
             onBlur={(event) => rename(event.currentTarget.value.trim())}
             onKeyDown={(event) => {
               if (event.key === "Enter") event.currentTarget.blur();
-              if (event.key === "Escape") setRenaming(false);
+              if (event.key === "Escape") {
+                // Taking the field away may count as leaving it, which would rename.
+                event.currentTarget.value = patch.name;
+                setRenaming(false);
+              }
             }}
           />
         ) : (
-          <button
-            type="button"
-            className={css.name}
-            onClick={() => apply({ op: "toggle", index: patch.index })}
-            onDoubleClick={() => setRenaming(true)}
-            title={`${count(patch.n_points)} points. Click: confirm or drop. Double click: rename.`}
-            tabIndex={-1}
-          >
+          <span className={css.name} onDoubleClick={() => setRenaming(true)} title={`${count(patch.n_points)} points. Double click: rename.`}>
             {patch.name}
-          </button>
+          </span>
         )}
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>

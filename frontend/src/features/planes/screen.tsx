@@ -17,14 +17,13 @@ import css from "./planes.module.css";
 
 /** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
 export function PlanesScreen() {
-  const { recording, planes, planesPending } = useWorkspace();
+  const { recording, planes, jobs } = useWorkspace();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);
   const edit = useEditPlanes(recording.id);
   const start = useStartJob(recording.id);
-  const job = recording.latest_job?.kind === "planes" ? recording.latest_job : null;
+  const job = jobs?.find((one) => one.kind === "planes") ?? null;
   const searching = job !== null && !isFinal(job);
-  const missing = !planesPending && planes === undefined;
 
   useEffect(() => {
     changeView({ mode: "planes", click: "toggle", nudge: null });
@@ -35,10 +34,10 @@ export function PlanesScreen() {
   const { mutate: startJob } = start;
   const ready = recording.state === "ready";
   useEffect(() => {
-    if (!ready || !missing || job !== null || asked.current) return;
+    if (!ready || jobs === undefined || job !== null || asked.current) return;
     asked.current = true;
     startJob({ kind: "planes" });
-  }, [ready, missing, job, startJob]);
+  }, [ready, jobs, job, startJob]);
 
   const solve = () =>
     start.mutate({ kind: "solve" }, { onSuccess: (made) => void navigate(`/r/${recording.id}/solve?job=${made.id}`) });
@@ -90,7 +89,7 @@ export function PlanesScreen() {
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">
-                  The platform never stood still, so these planes come from moving scans and are rougher; the solve refines them.
+                  No standstill long enough was found, so these planes come from scans in motion; the solve refines them.
                 </Notice>
               </div>
             )}

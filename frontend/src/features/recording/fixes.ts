@@ -40,8 +40,7 @@ export function fixOf(override: string): ChangeRecording | null {
     if (value === undefined || value.startsWith("--")) return null;
     change[key] = kinds[key] === "number" ? Number(value) : value;
   }
-  // The server checks every value against its own model; this only gives names to words.
-  return Object.keys(change).length > 0 ? (change as ChangeRecording) : null;
+  return Object.keys(change).length > 0 ? change : null;
 }
 
 /** The override in plain words: `Read as: point time unit ns`. */

@@ -32,13 +32,12 @@ function precise(value: number): string {
 }
 
 /** What a solve would know, before it is run. */
-export function Forecast({ forecast, advice }: { forecast: ForecastReport; advice: readonly string[] }) {
-  const sentences = [...new Set([...advice, ...forecast.advice])];
+export function Forecast({ parameters }: { parameters: readonly Parameter[] }) {
   return (
     <section aria-label="Forecast">
       <h2 className={css.heading}>What a solve of it would know, one standard deviation</h2>
       <ul className={css.forecast}>
-        {forecast.parameters.map((parameter) => (
+        {parameters.map((parameter) => (
           <li key={parameter.name} data-weak={parameter.weak}>
             <span className="dim small">{names[parameter.name]}</span>
             <span className="num">
@@ -47,11 +46,6 @@ export function Forecast({ forecast, advice }: { forecast: ForecastReport; advic
           </li>
         ))}
       </ul>
-      {sentences.map((sentence) => (
-        <p key={sentence} className="dim small">
-          {sentence}
-        </p>
-      ))}
     </section>
   );
 }

@@ -1,10 +1,9 @@
-import { Button, Skeleton } from "@mantine/core";
-import { useQuery } from "@tanstack/react-query";
+import { Button } from "@mantine/core";
 import type { DoctorReport, FindingReport, Recording } from "../../api/client";
-import { timelineQuery, useChangeRecording } from "../../api/queries";
+import { useChangeRecording } from "../../api/queries";
 import { fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
-import { Fault, Notice } from "../../ui/notice";
+import { Fault } from "../../ui/notice";
 import { Evidence } from "./evidence";
 import { Forecast } from "./forecast";
 import { fixOf, fixText } from "./fixes";
@@ -19,50 +18,51 @@ const headings: Record<DoctorReport["verdict"], string> = {
 };
 
 /** The doctor's report: a verdict, the span to use, what was found and how to put it right. */
-export function Report({ recording }: { recording: Recording }) {
-  const report = recording.report;
-  const timeline = useQuery(timelineQuery(recording.id));
+export function Report({ recording, report }: { recording: Recording; report: DoctorReport }) {
   const change = useChangeRecording(recording.id);
+  const { start_s: startS, end_s: endS } = recording.read_settings;
+  const advice = [...new Set([...report.advice, ...(report.forecast?.advice ?? [])])];
+  const fix = (override: string) => {
+    const wanted = fixOf(override);
+    if (wanted !== null) change.mutate(wanted);
+  };
   return (
     <div className={css.report}>
-      {report !== null && report !== undefined && (
-        <header className={css.verdict}>
-          <LevelIcon level={tones[report.verdict]} size={26} />
-          <div>
-            <h1>{headings[report.verdict]}</h1>
-            {report.reasons.map((reason) => (
-              <p key={reason}>{reason}</p>
-            ))}
-          </div>
-        </header>
-      )}
-      {timeline.isPending ? (
-        <Skeleton height={128} />
-      ) : timeline.isError ? (
-        <Fault error={timeline.error} onRetry={() => void timeline.refetch()} />
-      ) : (
+      <header className={css.verdict}>
+        <LevelIcon level={tones[report.verdict]} size={26} />
+        <div>
+          <h1>{headings[report.verdict]}</h1>
+          {report.reasons.map((reason) => (
+            <p key={reason}>{reason}</p>
+          ))}
+        </div>
+      </header>
+      {report.timeline.t_s.length > 1 && (
         <SpanStrip
-          timeline={timeline.data}
-          startS={recording.read_settings.start_s ?? null}
-          endS={recording.read_settings.end_s ?? null}
+          key={`${startS ?? "start"}-${endS ?? "end"}`}
+          timeline={report.timeline}
+          still={report.imu?.still_spans ?? []}
+          durationS={report.duration_s}
+          startS={startS ?? null}
+          endS={endS ?? null}
           pending={change.isPending}
           onUse={(span) => change.mutate(span)}
         />
       )}
       {change.isError && <Fault error={change.error} />}
-      {report?.forecast !== null && report?.forecast !== undefined && <Forecast forecast={report.forecast} advice={report.advice} />}
-      {(report?.forecast === null || report?.forecast === undefined) && report !== null && report !== undefined && report.advice.length > 0 && (
-        <Notice level="info" more={report.advice.slice(1).join(" ")}>
-          {report.advice[0]}
-        </Notice>
+      {report.forecast !== null && report.forecast !== undefined && <Forecast parameters={report.forecast.parameters} />}
+      {advice.length > 0 && (
+        <section aria-label="Advice">
+          <h2 className={css.heading}>For a better recording</h2>
+          <ul className={css.bullets}>
+            {advice.map((sentence) => (
+              <li key={sentence}>{sentence}</li>
+            ))}
+          </ul>
+        </section>
       )}
-      {report !== null && report !== undefined && (
-        <Findings findings={report.findings} pending={change.isPending} onFix={(override) => {
-          const fix = fixOf(override);
-          if (fix !== null) change.mutate(fix);
-        }} />
-      )}
-      {timeline.data !== undefined && <Evidence timeline={timeline.data} />}
+      {report.findings.length > 0 && <Findings findings={report.findings} pending={change.isPending} onFix={fix} />}
+      <Evidence timeline={report.timeline} />
     </div>
   );
 }
@@ -90,7 +90,9 @@ function Findings({ findings, pending, onFix }: FindingsProps) {
 }
 
 function FindingCard({ finding, pending, onFix }: { finding: FindingReport; pending: boolean; onFix: (override: string) => void }) {
-  const override = finding.override ?? "";
+  const { override } = finding;
+  // What is beyond doubt needs no button to change it; the option's name stays in the command line's help.
+  const doubtful = finding.level !== "info" || finding.confidence < 0.95;
   return (
     <li className={css.card} data-level={finding.level}>
       <LevelIcon level={finding.level === "info" ? "info" : finding.level} />
@@ -109,9 +111,9 @@ function FindingCard({ finding, pending, onFix }: { finding: FindingReport; pend
             ))}
           </dl>
         )}
-        {fixOf(override) !== null && (
-          <Button size="compact-xs" variant="default" mt={8} disabled={pending} onClick={() => onFix(override)} title={override}>
-            Read it differently: {fixText(override)}
+        {doubtful && fixOf(override) !== null && (
+          <Button className={css.fix ?? ""} size="compact-xs" variant="default" disabled={pending} onClick={() => onFix(override)} title={override}>
+            Set {fixText(override)}
           </Button>
         )}
       </div>

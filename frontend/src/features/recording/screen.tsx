@@ -63,7 +63,7 @@ function Main({ recording }: { recording: Recording }) {
     case "failed":
       return <Failed recording={recording} />;
     case "ready":
-      return <Report recording={recording} />;
+      return recording.report ? <Report recording={recording} report={recording.report} /> : <Inspecting recording={recording} />;
   }
 }
 

@@ -101,21 +101,21 @@ function Facts({ facts }: { facts: readonly Fact[] }) {
 }
 
 function lidarFacts({ lidar }: DoctorReport): Fact[] {
-  if (lidar === null || lidar === undefined) return [];
+  if (lidar === null) return [];
   const time = lidar.point_time;
   const ranges = lidar.ranges;
   return [
     ["Sensor", lidar.preset.identified ? lidar.preset.name : `not recognised (as ${lidar.preset.name})`],
     ["Scans", `${count(lidar.scans)} at ${fixed(lidar.stamps.rate_hz, 1)} Hz`],
-    ["Points a scan", ranges === null || ranges === undefined ? "–" : count(ranges.points_per_scan)],
-    ["Point time", time === null || time === undefined ? "none" : `${time.field}, ${time.unit}`],
+    ["Points a scan", ranges === null ? "–" : count(ranges.points_per_scan)],
+    ["Point time", time === null ? "none" : `${time.field}, ${time.unit}`],
     ["Range noise", `${fixed(lidar.preset.range_std_m * 1000, 0)} mm`],
-    ["Ranges", ranges === null || ranges === undefined ? "–" : `${fixed(ranges.p05_m, 1)} to ${fixed(ranges.p95_m, 1)} m`],
+    ["Ranges", ranges === null ? "–" : `${fixed(ranges.p05_m, 1)} to ${fixed(ranges.p95_m, 1)} m`],
   ];
 }
 
 function imuFacts({ imu }: DoctorReport): Fact[] {
-  if (imu === null || imu === undefined) return [];
+  if (imu === null) return [];
   const noise = imu.noise_used === "measured" && imu.measured_noise ? imu.measured_noise : imu.preset_noise;
   const gyroDeg = (noise.noise.gyroscope_noise_density_rad_s_sqrt_hz * 180) / Math.PI;
   const accelUg = (noise.noise.accelerometer_noise_density_m_s2_sqrt_hz / 9.80665) * 1e6;

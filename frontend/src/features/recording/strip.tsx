@@ -1,13 +1,15 @@
 import { Button } from "@mantine/core";
 import { useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
-import type { ChangeRecording, Timeline } from "../../api/client";
+import type { ChangeRecording, DoctorReport } from "../../api/client";
 import { fixed } from "../../ui/format";
 import { LinePlot } from "../../ui/lineplot";
 import { dragged, moved, type Span } from "./span";
 import css from "./recording.module.css";
 
 interface SpanStripProps {
-  timeline: Timeline;
+  timeline: DoctorReport["timeline"];
+  still: readonly { start_s: number; end_s: number }[];
+  durationS: number;
   startS: number | null;
   endS: number | null;
   pending: boolean;
@@ -15,8 +17,7 @@ interface SpanStripProps {
 }
 
 /** Excitation over time, on which the span to use is dragged out. */
-export function SpanStrip({ timeline, startS, endS, pending, onUse }: SpanStripProps) {
-  const durationS = timeline.duration_s;
+export function SpanStrip({ timeline, still, durationS, startS, endS, pending, onUse }: SpanStripProps) {
   const used: Span = { startS: startS ?? 0, endS: Math.min(endS ?? durationS, durationS) };
   const [wish, setWish] = useState<Span>(used);
   const anchor = useRef<number | null>(null);
@@ -65,7 +66,7 @@ export function SpanStrip({ timeline, startS, endS, pending, onUse }: SpanStripP
         <LinePlot
           label="Excitation: rate of turn"
           x={timeline.t_s}
-          lines={[{ label: "all axes", color: "var(--accent)", values: timeline.gyro_norm_deg_s }]}
+          lines={[{ label: "all axes", color: "var(--accent)", values: timeline.rotation_norm_deg_s }]}
           xUnit="s"
           yUnit="°/s"
           height={112}
@@ -87,8 +88,8 @@ export function SpanStrip({ timeline, startS, endS, pending, onUse }: SpanStripP
             anchor.current = null;
           }}
         >
-          {timeline.still_spans.map((still) => (
-            <div key={still.start_s} className={css.still} style={{ left: percent(still.start_s), width: percent(still.end_s - still.start_s) }}>
+          {still.map((span) => (
+            <div key={span.start_s} className={css.still} style={{ left: percent(span.start_s), width: percent(span.end_s - span.start_s) }}>
               <span>still</span>
             </div>
           ))}

@@ -45,6 +45,9 @@ export function Frames({ matrix, base, other }: FramesProps) {
 
 function Axes({ from, directions, name }: { from: [number, number]; directions: readonly Vector[]; name: string }) {
   const letters = ["x", "y", "z"] as const;
+  // The name stands where no axis points.
+  const sum = directions.map(project).reduce(([ax, ay], [bx, by]) => [ax + bx, ay + by], [0, 0]);
+  const length = Math.max(0.3, Math.hypot(...sum));
   return (
     <g>
       {directions.map((direction, i) => {
@@ -61,7 +64,7 @@ function Axes({ from, directions, name }: { from: [number, number]; directions: 
         );
       })}
       <circle cx={from[0]} cy={from[1]} r="3" />
-      <text x={from[0] - 6} y={from[1] + 14} textAnchor="end" className={css.frameName}>
+      <text x={from[0] - (sum[0] / length) * 24} y={from[1] - (sum[1] / length) * 17 + 4} className={css.frameName}>
         {name}
       </text>
     </g>

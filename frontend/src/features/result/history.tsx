@@ -1,11 +1,13 @@
 import { Link } from "react-router";
 import type { Run } from "../../api/client";
+import { useNow } from "../../ui/clock";
 import { ago, fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 
 /** All runs, newest first, and how far the newest answer is from each. */
 export function History({ runs, shown }: { runs: readonly Run[]; shown: string }) {
+  const now = useNow(30_000);
   return (
     <ol className={css.history}>
       {runs.map((run) => (
@@ -19,7 +21,7 @@ export function History({ runs, shown }: { runs: readonly Run[]; shown: string }
               </span>
               <span className="dim">{difference(run)}</span>
             </span>
-            <span className="dim nowrap">{ago(Date.parse(run.job.created_at), Date.now())}</span>
+            <span className="dim nowrap">{ago(Date.parse(run.job.created_at), now)}</span>
           </Link>
         </li>
       ))}

@@ -73,11 +73,15 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
         lidar&rsquo;s clock.
       </p>
       <div className={css.copies}>
-        <CopyBox label="the matrix" text={pose.matrix.map((row) => row.map((value) => value.toFixed(9).padStart(13)).join(" ")).join("\n")} />
-        <CopyBox label="translation and quaternion" text={`translation_m    ${pose.translationM.map((v) => v.toFixed(6)).join("  ")}\nquaternion_xyzw  ${pose.quaternionXyzw.map((v) => v.toFixed(8)).join("  ")}`} />
+        <CopyBox label="the matrix" text={pose.matrix.map((row) => row.map((value) => value.toFixed(7).padStart(10)).join(" ")).join("\n")} />
+        <CopyBox label="translation and quaternion" text={`translation_m\n${row(pose.translationM, 6)}\nquaternion_xyzw\n${row(pose.quaternionXyzw, 7)}`} />
       </div>
     </section>
   );
+}
+
+function row(values: readonly number[], decimals: number): string {
+  return values.map((value) => value.toFixed(decimals).padStart(decimals + 3)).join(" ");
 }
 
 interface NumberRowProps {

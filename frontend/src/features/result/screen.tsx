@@ -68,7 +68,7 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
         </div>
       </div>
       <Panel
-        title="Take it away"
+        title="Downloads"
         footer={
           <Button fullWidth component="a" href={resultDownloadUrl(run.job.id)} download leftSection={<Icon name="download" />}>
             Download JSON

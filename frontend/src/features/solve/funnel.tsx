@@ -2,7 +2,7 @@ import { fixed, withSigma } from "../../ui/format";
 import type { Parameter } from "./parameters";
 import css from "./solve.module.css";
 
-const width = 104;
+const width = 92;
 const height = 26;
 const shown = 24;
 

@@ -1,12 +1,12 @@
 import { Button } from "@mantine/core";
-import { useEffect, useState } from "react";
 import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
 import { useCancelJob } from "../../api/queries";
+import { useNow } from "../../ui/clock";
 import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./solve.module.css";
-import { secondsLeft, wholeFraction } from "./timeleft";
+import { secondsLeft, stagesShown, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -15,21 +15,11 @@ export const stageTitles: Record<StageProgress["stage"], string> = {
   track: "Follow planes through the scans",
   initialise: "Start values",
   associate: "Assign points to planes",
-  solve: "Joint solve",
+  solve: "Joint solve, in rounds",
   observability: "What is determined, and how well",
-  deskew: "Take the motion out",
+  deskew: "Take the motion out, measure the walls",
   write: "Write the result",
 };
-
-function useNow(everyMs: number, active: boolean): number {
-  const [now, setNow] = useState(() => Date.now());
-  useEffect(() => {
-    if (!active) return;
-    const timer = window.setInterval(() => setNow(Date.now()), everyMs);
-    return () => window.clearInterval(timer);
-  }, [everyMs, active]);
-  return now;
-}
 
 interface JobProgressProps {
   run: RunLog;
@@ -46,10 +36,11 @@ export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
   const began = startedAt === null || startedAt === undefined ? null : Date.parse(startedAt);
   const ended = run.job?.ended_at;
   const elapsedS = began === null ? 0 : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
-  const fraction = wholeFraction(run.stages, expected);
+  const stages = stagesShown(run);
+  const fraction = wholeFraction(stages, expected);
   const left = running ? secondsLeft(fraction, elapsedS) : null;
-  const active = run.stages.at(-1);
-  const names = [...new Set([...expected, ...run.stages.map((stage) => stage.stage)])];
+  const active = stages.at(-1);
+  const names = [...new Set([...(running ? expected : []), ...stages.map((stage) => stage.stage)])];
   const percent = Math.round(fraction * 100);
   return (
     <div className={css.progress}>
@@ -82,7 +73,7 @@ export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
       {cancel.isError && <Fault error={cancel.error} />}
       <ol className={css.stages}>
         {names.map((name) => {
-          const seen = run.stages.find((stage) => stage.stage === name);
+          const seen = stages.find((stage) => stage.stage === name);
           const state = seen === undefined ? "waiting" : seen.fraction >= 1 || seen !== active ? "done" : running ? "active" : "done";
           return (
             <li key={name} data-state={state}>
@@ -99,7 +90,7 @@ export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
         })}
       </ol>
       <p className={css.stageText} aria-live="polite">
-        {running ? (active?.text ?? "") : ""}
+        {running ? (active?.text ?? "Starting") : ""}
       </p>
     </div>
   );

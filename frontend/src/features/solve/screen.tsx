@@ -31,10 +31,11 @@ export function SolveScreen() {
   const run = useJobStream(jobId);
   const job = run.job;
   const ended = job !== null && isFinal(job);
+  const hasEstimate = run.iterations.length > 0;
 
   useEffect(() => {
     changeView({ mode: "solve", job_id: jobId, nudge: null });
-  }, [changeView, jobId]);
+  }, [changeView, jobId, hasEstimate, ended]);
 
   const follow = (made: Job) => setQuery({ job: made.id });
   const solve = () => start.mutate({ kind: "solve" }, { onSuccess: follow });
@@ -94,6 +95,7 @@ export function SolveScreen() {
       </Section>
       <Section title="Cost">
         <CostPlot iterations={run.iterations} />
+        <p className="dim small">Each round takes in more points, so the cost may step up between rounds.</p>
       </Section>
       <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
         {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} colors={colors} />}

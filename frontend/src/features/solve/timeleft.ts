@@ -1,4 +1,4 @@
-import type { StageProgress } from "../../api/jobstream";
+import type { RunLog, StageProgress } from "../../api/jobstream";
 
 type Stage = StageProgress["stage"];
 
@@ -10,13 +10,26 @@ const weights: Record<Stage, number> = {
   track: 2,
   initialise: 2,
   associate: 1,
-  solve: 6,
+  solve: 10,
   observability: 1,
   deskew: 1,
   write: 0.3,
 };
 
-export const stagesOfSolve: readonly Stage[] = ["read", "planes", "track", "initialise", "associate", "solve", "observability"];
+export const stagesOfSolve: readonly Stage[] = ["initialise", "track", "solve"];
+
+/** The stages as a person counts them: assigning points and solving take turns, in rounds nobody knows the number of. */
+export function stagesShown(run: RunLog): StageProgress[] {
+  const stages = run.stages.filter((stage) => stage.stage !== "associate");
+  if (run.rounds === 0) return stages;
+  const assigning = run.stages.find((stage) => stage.stage === "associate");
+  const later = stages.filter((stage) => stage.stage === "deskew" || stage.stage === "write" || stage.stage === "observability");
+  return [
+    ...stages.filter((stage) => stage.stage !== "solve" && !later.includes(stage)),
+    { stage: "solve", fraction: later.length > 0 ? 1 : 1 - 0.75 ** run.rounds, text: assigning?.text ?? "" },
+    ...later,
+  ];
+}
 
 /** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
 export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {

@@ -32,16 +32,16 @@ function hit(x: number, y: number, angle: number): [number, number] | null {
 function points(smeared: boolean): string {
   const noise = random(7);
   let path = "";
-  for (let scan = 0; scan < 7; scan += 1) {
-    const turn = Math.sin(scan * 1.9) * 0.2;
-    const slide = Math.cos(scan * 2.3) * 15;
+  for (let scan = 0; scan < 9; scan += 1) {
+    const turn = Math.sin(scan * 1.9) * 0.3;
+    const slide = Math.cos(scan * 2.3) * 26;
     for (let i = 0; i < 150; i += 1) {
       const part = i / 150;
       const wall = hit(250, 135, part * 2 * Math.PI + noise() * 0.04);
       if (wall === null) continue;
       const yaw = smeared ? turn * (part - 0.5) : 0;
       const [dx, dy] = [wall[0] - 250, wall[1] - 135];
-      const x = 250 + dx * Math.cos(yaw) - dy * Math.sin(yaw) + (smeared ? slide * (part - 0.5) : 0) + (noise() - 0.5) * 2.2;
+      const x = 250 + dx * Math.cos(yaw) - dy * Math.sin(yaw) + (smeared ? slide * (part - 0.5) : 0) + (noise() - 0.5) * 2;
       const y = 135 + dx * Math.sin(yaw) + dy * Math.cos(yaw) + (noise() - 0.5) * 2.2;
       path += `M${x.toFixed(1)} ${y.toFixed(1)}h0`;
     }

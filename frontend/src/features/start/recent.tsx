@@ -3,6 +3,7 @@ import { useQuery } from "@tanstack/react-query";
 import { Link } from "react-router";
 import type { Recording } from "../../api/client";
 import { recordingsQuery, useDeleteRecording } from "../../api/queries";
+import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
 import { Icon, LevelIcon, type Tone } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
@@ -35,6 +36,7 @@ export function RecentRecordings({ onOpen }: { onOpen: (id: string) => void }) {
 
 function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string) => void }) {
   const remove = useDeleteRecording();
+  const now = useNow(30_000);
   const standing = standingOf(recording);
   return (
     <li className={css.row}>
@@ -46,7 +48,7 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <span>·</span>
           <span className="num nowrap">{bytes(recording.size_bytes)}</span>
           <span>·</span>
-          <span className="nowrap">{ago(Date.parse(recording.created_at), Date.now())}</span>
+          <span className="nowrap">{ago(Date.parse(recording.created_at), now)}</span>
         </span>
       </Link>
       <Menu position="bottom-end">

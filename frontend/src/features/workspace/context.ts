@@ -1,12 +1,13 @@
 import { useOutletContext } from "react-router";
-import type { Planes, Recording, Run } from "../../api/client";
+import type { Job, Planes, Recording, Run } from "../../api/client";
 
 /** What every screen of a recording is given by the layout around it. */
 export interface Workspace {
   recording: Recording;
   /** Undefined until planes have been proposed. */
   planes: Planes | undefined;
-  planesPending: boolean;
+  /** All jobs, newest first; undefined while they are fetched. */
+  jobs: readonly Job[] | undefined;
   runs: readonly Run[];
 }
 

@@ -3,7 +3,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { Link, Outlet, useLocation, useParams } from "react-router";
 import { useRecordingFeed } from "../../api/feed";
-import { planesQuery, recordingQuery, runsQuery } from "../../api/queries";
+import { jobsQuery, planesQuery, recordingQuery, runsQuery } from "../../api/queries";
 import { Fault, StateBox } from "../../ui/notice";
 import { Shell } from "../../ui/shell";
 import type { StepName } from "../../ui/stepper";
@@ -22,7 +22,10 @@ export function WorkspaceLayout() {
   const current = stepNames.find((name) => pathname.endsWith(`/${name}`)) ?? null;
   const recording = useQuery(recordingQuery(recordingId));
   const ready = recording.data?.state === "ready";
-  const planes = useQuery({ ...planesQuery(recordingId), enabled: ready });
+  const jobs = useQuery({ ...jobsQuery(recordingId), enabled: ready });
+  // Before they have been looked for there are none to ask for.
+  const proposed = jobs.data?.some((job) => job.kind === "planes" && job.state === "done") === true;
+  const planes = useQuery({ ...planesQuery(recordingId), enabled: proposed });
   const runs = useQuery({ ...runsQuery(recordingId), enabled: ready });
   useRecordingFeed(recordingId);
 
@@ -57,7 +60,7 @@ export function WorkspaceLayout() {
               {
                 recording: recording.data,
                 planes: planes.data,
-                planesPending: ready && planes.isPending,
+                jobs: jobs.data,
                 runs: runs.data?.runs ?? [],
               } satisfies Workspace
             }

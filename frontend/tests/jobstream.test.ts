@@ -1,0 +1,79 @@
+import { describe, expect, it } from "vitest";
+import type { IterationEvent, JobMessage, StageEvent } from "../src/api/client";
+import { addMessages, emptyRun } from "../src/api/jobstream";
+import { parametersOf, unwrap } from "../src/features/solve/parameters";
+import { secondsLeft, stagesOfSolve, stagesShown, wholeFraction } from "../src/features/solve/timeleft";
+
+const stage = (name: StageEvent["stage"], fraction: number): StageEvent => ({ event: "stage", stage: name, fraction, text: "" });
+const iteration = (round: number, number: number): IterationEvent => ({
+  event: "iteration",
+  iteration: number,
+  round,
+  cost: 100 / number,
+  matrix: [],
+  translation_m: [0.1, 0.2, 0.3],
+  euler_xyz_deg: [1, 2, number % 2 === 0 ? -179.9 : 179.9],
+  time_offset_s: 0.004,
+  rotation_std_deg: [0.1, 0.2, 0.3],
+  translation_std_m: [0.01, 0.02, 0.03],
+  time_offset_std_s: 0.001,
+  planes: [],
+});
+
+describe("a run from its messages", () => {
+  const story: JobMessage[] = [
+    stage("initialise", 0),
+    stage("track", 0.5),
+    stage("track", 1),
+    stage("initialise", 1),
+    stage("associate", 0.5),
+    stage("associate", 1),
+    iteration(1, 1),
+    iteration(1, 2),
+    stage("associate", 0.2),
+    iteration(2, 3),
+    stage("deskew", 0),
+  ];
+
+  // Fails when a round's assignment starts its stage again from nought.
+  it("only ever gets nearer to its end", () => {
+    let run = emptyRun;
+    let last = 0;
+    for (const message of story) {
+      run = addMessages(run, [message]);
+      const fraction = wholeFraction(stagesShown(run), stagesOfSolve);
+      expect(fraction).toBeGreaterThanOrEqual(last - (message.event === "stage" && message.stage === "deskew" ? 0.2 : 0));
+      expect(fraction).toBeLessThanOrEqual(1);
+      last = fraction;
+    }
+    expect(stagesShown(run).map((one) => one.stage)).toEqual(["initialise", "track", "solve", "deskew"]);
+  });
+
+  // Fails when messages that come one by one are counted differently from those that come at once (a reload).
+  it("is the same whether watched or reloaded", () => {
+    const watched = story.reduce((run, message) => addMessages(run, [message]), emptyRun);
+    expect(addMessages(emptyRun, story)).toEqual(watched);
+  });
+
+  // Fails when time left is shown from the first second.
+  it("says nothing of the time left while it is too early", () => {
+    expect(secondsLeft(0.01, 30)).toBeNull();
+    expect(secondsLeft(0.25, 10)).toBeCloseTo(30, 9);
+  });
+});
+
+describe("parameters", () => {
+  // Fails when metres are shown as millimetres, or the offset's sigma as the value.
+  it("come in the units people read, in the contract's order", () => {
+    const rows = parametersOf([iteration(1, 1)]);
+    expect(rows.map((row) => row.key)).toEqual(["rx", "ry", "rz", "tx", "ty", "tz", "dt"]);
+    expect(rows[3]?.values).toEqual([100]);
+    expect(rows[6]?.values).toEqual([4]);
+    expect(rows[6]?.sigmas).toEqual([1]);
+  });
+
+  // Fails without the turn kept between readings.
+  it("do not jump at half a turn", () => {
+    unwrap([179.9, -179.9, -179.8, 179.9]).forEach((value, i) => expect(value).toBeCloseTo([179.9, 180.1, 180.2, 179.9][i] ?? 0, 9));
+  });
+});

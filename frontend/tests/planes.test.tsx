@@ -1,0 +1,72 @@
+import { MantineProvider } from "@mantine/core";
+import { render, screen } from "@testing-library/react";
+import userEvent from "@testing-library/user-event";
+import { describe, expect, it, vi } from "vitest";
+import type { Operation, Patch, Planes } from "../src/api/client";
+import { PatchList } from "../src/features/planes/list";
+import { mergeCandidates } from "../src/features/planes/similar";
+
+const patch = (index: number, normal: number[], offset_m: number, confirmed = true): Patch => ({
+  index,
+  name: `plane ${index + 1}`,
+  normal,
+  offset_m,
+  area_m2: 4.2,
+  n_points: 1200,
+  rms_m: 0.0123,
+  tilt_deg: 65,
+  confirmed,
+  color: "#0072b2",
+});
+
+const planes: Planes = {
+  patches: [patch(0, [1, 0, 0], 2), patch(1, [-1, 0, 0], -2.1), patch(2, [1, 0, 0], 5), patch(3, [0, 1, 0], 2, false)],
+  determinacy: { ok: true, text: "", smallest_eigenvalue: 0.3 },
+  static: true,
+  can_undo: false,
+  can_redo: false,
+  revision: 1,
+};
+
+function show() {
+  const apply = vi.fn<(operation: Operation) => void>();
+  render(
+    <MantineProvider>
+      <PatchList planes={planes} apply={apply} />
+    </MantineProvider>,
+  );
+  return { apply, user: userEvent.setup() };
+}
+
+describe("the list of planes", () => {
+  // Fails when a dropped plane is drawn as confirmed, or the wrong row's index is sent.
+  it("toggles the plane whose box is clicked", async () => {
+    const { apply, user } = show();
+    const box = screen.getByRole<HTMLInputElement>("checkbox", { name: "Use plane 4" });
+    expect(box.checked).toBe(false);
+    await user.click(box);
+    expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "toggle", index: 3 });
+  });
+
+  // Fails when leaving the field with Escape renames all the same.
+  it("renames by double click, and not on Escape", async () => {
+    const { apply, user } = show();
+    await user.dblClick(screen.getByText("plane 3"));
+    expect(screen.getByRole("textbox", { name: "New name" })).toBe(document.activeElement);
+    await user.keyboard("wall A{Enter}");
+    expect(apply).toHaveBeenLastCalledWith({ op: "rename", index: 2, name: "wall A" });
+    apply.mockClear();
+    await user.dblClick(screen.getByText("plane 1"));
+    await user.keyboard("floor{Escape}");
+    expect(apply).not.toHaveBeenCalled();
+  });
+});
+
+describe("candidates for a merge", () => {
+  // Fails when a plane with the opposite normal counts as another one.
+  it("are those at the same place, whichever way their normals point", () => {
+    const [first] = planes.patches;
+    if (first === undefined) throw new Error("no patch");
+    expect(mergeCandidates(first, planes.patches).map((one) => one.index)).toEqual([1]);
+  });
+});

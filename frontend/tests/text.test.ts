@@ -1,0 +1,71 @@
+import { describe, expect, it } from "vitest";
+import { fixOf } from "../src/features/recording/fixes";
+import { dragged, moved } from "../src/features/recording/span";
+import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
+import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
+import { bytes, fixed, withSigma } from "../src/ui/format";
+
+describe("numbers for people", () => {
+  // Fails when decimals are counted from the value instead of from the standard deviation.
+  it("gives a value the decimals its standard deviation deserves", () => {
+    expect(withSigma(103.7261, 0.632)).toEqual({ value: "103.73", sigma: "0.63" });
+    expect(withSigma(103.7261, 17)).toEqual({ value: "104", sigma: "17" });
+    expect(withSigma(-0.00001, 0.3)).toEqual({ value: "0.00", sigma: "0.30" });
+  });
+
+  // Fails when the unit is chosen before rounding.
+  it("never shows 1000 of a unit", () => {
+    expect(bytes(999_900)).toBe("1.0\u202fMB");
+    expect(bytes(127_600_000)).toBe("128\u202fMB");
+    expect(fixed(-1.5, 1)).toBe("−1.5");
+  });
+});
+
+describe("fixes", () => {
+  // Fails when only the first option of an override is read, or when an unknown one is sent on.
+  it("turns an override into the change it stands for, or into nothing", () => {
+    expect(fixOf("--point-time-field t --point-time-unit ns")).toEqual({ point_time_field: "t", point_time_unit: "ns" });
+    expect(fixOf("--synthesise-point-time")).toEqual({ synthesise_point_time: true });
+    expect(fixOf("--range-max-m 60")).toEqual({ range_max_m: 60 });
+    expect(fixOf("--imu-noise vn100")).toBeNull();
+    expect(fixOf("--stamps")).toBeNull();
+    expect(fixOf("")).toBeNull();
+  });
+});
+
+describe("the span", () => {
+  // Fails when a drag to the left keeps its first point as the start.
+  it("does not depend on the drag's direction and never gets too short", () => {
+    expect(dragged(8, 3, 20)).toEqual({ startS: 3, endS: 8 });
+    expect(dragged(19.8, 20, 20)).toEqual({ startS: 19, endS: 20 });
+    expect(moved({ startS: 3, endS: 8 }, "start", 7.9, 20)).toEqual({ startS: 7, endS: 8 });
+    expect(moved({ startS: 3, endS: 8 }, "end", 99, 20)).toEqual({ startS: 3, endS: 20 });
+  });
+});
+
+describe("nudges", () => {
+  // Fails when the clock's step is taken in milliseconds.
+  it("survive the way through the URL, free of binary dust", () => {
+    const clock = nudgeAxes.find((axis) => axis.key === "dt_s");
+    const turn = nudgeAxes.find((axis) => axis.key === "rz_deg");
+    if (clock === undefined || turn === undefined) throw new Error("axes are missing");
+    let nudge = noNudge;
+    for (let i = 0; i < 3; i += 1) nudge = stepped(nudge, clock, -1);
+    nudge = stepped(nudge, turn, 2);
+    expect(writeNudge(nudge)).toBe("rz_deg:2,dt_s:-0.003");
+    expect(parseNudge(writeNudge(nudge))).toEqual(nudge);
+    expect(parseNudge("rz_deg:1e9,evil:3,tx_m:x")).toEqual({ ...noNudge, rz_deg: 30 });
+  });
+});
+
+describe("upload speed", () => {
+  // Fails when the average over the whole upload is shown instead of the last seconds.
+  it("is that of the last seconds", () => {
+    let samples: RateSample[] = [];
+    for (let s = 0; s <= 20; s += 1) samples = addSample(samples, { atMs: s * 1000, bytes: s < 10 ? s : 10 + (s - 10) * 1e6 });
+    const rate = rateOf(samples, 30e6);
+    expect(rate.bytesPerSecond).toBeCloseTo(1e6, -3);
+    expect(rate.secondsLeft).toBeCloseTo(20, 1);
+    expect(rateOf([], 5).bytesPerSecond).toBeNull();
+  });
+});

@@ -1,0 +1,114 @@
+"""A real server on loopback, a real Chromium, and recordings made by the simulator."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+import hatch_build
+from calib_core.simulate import simulate
+from tests.e2e.support import Api, Complaints
+
+ROOT = Path(__file__).resolve().parents[2]
+CHROMIUM = os.environ.get("UNSWEEP_CHROMIUM", "/usr/bin/chromium")
+#: WebGL in software, named outright so that it is the same on every machine.
+GRAPHICS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+LONGEST_WAIT_MS = 20_000
+
+
+@pytest.fixture(scope="session")
+def folder() -> Iterator[Path]:
+    """Where this run's files live."""
+    with tempfile.TemporaryDirectory(prefix="unsweep-e2e-") as name:
+        yield Path(name)
+
+
+@pytest.fixture(scope="session")
+def bag(folder: Path) -> Path:
+    """Ten seconds of the paper's normal motion, the truth beside it."""
+    path = folder / "room.bag"
+    simulate("paper-normal", path, seed=3, duration_s=10.0)
+    return path
+
+
+@pytest.fixture(scope="session")
+def address(folder: Path) -> Iterator[str]:
+    """The address of a server started as a person starts it."""
+    hatch_build.build_client()
+    shared = folder / "shared"
+    shared.mkdir()
+    (shared / "notes.txt").write_text("not a recording\n")
+    command = [sys.executable, "-m", "app.cli", "serve", "--port", "0", "--data-dir", str(folder / "data")]
+    with subprocess.Popen(
+        [*command, "--recordings", str(shared)], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    ) as server:
+        assert server.stderr is not None
+        line = server.stderr.readline()
+        found = re.search(r"http://\S+?(?=/? |/?$)", line)
+        assert found is not None, f"the server did not say where it is: {line!r}"
+        yield found.group()
+        server.terminate()
+        server.communicate(timeout=20)
+
+
+@pytest.fixture(scope="session")
+def api(address: str) -> Api:
+    """The server's API."""
+    return Api(address)
+
+
+@pytest.fixture(scope="session")
+def solved(api: Api, bag: Path) -> tuple[str, str]:
+    """A recording that was uploaded, and a finished solve of it: (recording id, job id)."""
+    recording = api.upload(bag)
+    api.wait_for_planes(recording)
+    return recording, api.solve(recording)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Debian's Chromium, headless."""
+    if not Path(CHROMIUM).exists():
+        pytest.skip(f"no Chromium at {CHROMIUM}; `make test` installs it, UNSWEEP_CHROMIUM names another")
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(params=["dark"])
+def scheme(request: pytest.FixtureRequest) -> str:
+    """The colour scheme the person prefers; tests of screens ask for both."""
+    return str(request.param)
+
+
+@pytest.fixture
+def context(browser: Browser, address: str, scheme: str) -> Iterator[BrowserContext]:
+    """A browser of its own, as after a first installation."""
+    made = browser.new_context(
+        base_url=address,
+        viewport={"width": 1280, "height": 720},
+        color_scheme="dark" if scheme == "dark" else "light",
+        reduced_motion="reduce",
+        accept_downloads=True,
+    )
+    made.set_default_timeout(LONGEST_WAIT_MS)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext) -> Iterator[Page]:
+    """A page whose console must stay free of errors."""
+    opened = context.new_page()
+    complaints = Complaints(opened)
+    yield opened
+    assert complaints.texts == []

@@ -1,0 +1,143 @@
+"""What the browser tests share: the API as a script uses it, pixels of the scene, axe, screenshots."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import ConsoleMessage, Error, Locator, Page, expect
+
+ROOT = Path(__file__).resolve().parents[2]
+AXE = ROOT / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
+SCREENSHOTS = ROOT / "docs" / "screenshots"
+#: Work in a child process on a busy machine; nothing is judged by it.
+JOB_WAIT_S = 240.0
+
+
+class Complaints:
+    """Everything a page complains about on its console, and every exception nobody caught."""
+
+    def __init__(self, page: Page) -> None:
+        self.texts: list[str] = []
+        page.on("console", self._console)
+        page.on("pageerror", self._error)
+
+    def _console(self, message: ConsoleMessage) -> None:
+        if message.type == "error":
+            self.texts.append(f"{message.text} {message.location.get('url', '')}")
+
+    def _error(self, error: Error) -> None:
+        self.texts.append(str(error))
+
+
+class Api:
+    """The few requests the tests make beside the browser."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+
+    def ask(self, method: str, path: str, *, body: bytes | None = None, kind: str = "application/json"):
+        """The decoded JSON answer."""
+        request = urllib.request.Request(
+            f"{self.address}{path}", data=body, method=method, headers={"Content-Type": kind}
+        )
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return json.load(answer)
+
+    def upload(self, path: Path) -> str:
+        """The id of a recording uploaded in one request."""
+        url = f"/api/recordings/upload?name={path.name}"
+        return str(self.ask("PUT", url, body=path.read_bytes(), kind="application/octet-stream")["id"])
+
+    def planes(self, recording: str):
+        """The recording's planes."""
+        return self.ask("GET", f"/api/recordings/{recording}/planes")
+
+    def view(self, recording: str):
+        """What the scene shows."""
+        return self.ask("GET", f"/api/recordings/{recording}/view")
+
+    def wait_for_planes(self, recording: str) -> None:
+        """Wait until planes have been proposed."""
+        path = f"/api/recordings/{recording}/jobs"
+        until(lambda: any(job["kind"] == "planes" and job["state"] == "done" for job in self.ask("GET", path)))
+
+    def solve(self, recording: str) -> str:
+        """The id of a finished solve with the planes confirmed now."""
+        job = self.ask("POST", f"/api/recordings/{recording}/jobs", body=b'{"kind": "solve"}')["id"]
+        until(lambda: self.ask("GET", f"/api/jobs/{job}")["state"] not in {"queued", "running"})
+        assert self.ask("GET", f"/api/jobs/{job}")["state"] == "done"
+        return str(job)
+
+
+def until(holds: Callable[[], bool], *, wait_s: float = JOB_WAIT_S) -> None:
+    """Wait until it holds; fail where it never does."""
+    end = time.monotonic() + wait_s
+    while not holds():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.1)
+
+
+def scene(page: Page) -> Locator:
+    """The 3D canvas's frame in the page."""
+    return page.locator("iframe[title^='3D scene']")
+
+
+def coloured(page: Page) -> NDArray[np.bool_]:
+    """Which pixels of the scene are coloured, (height, width); its background and the page's chrome are grey."""
+    image = np.asarray(Image.open(io.BytesIO(scene(page).screenshot())).convert("RGB"), dtype=np.int16)
+    return (image.max(axis=2) - image.min(axis=2)) > 60
+
+
+def wait_for_cloud(page: Page) -> NDArray[np.bool_]:
+    """The coloured pixels, once a cloud is drawn: at least half a percent of the scene."""
+    until(lambda: float(coloured(page).mean()) > 0.005, wait_s=60.0)
+    return coloured(page)
+
+
+def dense_spots(mask: NDArray[np.bool_], *, size: int = 24) -> list[tuple[float, float]]:
+    """Centres (x, y) of square tiles that are mostly coloured, fullest first."""
+    rows, columns = mask.shape[0] // size, mask.shape[1] // size
+    fill = mask[: rows * size, : columns * size].reshape(rows, size, columns, size).mean(axis=(1, 3))
+    order = np.argsort(-fill, axis=None, kind="stable")
+    places = np.stack(np.unravel_index(order, fill.shape), axis=1)
+    return [((column + 0.5) * size, (row + 0.5) * size) for row, column in places.tolist() if fill[row, column] > 0.3]
+
+
+def serious_faults(page: Page) -> list[str]:
+    """What axe calls serious or critical, one line each. The 3D canvas is viser's own document and is left out."""
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found = page.evaluate("async () => (await axe.run({exclude: [['iframe']]})).violations")
+    return [
+        f"{fault['id']}: {node['html'][:160]} ({node['failureSummary'][:200]})"
+        for fault in found
+        if fault["impact"] in {"serious", "critical"}
+        for node in fault["nodes"]
+    ]
+
+
+def keep_screenshot(page: Page, name: str, scheme: str) -> None:
+    """A picture for the documentation, where the environment asks for one."""
+    if os.environ.get("UNSWEEP_SCREENSHOTS") != "1":
+        return
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    picture = Image.open(io.BytesIO(page.screenshot()))
+    # 256 colours: a fifth of the size, and no difference to the eye in an interface.
+    picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+        SCREENSHOTS / f"{name}-{scheme}.png", optimize=True
+    )
+
+
+def go_on(page: Page, name: str) -> None:
+    """Press the screen's main action once it can be pressed."""
+    button = page.get_by_role("button", name=name)
+    expect(button).to_be_enabled(timeout=JOB_WAIT_S * 1000)
+    button.click()
