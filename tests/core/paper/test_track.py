@@ -53,3 +53,6 @@ def test_a_lost_plane_is_said_to_be_lost():
     assert match_normals(CORNER, now[:2]) is None
     assert match_normals(CORNER, np.zeros((0, 3))) is None
     assert match_normals(CORNER, np.stack([now[0], now[1], -now[2]])) is None
+    far = turned([33.0, 0.0, 0.0])
+    assert match_normals(CORNER, far, max_turn_rad=0.5) is None
+    np.testing.assert_array_equal(match_normals(CORNER, far, max_turn_rad=0.6), [0, 1, 2])
