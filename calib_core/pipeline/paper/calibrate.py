@@ -7,7 +7,16 @@
     eq. 2  cost of lidar factors (7-10) and IMU factors (11)        problem.py, factors/
     III-A  first round with unit covariances, then rounds with propagated noise, balanced by eq. 14
 
-Where the paper leaves something open, initial.py and timeline.py say what is done; CONVENTIONS.md lists the departures.
+What the paper leaves open, or where its letter is left:
+
+    eq. 3     has its missing 1/2; reading and attitude are taken in mid-step, so that steps may be 1 ms
+    II-C      kernel of smoothness 5/2; scales by maximum likelihood on a grid, the same on every machine
+    II-E      P is what the first scan shows in directions 30 deg apart; a point close to two planes is given to neither
+    eq. 2     the turn of the world about the vertical is held: nothing observes it
+    lost      scans keep a state without lidar factors, so that no preintegration spans more than a scan (timeline.py)
+    III-A     the first round's unit covariances are balanced by eq. (14) as all others are; three rounds follow
+    eq. 14    covariances get a floor of a hundredth of their mean: a window of few readings may be fitted without noise
+    start     lever arm zero, biases zero, time shift and rotation from both sensors' turning (initial.py)
 """
 
 from __future__ import annotations
