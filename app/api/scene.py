@@ -61,6 +61,7 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
         await browser.close(TRY_AGAIN)
         return
     await browser.accept(subprotocol=upstream.subprotocol)
+    services.scenes.watcher_came(recording_id, +1)
     tasks = [asyncio.create_task(_downward(upstream, browser)), asyncio.create_task(_upward(browser, upstream))]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -68,6 +69,7 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        services.scenes.watcher_came(recording_id, -1)
         await upstream.close()
 
 

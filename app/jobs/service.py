@@ -243,17 +243,22 @@ class JobService:
         running = self._launcher.launch(self._make_order(record))
         with self._lock:
             self._running[record.id] = running
-            stop_now = self._closing
-        if stop_now:
-            running.terminate()
-        elif self.get(record.id).state == "cancelling":  # asked while the process was being started
-            self._ask_to_stop(record.id)
         ending: Parcel | None = None
-        for parcel in running.parcels():
-            if isinstance(parcel, Happened):
-                self._note(record, parcel)
-            else:
-                ending = parcel
+        try:
+            if self._closing:
+                running.terminate()
+            elif self.get(record.id).state == "cancelling":  # asked while the process was being started
+                self._ask_to_stop(record.id)
+            for parcel in running.parcels():
+                if isinstance(parcel, Happened):
+                    self._note(record, parcel)
+                else:
+                    ending = parcel
+        except BaseException:  # no process may outlive its supervisor
+            running.terminate()
+            for _ in running.parcels():
+                pass
+            raise
         return ending
 
     def _note(self, record: JobRecord, parcel: Happened) -> None:

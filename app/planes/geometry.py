@@ -20,6 +20,8 @@ LEAST_EIGENVALUE = 0.05
 #: How thick a slab around a grown plane is: so many of its standard deviations, and never less than this.
 SLAB_STDS = 3.0
 SLAB_LEAST_M = 0.03
+#: Points this far outside an outline still count: the corners are points themselves, in float32.
+EDGE_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +103,7 @@ def within_patch(points_m: Float32Array, patch: EditedPatch) -> BoolArray:
         outward = np.cross(b - a, normal)
         if outward @ (centre - a) > 0:
             outward = -outward
-        kept &= (chosen - a) @ outward <= 1e-9
+        kept &= (chosen - a) @ outward <= EDGE_M * np.linalg.norm(outward)
     inside[candidates] = kept
     return inside
 

@@ -59,11 +59,6 @@ class ShownScene:
         """Where the server listens, on loopback."""
         return self._server.get_port()
 
-    @property
-    def watchers(self) -> int:
-        """Browsers connected now."""
-        return len(self._server.get_clients())
-
     def show(self, content: Content, *, dark: bool) -> None:
         """Make the scene be the content."""
         if dark != self._dark:

@@ -32,10 +32,11 @@ SWEEP_INTERVAL_S = 15.0
 
 @dataclass
 class OpenScene:
-    """A recording's viser server and when it was last of use."""
+    """A recording's viser server, when it was last of use, and how many browsers are connected to it."""
 
     shown: ShownScene
     used_at_s: float
+    watchers: int = 0
     pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
 
 
@@ -105,7 +106,7 @@ class SceneHub:
             if scene is None or now_s - self._live_at_s.get(recording_id, 0.0) < LIVE_INTERVAL_S:
                 return
             self._live_at_s[recording_id] = now_s
-        if scene.shown.watchers > 0 and self._state(recording_id).mode == "solve":
+        if scene.watchers > 0 and self._state(recording_id).mode == "solve":
             self.refresh(recording_id)
 
     def port(self, recording_id: str) -> int:
@@ -120,6 +121,19 @@ class SceneHub:
                 self._show(recording_id, self._compose(record))
             scene.used_at_s = time.monotonic()
             return scene.shown.port
+
+    def watcher_came(self, recording_id: str, change: int) -> None:
+        """A browser connected to the scene (+1) or left it (-1)."""
+        with self._lock:
+            scene = self._open.get(recording_id)
+            if scene is not None:
+                scene.watchers = max(0, scene.watchers + change)
+                scene.used_at_s = time.monotonic()
+
+    def watchers(self, recording_id: str) -> int:
+        """Browsers connected to the recording's scene now."""
+        scene = self._open.get(recording_id)
+        return 0 if scene is None else scene.watchers
 
     def export_html(self, recording_id: str) -> str:
         """The scene as one self-contained page to share."""
@@ -144,7 +158,7 @@ class SceneHub:
         """Stop the scenes that nobody has looked at for the time allowed."""
         with self._lock:
             for recording_id, scene in list(self._open.items()):
-                if scene.shown.watchers > 0:
+                if scene.watchers > 0:
                     scene.used_at_s = now_s
                 elif now_s - scene.used_at_s > self._settings.scene_idle_s:
                     self.close_scene(recording_id)
@@ -201,7 +215,7 @@ class SceneHub:
 
     def _make_room(self) -> None:
         while len(self._open) >= self._settings.max_scenes:
-            idle = [name for name, scene in self._open.items() if scene.shown.watchers == 0] or list(self._open)
+            idle = [name for name, scene in self._open.items() if scene.watchers == 0] or list(self._open)
             self.close_scene(min(idle, key=lambda name: self._open[name].used_at_s))
 
     def _sweep(self) -> None:

@@ -1,9 +1,10 @@
 """Job functions for tests of the machinery: quick, and told by the recording's name how to behave.
 
-    slow...      works until it is asked to stop        stubborn...  works and never looks
-    crash...     its process dies                       defect...    raises what nobody expects
-    broken...    refuses the input                      anything else: succeeds, with the world of world.py
-    Planes are proposed for room... only.
+- slow: works until it is asked to stop; stubborn: works and never looks
+- crash: its process dies; defect: raises what nobody expects; broken: refuses the input
+- refused: ends without an answer; anything else succeeds, with the world of world.py
+
+Planes are proposed for `room` only.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import numpy as np
 
 from calib_core.result import (
     CalibrationResult,
+    Message,
     Observability,
     PlaneQuality,
     Provenance,
@@ -180,7 +181,7 @@ def make_result(status="calibrated", name="room.bag"):
     )
     return CalibrationResult(
         status=status,
-        messages=[] if answered else [{"code": "motion.none", "level": "error", "text": "Nothing moves; record motion."}],
+        messages=[] if answered else [Message(code="motion.none", level="error", text="Nothing moves; record motion.")],
         T_imu_lidar=transform if answered else None,
         time_offset_s=0.004 if answered else None,
         time_offset_ns=4_000_000 if answered else None,

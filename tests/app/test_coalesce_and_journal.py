@@ -1,0 +1,89 @@
+"""Fewer messages without losing any that matters, and a list that threads fill and coroutines follow."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.jobs.coalesce import Coalescer
+from app.jobs.journal import Journal
+from calib_core.events import LogEvent, StageEvent
+
+STAGES = ("read", "planes", "solve")
+
+
+def stage(name, number):
+    return StageEvent(stage=name, fraction=number / 1000, text=str(number))
+
+
+def log(number):
+    return LogEvent(level="info", code="test", text=str(number))
+
+
+@given(st.lists(st.tuples(st.sampled_from((*STAGES, "log")), st.integers(0, 60)), max_size=60))
+def test_order_is_kept_logs_are_all_there_and_each_burst_ends_with_its_last(story):
+    """Oracle: the list of what was told. Mutation: no flush before a log line swaps it with older progress."""
+    clock = {"ms": 0}
+    sent = []
+    coalesce = Coalescer(sent.append, clock=lambda: clock["ms"] / 1000, interval_s=0.05)
+    told = []
+    for number, (kind, wait_ms) in enumerate(story):
+        clock["ms"] += wait_ms
+        told.append(log(number) if kind == "log" else stage(kind, number))
+        coalesce(told[-1])
+    coalesce.flush()
+    places = [told.index(event) for event in sent]
+    assert places == sorted(set(places))
+    for place, event in enumerate(told):
+        followed = place + 1 < len(told) and isinstance(told[place + 1], StageEvent) and isinstance(event, StageEvent)
+        if isinstance(event, LogEvent) or not followed or told[place + 1].stage != event.stage:
+            assert event in sent
+
+
+def test_a_burst_within_the_interval_becomes_two_messages():
+    """Mutation: comparing with `<=` 0 instead of the interval sends all hundred."""
+    sent = []
+    coalesce = Coalescer(sent.append, clock=lambda: 1.0, interval_s=0.05)
+    for number in range(100):
+        coalesce(stage("solve", number))
+    coalesce.flush()
+    assert [event.text for event in sent] == ["0", "99"]
+
+
+def test_followers_get_everything_once_from_where_they_ask():
+    """Oracle: the appended numbers. Mutation: clearing the event after reading loses what came between."""
+
+    async def follow(journal, start):
+        return [entry async for _, entry in journal.follow(start)]
+
+    async def scene():
+        journal = Journal()
+        journal.append(0)
+        followers = [asyncio.create_task(follow(journal, start)) for start in (0, 1, 5)]
+        await asyncio.sleep(0)
+
+        def fill():
+            for number in range(1, 500):
+                journal.append(number)
+            journal.close()
+
+        thread = threading.Thread(target=fill)
+        thread.start()
+        found = await asyncio.gather(*followers)
+        thread.join()
+        return found
+
+    assert asyncio.run(scene()) == [list(range(500)), list(range(1, 500)), list(range(5, 500))]
+
+
+def test_a_limited_journal_keeps_numbers_while_it_forgets():
+    """Mutation: numbering from 0 of what is kept sends a returning browser the wrong message."""
+    journal = Journal(limit=3)
+    for number in range(10):
+        assert journal.append(number * 11) == number
+    assert (journal.oldest, journal.end) == (7, 10)
+    assert journal.since(8) == ([(8, 88), (9, 99)], False)
+    assert journal.since(0)[0][0] == (7, 77)

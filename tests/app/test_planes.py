@@ -1,0 +1,177 @@
+"""Plane editing: geometry, operations, history. The room of world.py is the oracle: its walls are exact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.errors import BadRequest
+from app.planes.geometry import convex_hull, fit_plane, labels, spread_of_directions, within_patch
+from app.planes.operations import apply, free_name
+from app.planes.state import PlaneHistory, PlaneSet, suggested
+from app.planes.wire import determinacy
+from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Toggle, UseSuggestion
+from calib_core.types import Plane, PlanePatch
+from tests.app.support import world
+
+PROPOSALS = world.make_proposals()
+START = suggested(PROPOSALS)
+
+
+def edit(planes, operation, grow=lambda *_: None):
+    return apply(planes, operation, proposals=PROPOSALS, grow=grow)
+
+
+def test_confirm_drop_toggle_and_rename_change_one_patch_only():
+    """Mutation: _replaced with the wrong slice moves or loses a neighbour."""
+    after = edit(START, Drop(op="drop", index=2))
+    assert [p.confirmed for p in after.patches] == [True, True, False, True, True, False]
+    assert edit(after, Confirm(op="confirm", index=2)) == START
+    assert edit(edit(START, Toggle(op="toggle", index=5)), Toggle(op="toggle", index=5)) == START
+    named = edit(START, Rename(op="rename", index=1, name="  roof "))
+    assert [p.name for p in named.patches] == ["floor", "roof", "east", "west", "north", "south"]
+
+
+@pytest.mark.parametrize(
+    "operation",
+    [
+        Drop(op="drop", index=6),
+        Rename(op="rename", index=0, name="east"),
+        Rename(op="rename", index=0, name=" "),
+        Merge(op="merge", indices=[1, 1]),
+        Merge(op="merge", indices=[0, 2]),
+        Grow(op="grow", seed_m=[1, 1, 0]),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(operation):
+    """Mutation: dropping the rms check merges floor and east wall into one plane."""
+    with pytest.raises(BadRequest) as refused:
+        edit(START, operation)
+    assert str(refused.value).endswith(".")
+
+
+def test_merging_two_halves_of_a_wall_gives_the_wall_back():
+    """Oracle: the wall that was cut. Mutation: fitting the first part's points only shrinks area and count."""
+    half = PROPOSALS.cloud_m[:, 0] > 0
+    split = np.where((PROPOSALS.cloud_patch == 0) & half, 5, PROPOSALS.cloud_patch).astype(np.int16)
+    proposals = type(PROPOSALS)(
+        PROPOSALS.patches, PROPOSALS.cloud_m, split, PROPOSALS.cloud_intensity, PROPOSALS.reference_scans, static=True
+    )
+    proposals.cloud_patch[PROPOSALS.cloud_patch == 5] = -1
+    merged = apply(suggested(proposals), Merge(op="merge", indices=[0, 5]), proposals=proposals, grow=lambda *_: None)
+    whole = merged.patches[0]
+    assert len(merged.patches) == 5
+    assert (whole.name, whole.members) == ("floor", (0, 5))
+    assert whole.n_points == int((PROPOSALS.cloud_patch == 0).sum())
+    np.testing.assert_allclose(np.abs(whole.normal), [0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose([whole.offset_m, whole.rms_m], [2.0, 0.0], atol=1e-5)
+    assert whole.area_m2 == pytest.approx(4 * 3.8 * 2.85, rel=0.05)
+    np.testing.assert_array_equal(labels(proposals, merged) == 0, PROPOSALS.cloud_patch == 0)
+
+
+def test_a_grown_patch_takes_free_points_inside_it_and_a_free_name():
+    """Mutation: not restricting labels to unowned points steals the floor's."""
+    plane = Plane("floor", np.array([0.0, 0.0, 1.0]), 0.0)
+    outline = np.array([(0.5, 0.5, 0.0), (1.5, 0.5, 0.0), (1.5, 1.5, 0.0), (0.5, 1.5, 0.0)])
+    found = PlanePatch(plane, outline, 40, 0.01, 1.0)
+    after = edit(START, Grow(op="grow", seed_m=[1, 1, 0]), grow=lambda *_: found)
+    grown = after.patches[-1]
+    assert (grown.name, grown.confirmed, grown.color) == ("floor 2", True, 6)
+    owner = labels(PROPOSALS, after)
+    cloud = PROPOSALS.cloud_m
+    expected = (np.abs(cloud[:, 2]) <= 0.03) & (np.abs(cloud[:, :2] - 1.0) <= 0.5).all(axis=1)
+    np.testing.assert_array_equal(owner == 6, expected & (PROPOSALS.cloud_patch == -1))
+    assert (owner == 6).sum() > 5
+
+
+def test_use_suggestion_forgets_every_edit():
+    """Mutation: returning the set unchanged."""
+    edited = edit(edit(START, Drop(op="drop", index=0)), Rename(op="rename", index=1, name="x"))
+    assert edit(edited, UseSuggestion(op="use-suggestion")) == START
+
+
+@given(st.lists(st.sampled_from(["edit", "undo", "redo"]), max_size=40))
+def test_history_behaves_like_two_stacks(story):
+    """Oracle: two plain lists. Mutation: push() keeping what was undone lets redo bring back a stale set."""
+    history = PlaneHistory(cache_key="k", revision=0, steps=(PlaneSet(patches=()),), cursor=0)
+    done, undone, number = [0], [], 0
+    for step in story:
+        before = history.revision
+        if step == "edit":
+            number += 1
+            patch = START.patches[0].model_copy(update={"n_points": number})
+            history = history.push(PlaneSet(patches=(patch,)))
+            done.append(number)
+            undone.clear()
+        elif step == "undo" and history.can_undo:
+            history = history.moved(-1)
+            undone.append(done.pop())
+        elif step == "redo" and history.can_redo:
+            history = history.moved(+1)
+            done.append(undone.pop())
+        else:
+            continue
+        assert history.revision == before + 1
+        assert (history.can_undo, history.can_redo) == (len(done) > 1, bool(undone))
+        shown = history.current.patches[0].n_points if history.current.patches else 0
+        assert shown == done[-1]
+
+
+@given(st.integers(0, 10_000), st.integers(3, 40))
+def test_every_point_is_inside_its_convex_hull_and_corners_turn_left(seed, count):
+    """Law. Mutation: `>= 0` in the chain's test turns the hull inside out."""
+    points = np.random.default_rng(seed).normal(size=(count, 2))
+    hull = convex_hull(points)
+    for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
+        side = (b[0] - a[0]) * (points[:, 1] - a[1]) - (b[1] - a[1]) * (points[:, 0] - a[0])
+        assert side.min() > -2e-3  # corners are rounded to a tenth of a millimetre
+
+
+def test_fit_plane_recovers_a_known_plane_and_refuses_a_line():
+    """Oracle: the plane the points were made on. Mutation: taking the largest eigenvector."""
+    rng = np.random.default_rng(3)
+    n = np.array([2.0, -1.0, 2.0]) / 3.0
+    u, v = np.array([1.0, 2.0, 0.0]) / np.sqrt(5), np.cross(n, np.array([1.0, 2.0, 0.0]) / np.sqrt(5))
+    points = (
+        rng.uniform(-1, 1, (500, 1)) * u
+        + rng.uniform(-2, 2, (500, 1)) * v
+        - 1.5 * n
+        + rng.normal(0, 0.01, (500, 1)) * n
+    )
+    fitted = fit_plane(points.astype(np.float32))
+    np.testing.assert_allclose(fitted.normal, n, atol=3e-3)
+    assert fitted.offset_m == pytest.approx(1.5, abs=2e-3)
+    assert fitted.rms_m == pytest.approx(0.01, rel=0.15)  # 500 normal deviates: 3 % standard error
+    assert fit_plane(np.outer(np.arange(5.0), [1, 2, 3]).astype(np.float32)) is None
+    assert fit_plane(points[:2].astype(np.float32)) is None
+
+
+def test_within_patch_is_the_slab_inside_the_outline():
+    """Mutation: forgetting the slab takes the ceiling for the floor."""
+    floor = START.patches[0]
+    inside = within_patch(PROPOSALS.cloud_m, floor)
+    np.testing.assert_array_equal(inside, PROPOSALS.cloud_patch == 0)
+
+
+def test_determinacy_counts_directions_not_planes():
+    """Oracle: eigenvalues by hand: three orthogonal directions give 1/3; two leave 0. Mutation: no merging of parallels."""
+    everything = determinacy(START)
+    assert everything.ok
+    assert everything.smallest_eigenvalue == pytest.approx(1 / 3)
+    floor_and_ceiling = PlaneSet(patches=START.patches[:2])
+    assert determinacy(floor_and_ceiling).smallest_eigenvalue == pytest.approx(0.0)
+    no_side = determinacy(PlaneSet(patches=START.patches[:4]))
+    assert not no_side.ok
+    assert "lidar's y axis" in no_side.text
+    assert "No plane is confirmed" in determinacy(PlaneSet(patches=())).text
+    value, _ = spread_of_directions(np.array([[0, 0, 1.0], [1, 0, 0], [np.cos(0.3), 0, np.sin(0.3)], [0, 1, 0]]))
+    scatter = np.diag([1.0, 1, 1]) + np.outer([np.cos(0.3), 0, np.sin(0.3)], [np.cos(0.3), 0, np.sin(0.3)])
+    assert value == pytest.approx(np.linalg.eigvalsh(scatter)[0] / 4)
+
+
+def test_free_names():
+    """Mutation: returning the wanted name unchecked."""
+    assert free_name(["a", "a 2"], "a") == "a 3"
+    assert free_name([], "a") == "a"

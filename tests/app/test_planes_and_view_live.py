@@ -1,0 +1,199 @@
+"""Planes, view and scene over HTTP, as two browsers see them; the scene's page and websocket through our port."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+import viser
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from tests.app.support import world
+
+
+@pytest.fixture(scope="module")
+def solved(shared_live):
+    """A recording with planes and one answer: its id and the job's."""
+    recording_id = shared_live.ready()
+    job_id = shared_live.start(recording_id)
+    assert shared_live.finish(job_id)["state"] == "done"
+    return recording_id, job_id
+
+
+def edit(live, recording_id, **operation):
+    return live.http.post(f"/api/recordings/{recording_id}/planes/operations", json=operation)
+
+
+def test_operations_undo_and_redo_over_http(shared_live):
+    """Oracle: the confirmed flags. Mutation: not saving the history undoes nothing."""
+    recording_id = shared_live.ready()
+    url = f"/api/recordings/{recording_id}/planes"
+    first = shared_live.http.get(url).json()
+    assert [p["confirmed"] for p in first["patches"]] == [True] * 5 + [False]
+    assert (first["can_undo"], first["can_redo"], first["determinacy"]["ok"]) == (False, False, True)
+    assert {p["color"] for p in first["patches"]} == {
+        p["color"] for p in first["patches"] if p["color"].startswith("#")
+    }
+    after = edit(shared_live, recording_id, op="toggle", index=0, expected_revision=first["revision"]).json()
+    assert (after["patches"][0]["confirmed"], after["revision"], after["can_undo"]) == (
+        False,
+        first["revision"] + 1,
+        True,
+    )
+    stale = edit(shared_live, recording_id, op="toggle", index=0, expected_revision=first["revision"])
+    assert (stale.status_code, stale.json()["error"]["code"]) == (409, "planes.revision")
+    assert edit(shared_live, recording_id, op="undo").json()["patches"] == first["patches"]
+    assert edit(shared_live, recording_id, op="undo").json()["error"]["code"] == "planes.nothing_to_undo"
+    assert edit(shared_live, recording_id, op="redo").json()["patches"] == after["patches"]
+    assert edit(shared_live, recording_id, op="explode").status_code == 422
+    for index in range(6):
+        edit(shared_live, recording_id, op="drop", index=index)
+    refused = shared_live.http.post(f"/api/recordings/{recording_id}/jobs", json={"kind": "solve"})
+    assert refused.json()["error"]["code"] == "planes.none_confirmed"
+
+
+def test_a_click_in_the_scene_is_seen_by_the_other_browser(shared_live):
+    """Oracle: the other browser's event stream and its next reading. Mutation: on_changed not connected: no event."""
+    recording_id = shared_live.ready()
+    hub = shared_live.services.scenes
+    hub.port(recording_id)
+    before = shared_live.http.get(f"/api/recordings/{recording_id}/planes").json()
+    found = []
+    path = f"/api/recordings/{recording_id}/events"
+    watching = threading.Thread(
+        target=lambda: found.extend(
+            shared_live.events(path, until=lambda message: message["event"] == "planes-changed")
+        )
+    )
+    watching.start()
+    feed = shared_live.services.feed
+    shared_live.wait(lambda: feed._journals.get(recording_id) is not None and feed._journals[recording_id]._followers)
+    hub.click_patch(recording_id, 1)
+    watching.join(20)
+    assert found[-1][1] == {"event": "planes-changed", "revision": before["revision"] + 1}
+    after = shared_live.http.get(f"/api/recordings/{recording_id}/planes").json()
+    assert [p["confirmed"] for p in after["patches"]] == [True, False, True, True, True, False]
+    # Who comes back with an id from another life of the server is told to fetch everything.
+    resumed = shared_live.events(path, until=lambda _: True, headers={"Last-Event-ID": "deadbeef-3"})
+    assert resumed[0][1] == {"event": "resync"}
+
+
+def test_in_grow_mode_a_click_on_a_sheet_does_not_toggle(shared_live):
+    """Mutation: ignoring `click` drops the wall one wanted to grow on."""
+    recording_id = shared_live.ready()
+    shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"mode": "planes", "click": "grow"})
+    before = shared_live.http.get(f"/api/recordings/{recording_id}/planes").json()
+    shared_live.services.scenes.click_patch(recording_id, 0)
+    assert shared_live.http.get(f"/api/recordings/{recording_id}/planes").json() == before
+    away = np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, 1.0])
+    shared_live.services.scenes.port(recording_id)
+    shared_live.services.scenes.click_ray(recording_id, *away, modified=False)
+    assert shared_live.http.get(f"/api/recordings/{recording_id}/planes").json() == before
+
+
+def test_the_view_is_shared_bounded_and_kept(shared_live, solved):
+    """Mutation: replacing the whole state forgets `scan` when only the colour changes."""
+    recording_id, _ = solved
+    url = f"/api/recordings/{recording_id}/view"
+    view = shared_live.http.post(url, json={"mode": "inspect", "scan": 7}).json()
+    assert (view["n_scans"], view["scan"], view["points_shown"]) == (world.N_SCANS, 7, 1500)
+    assert view["scan_t_s"] == pytest.approx(0.7)
+    view = shared_live.http.post(url, json={"color_by": "residual", "show": "both"}).json()
+    assert (view["scan"], view["color_by"], view["points_shown"]) == (7, "residual", 3000)
+    assert shared_live.http.get(url).json() == view
+    assert shared_live.http.post(url, json={"scan": 10_000}).json()["scan"] == world.N_SCANS - 1
+    nudged = shared_live.http.post(url, json={"nudge": {"rx_deg": 2.0}}).json()
+    assert nudged["blur"]["nudged_rms_m"] > 10 * nudged["blur"]["solved_rms_m"]
+    assert shared_live.http.post(url, json={"nudge": None}).json()["blur"] is None
+    assert shared_live.http.post(url, json={"nudge": {"rx_deg": 500}}).status_code == 422
+    assert "turned fastest" in shared_live.http.post(url, json={"mode": "solve"}).json()["legend"]
+
+
+def test_results_exports_thickness_report_and_runs(shared_live, solved):
+    """Oracle: the world's answer. Mutation: comparing a run with itself hides differences."""
+    recording_id, job_id = solved
+    get = shared_live.http.get
+    result = get(f"/api/results/{job_id}").json()
+    np.testing.assert_allclose(result["T_imu_lidar"]["matrix"], world.transform_matrix())
+    assert get(f"/api/results/{job_id}/download").json() == result
+    assert len(get(f"/api/results/{job_id}/export/tum").text.splitlines()[-1].split()) == 8
+    assert get(f"/api/results/{job_id}/export/nonsense").json()["error"]["code"] == "export.unknown"
+    walls = get(f"/api/results/{job_id}/thickness").json()
+    assert walls["before_rms_m"] > 20 * walls["after_rms_m"]
+    page = get(f"/api/results/{job_id}/report")
+    assert page.headers["content-type"].startswith("text/html")
+    assert "Calibration of room.bag" in page.text
+    again = shared_live.start(recording_id)
+    shared_live.finish(again)
+    runs = get(f"/api/recordings/{recording_id}/runs").json()["runs"]
+    assert [run["job"]["id"] for run in runs] == [again, job_id]
+    assert runs[0]["from_latest"] is None
+    assert runs[1]["from_latest"] == {"rotation_deg": 0.0, "translation_m": 0.0, "time_offset_s": 0.0}
+
+
+def test_the_scenes_page_is_ours_and_never_cached(shared_live, solved):
+    """Mutation: serving viser's page unchanged shows its panel."""
+    page = shared_live.http.get(f"/scene/{solved[0]}/")
+    assert page.headers["cache-control"] == "no-cache"
+    assert "floating-panel" in page.text.split("</head>")[0][-400:]
+    assert shared_live.http.get(f"/scene/{'0' * 32}/").status_code == 404
+
+
+def scene_socket(live, recording_id, **options):
+    return connect(
+        f"ws://127.0.0.1:{live.port}/scene/{recording_id}",
+        **{
+            "origin": live.origin,
+            "subprotocols": [f"viser-v{viser.__version__}"],
+            "compression": None,
+            "max_size": None,
+            "proxy": None,
+            **options,
+        },
+    )
+
+
+def test_the_scene_reaches_the_browser_through_our_port(shared_live, solved):
+    """Oracle: as many bytes as the cloud has. Mutation: not handing the subprotocol through: closed, 1002."""
+    recording_id = solved[0]
+    shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"mode": "planes"})
+    with scene_socket(shared_live, recording_id) as browser:
+        assert browser.subprotocol == f"viser-v{viser.__version__}"
+        received = 0
+        while received < 6200 * 15 * 0.8:  # three floats and a colour each; random points do not compress
+            received += len(browser.recv(timeout=20))
+    shared_live.wait(lambda: shared_live.services.scenes.watchers(recording_id) == 0)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
+def test_a_foreign_page_cannot_open_the_scene(shared_live, solved, origin):
+    """Mutation: checking Origin on HTTP only."""
+    with (
+        pytest.raises((InvalidStatus, ConnectionClosed)),
+        scene_socket(shared_live, solved[0], origin=origin) as socket,
+    ):
+        socket.recv(timeout=5)
+
+
+def test_an_unknown_scene_is_closed_and_an_idle_one_goes_away(shared_live, solved):
+    """Oracle: the hub's own list. Mutation: not refreshing used_at_s closes scenes that are watched."""
+    with pytest.raises((InvalidStatus, ConnectionClosed)), scene_socket(shared_live, "0" * 32) as socket:
+        socket.recv(timeout=5)
+    hub = shared_live.services.scenes
+    hub.port(solved[0])
+    with scene_socket(shared_live, solved[0]):
+        shared_live.wait(lambda: hub.watchers(solved[0]) == 1)
+        hub.close_idle(1e12)
+        assert solved[0] in hub._open
+    shared_live.wait(lambda: hub.watchers(solved[0]) == 0)
+    hub.close_idle(3e12)
+    assert solved[0] not in hub._open
+
+
+def test_the_scene_can_be_shared_as_one_page(shared_live, solved):
+    """Mutation: an export without the viewer inside is a few kilobytes."""
+    page = shared_live.http.get(f"/api/recordings/{solved[0]}/scene.html")
+    assert "attachment" in page.headers["content-disposition"]
+    assert len(page.content) > 500_000

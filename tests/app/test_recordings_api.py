@@ -1,0 +1,112 @@
+"""Recordings over HTTP: the server's folder, changes, the timeline."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.recordings.timeline import make_timeline, still_windows
+from tests.app.support import world
+
+
+@pytest.fixture(scope="module")
+def folder(shared_live):
+    """The server's recordings folder with something in it."""
+    root = shared_live.settings.recordings_dir
+    (root / "day" / "ros2").mkdir(parents=True)
+    (root / "day" / "ros2" / "metadata.yaml").write_text("x")
+    (root / "day" / "room.bag").write_bytes(b"12345")
+    (root / "notes.txt").write_text("n")
+    (root / ".hidden.bag").write_text("h")
+    outside = root.parent / "secret.bag"
+    outside.write_bytes(b"secret")
+    (root / "link.bag").symlink_to(outside)
+    return root
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_folder_is_listed_without_hidden_things_and_links_that_lead_out(shared_live):
+    """Mutation: iterdir without the check shows link.bag."""
+    top = shared_live.http.get("/api/folder").json()
+    assert [(e["name"], e["kind"], e["size_bytes"]) for e in top["entries"]] == [
+        ("day", "folder", 0),
+        ("notes.txt", "file", 1),
+    ]
+    day = shared_live.http.get("/api/folder", params={"path": "day"}).json()
+    assert [(e["path"], e["kind"]) for e in day["entries"]] == [
+        ("day/room.bag", "recording"),
+        ("day/ros2", "recording"),
+    ]
+    assert (top["parent"], day["parent"]) == (None, "")
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("path", "code"),
+    [
+        ("..", "folder.outside"),
+        ("day/../../secret.bag", "folder.outside"),
+        ("/etc", "folder.outside"),
+        ("link.bag", "folder.outside"),
+        ("nowhere", "folder.not_found"),
+        ("a\x00b", "folder.not_found"),
+    ],
+)
+def test_no_path_leads_out_of_the_folder(shared_live, path, code):
+    """Mutation: comparing text instead of resolved paths lets day/../../ out."""
+    answer = shared_live.http.get("/api/folder", params={"path": path})
+    assert answer.json()["error"]["code"] == code
+    opened = shared_live.http.post("/api/recordings", json={"folder_path": path})
+    assert opened.status_code in {403, 404}
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_recording_of_the_folder_is_opened_in_place_and_survives_its_entry(shared_live, folder):
+    """Mutation: deleting the source of a folder recording."""
+    made = shared_live.http.post("/api/recordings", json={"folder_path": "day/room.bag"}).json()
+    assert (made["name"], made["origin"], made["size_bytes"]) == ("room.bag", "folder", 5)
+    shared_live.wait(lambda: shared_live.job_states(made["id"]).get("planes") == "done")
+    assert shared_live.http.delete(f"/api/recordings/{made['id']}").status_code == 204
+    assert (folder / "day" / "room.bag").read_bytes() == b"12345"
+
+
+def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
+    """Mutation: comparing after saving never inspects again."""
+    recording_id = shared_live.ready()
+    url = f"/api/recordings/{recording_id}"
+    assert shared_live.http.patch(url, json={"name": "my/room"}).json()["name"] == "room"
+    assert shared_live.job_states(recording_id) == {"inspect": "done", "planes": "done"}
+    changed = shared_live.http.patch(url, json={"imu_topic": "/imu2", "start_s": 1.5}).json()
+    assert (changed["read_settings"]["imu_topic"], changed["state"]) == ("/imu2", "inspecting")
+    assert shared_live.http.patch(url, json={"imu_topic": None}).json()["read_settings"]["imu_topic"] is None
+    assert shared_live.http.patch(url, json={"end_s": 1.0}).json()["error"]["code"] == "recording.span"
+    assert shared_live.http.patch(url, json={"lidar": "x"}).status_code == 422
+    assert shared_live.http.get(f"{url}/planes").json()["error"]["code"] == "planes.not_proposed"
+
+
+def test_the_timeline_shows_rates_in_degrees_and_where_it_is_still(shared_live):
+    """Oracle: the world's constant turn and its half second of rest. Mutation: radians."""
+    recording_id = shared_live.ready()
+    timeline = shared_live.http.get(f"/api/recordings/{recording_id}/timeline").json()
+    turning = [v for t, v in zip(timeline["t_s"], timeline["gyro_norm_deg_s"], strict=True) if t > 0.6]
+    np.testing.assert_allclose(turning, np.degrees(world.TURN_RAD_S), rtol=1e-3)
+    np.testing.assert_allclose(timeline["scan_t_s"], 0.5 + 0.1 * np.arange(world.N_SCANS), atol=1e-3)
+    assert timeline["scan_points"] == [1500] * world.N_SCANS
+
+
+def test_times_count_from_the_whole_recordings_start():
+    """Mutation: forgetting start_s moves the strip under the span that was chosen on it."""
+    recording = world.make_recording()
+    plain, moved = make_timeline(recording, start_s=0.0), make_timeline(recording, start_s=7.0)
+    np.testing.assert_allclose(np.array(moved.t_s) - plain.t_s, 7.0, atol=1e-3)
+    np.testing.assert_allclose(np.array(moved.scan_t_s) - plain.scan_t_s, 7.0, atol=1e-3)
+
+
+def test_still_spans_are_where_neither_sensor_varies():
+    """Oracle: noise switched on between 3 s and 5 s. Mutation: looking at the gyroscope only finds 10 s of rest."""
+    rng = np.random.default_rng(0)
+    t_s = np.arange(0, 10, 0.01)
+    gyro, accel = rng.normal(0, 0.002, (1000, 3)), rng.normal(0, 0.02, (1000, 3)) + [0, 0, 9.8]
+    accel[300:500] += rng.normal(0, 2.0, (200, 3))
+    spans = still_windows(t_s, gyro, accel)
+    np.testing.assert_allclose([(s.start_s, s.end_s) for s in spans], [(0, 3), (5, 9.99)], atol=0.011)
