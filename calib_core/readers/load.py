@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -35,10 +36,15 @@ def load(
     Raises InputError (one sentence) where the recording cannot be read or lacks something, Cancelled where asked to.
     """
     on_event(StageEvent(stage="read", fraction=0.0, text=f"opening {path.name}"))
-    # Hashing releases the interpreter lock: it runs beside the decoding and costs nothing.
+    # Hashing releases the interpreter lock: it runs beside the decoding. Whoever fails or cancels does not wait for it.
+    failed = threading.Event()
     with open_recording(path) as recording, ThreadPoolExecutor(1) as hasher:
-        digest = hasher.submit(recording_sha256, path)
-        loaded = _load_open(recording, settings, on_event, should_cancel)
+        digest = hasher.submit(recording_sha256, path, should_stop=failed.is_set)
+        try:
+            loaded = _load_open(recording, settings, on_event, should_cancel)
+        except BaseException:
+            failed.set()
+            raise
         result = replace(loaded, sha256=digest.result())
     for finding in result.findings:
         if finding.level != "info":

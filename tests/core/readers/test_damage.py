@@ -76,7 +76,7 @@ def test_truncated(name: str, share: float, bags: dict[str, Path], tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["plain.bag", "lz4.bag"])
 def test_unindexed_bag_is_read_whole(name: str, bags: dict[str, Path], tmp_path: Path) -> None:
-    """Mutation: stop `Ros1Recovery._scan` at the first connection record outside of chunks."""
+    """Mutation: do not `_remember` the connections that stand inside chunks."""
     whole = bytearray(bags[name].read_bytes())
     at = whole.index(b"index_pos=") + len(b"index_pos=")
     index_pos = int.from_bytes(whole[at : at + 8], "little")
