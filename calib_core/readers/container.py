@@ -93,8 +93,6 @@ class OpenRecording:
         path = self.path
         if not path.exists():
             raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
-        if path.is_file() and path.stat().st_size == 0:
-            raise UnreadableRecording(f"The file {path.name} is empty; record or copy it again.")
         if is_archive(path):
             folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
             path = unpack_archive(path, Path(folder))
@@ -111,7 +109,7 @@ class OpenRecording:
             folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
             file = decompressed_file(file, Path(folder))
         if file.stat().st_size == 0:
-            raise UnreadableRecording(f"The file {file.name} of {self.name} is empty; record or copy it again.")
+            raise UnreadableRecording(f"The file {file.name} is empty; record or copy it again.")
         try:
             return RosbagsStorage(file, partial(recovered, file))
         except StorageError as error:

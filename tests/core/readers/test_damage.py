@@ -161,7 +161,7 @@ def test_a_lying_chunk_size_does_not_take_memory(bags: dict[str, Path], tmp_path
     ],
 )
 def test_files_that_are_no_recording(name: str, body: bytes, expected: str, tmp_path: Path) -> None:
-    """Mutation: let StorageError out of `_open_file`; drop the size check in `_open_all`."""
+    """Mutation: let StorageError out of `_open_file`; drop the size check in `_open_file`."""
     (tmp_path / name).write_bytes(body)
     with pytest.raises(UnreadableRecording, match=expected) as caught:
         open_recording(tmp_path / name)
