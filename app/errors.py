@@ -119,7 +119,7 @@ def _invalid_request(error: RequestValidationError) -> ErrorFacts:
 def _http_facts(error: HTTPException) -> ErrorFacts:
     phrase = http.HTTPStatus(error.status_code).phrase
     text = error.detail if error.detail and error.detail != phrase else f"The server answers: {phrase}."
-    return ErrorFacts(code=f"http.{error.status_code}", text=text)
+    return ErrorFacts(code=f"http.{error.status_code}", text=text.rstrip(".") + ".")
 
 
 def body_of(facts: ErrorFacts) -> dict[str, object]:

@@ -1,0 +1,29 @@
+"""A result for people: the sentence and the page."""
+
+from __future__ import annotations
+
+from app.results.report import report_page
+from app.results.verdict import verdict
+from calib_core.result import WeakDirection
+from tests.app.support import world
+
+
+def test_the_verdict_says_how_well_the_worst_axis_is_known():
+    """Oracle: the world's sigmas. Mutation: min instead of max flatters."""
+    assert verdict(world.make_result()) == ("Calibrated: one standard deviation is 0.03 deg, 3 mm and 0.4 ms at most.")
+    assert verdict(world.make_result("refused")) == "Refused: Nothing moves; record motion."
+    weak = world.make_result("weak")
+    weak.observability.weak_directions.append(
+        WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=4.0, text="Turn more.")
+    )
+    assert verdict(weak) == "Weak: Turn more."
+
+
+def test_the_page_stands_alone_and_escapes_what_files_say():
+    """Mutation: not escaping the recording's name runs its script."""
+    page = report_page(world.make_result(name="<script>alert(1)</script>.bag"), None)
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert "http" not in page
+    assert "100.00 mm" in page
+    assert "Nothing moves" in report_page(world.make_result("refused"), None)
