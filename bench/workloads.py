@@ -161,7 +161,7 @@ WORKLOADS: dict[str, Workload] = {
     workload.name: workload
     for workload in (
         Workload("paper-normal", "paper-normal", "The paper's simulation, normal motion."),
-        Workload("paper-fast", "paper-fast", "The paper's simulation, fast motion."),
+        Workload("paper-fast", "paper-fast", "The paper's simulation, fast motion.", is_gated=False),
         Workload(
             "paper-normal-paper", "paper-normal", "The same by the published algorithm.", method="paper", is_gated=False
         ),
