@@ -49,13 +49,13 @@ def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int) -> tu
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The points of a cloud that count. keep: (N,) over the cloud's points.   xyz: (N, 3) and times_ns: (N,) of all of
-    them, the times counted from base_ns.   n_kept: how many count.
+    """The points of a cloud that count. keep: (N,) over the cloud's points.   axes: x, y, z, (N,) each, and times_ns:
+    (N,) of all of them, the times counted from base_ns.   n_kept: how many count.
     """
 
     keep: BoolArray
     n_kept: int
-    xyz: Float32Array
+    axes: tuple[Float32Array, Float32Array, Float32Array]
     times_ns: FloatArray
     base_ns: int
     counts: ScanCounts
@@ -77,9 +77,7 @@ def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, rang
     keep &= times_ns <= timing.high_ns
     n_kept = int(np.count_nonzero(keep))
     counts = ScanCounts(points.size, points.size - n_returned, n_returned - n_kept)
-    xyz = np.empty((points.size, 3), np.float32)
-    xyz[:, 0], xyz[:, 1], xyz[:, 2] = x, y, z
-    return Selection(keep, n_kept, xyz, times_ns, base_ns + timing.shift_ns, counts)
+    return Selection(keep, n_kept, (x, y, z), times_ns, base_ns + timing.shift_ns, counts)
 
 
 @np.errstate(invalid="ignore", over="ignore")
@@ -87,16 +85,13 @@ def scan_of(cloud: RawCloud, index: int, selection: Selection) -> Scan | None:
     """The scan of the selected points; None where there are none."""
     if selection.n_kept == 0:
         return None
-    xyz, times_ns, points = selection.xyz, selection.times_ns, cloud.points
-    if selection.n_kept < points.size:
-        keep = selection.keep
-        xyz, times_ns, points = xyz[keep], times_ns[keep], points[keep]
-    whole_ns = np.rint(times_ns)
-    first_ns = float(whole_ns.min())
-    whole_ns -= first_ns
+    keep = slice(None) if selection.n_kept == cloud.points.size else selection.keep
+    times_ns, points = selection.times_ns[keep], cloud.points[keep]
+    first_ns = float(np.rint(times_ns.min()))
     out = np.empty(selection.n_kept, POINT_DTYPE)
-    out["xyz"] = xyz
-    out["offset_ns"] = whole_ns
+    for column, axis in enumerate(selection.axes):
+        out["xyz"][:, column] = axis[keep]
+    out["offset_ns"] = np.rint(times_ns) - first_ns
     out["intensity"] = _optional(points, _INTENSITY_NAMES)
     out["ring"] = _optional(points, _RING_NAMES)
     out["reserved"] = 0
