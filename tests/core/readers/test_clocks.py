@@ -41,7 +41,7 @@ def test_one_epoch_needs_nothing() -> None:
 
 
 def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
-    """Mutation: leave the IMU's own latency out (the recorder's clock runs 5 s ahead); drop the test of last_point_s."""
+    """Mutation: leave the IMU's own latency out (the recorder runs 5 s ahead); drop the test of last_point_s."""
     header, receive, imu_header, imu_receive = lidar_and_imu(0)
     receive, imu_lag = receive + 5_000_000_000, imu_receive + 5_000_000_000 - imu_header
     assert stamp_end_suspicion(receive - header, imu_lag, 0.1, 0.1, "/p") is None
