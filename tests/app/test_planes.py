@@ -156,7 +156,7 @@ def test_within_patch_is_the_slab_inside_the_outline():
 
 
 def test_determinacy_counts_directions_not_planes():
-    """Oracle: eigenvalues by hand: three orthogonal directions give 1/3; two leave 0. Mutation: no merging of parallels."""
+    """Oracle: eigenvalues by hand: three orthogonal directions give 1/3; two leave 0. Mutation: counting parallels."""
     everything = determinacy(START)
     assert everything.ok
     assert everything.smallest_eigenvalue == pytest.approx(1 / 3)

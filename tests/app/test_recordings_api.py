@@ -106,7 +106,7 @@ def test_still_spans_are_where_neither_sensor_varies():
     """Oracle: noise switched on between 3 s and 5 s. Mutation: looking at the gyroscope only finds 10 s of rest."""
     rng = np.random.default_rng(0)
     t_s = np.arange(0, 10, 0.01)
-    gyro, accel = rng.normal(0, 0.002, (1000, 3)), rng.normal(0, 0.02, (1000, 3)) + [0, 0, 9.8]
+    gyro, accel = rng.normal(0, 0.002, (1000, 3)), rng.normal(0, 0.02, (1000, 3)) + np.array([0, 0, 9.8])
     accel[300:500] += rng.normal(0, 2.0, (200, 3))
     spans = still_windows(t_s, gyro, accel)
     np.testing.assert_allclose([(s.start_s, s.end_s) for s in spans], [(0, 3), (5, 9.99)], atol=0.011)

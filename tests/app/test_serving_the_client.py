@@ -1,4 +1,4 @@
-"""The built client: one page for every address, hashed files for good, compression, and a sentence where it is missing."""
+"""The built client: one page for every address, hashed files for good, compression, a sentence where it is missing."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def test_a_users_file_name_is_shown_and_never_a_path(shared_live, name):
     assert shown.isprintable()
     folder = shared_live.settings.data_dir
     assert (folder / "recordings" / recording_id / "source.bag").is_file()
-    assert not [path for path in folder.parent.rglob("*evil*")]
+    assert not list(folder.parent.rglob("*evil*"))
 
 
 def test_suffixes_are_kept_from_an_allowed_list_only():

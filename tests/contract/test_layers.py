@@ -14,7 +14,7 @@ RECORDS = {"types", "errors", "settings", "events", "result", "presets"}
 
 #: Part of calib_core -> parts it may import besides itself and RECORDS.
 MAY_IMPORT = {
-    **{record: RECORDS for record in RECORDS},
+    **dict.fromkeys(RECORDS, RECORDS),
     "geometry": set(),
     "gp": set(),
     "imu": {"gp", "geometry"},

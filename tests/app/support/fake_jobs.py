@@ -22,7 +22,7 @@ from app.schemas.jobs import InspectOutcome, PlanesOutcome, SimulateOutcome
 from calib_core.errors import Cancelled, UnreadableRecording
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from tests.app.support import world
-from tests.app.support.report import make_report
+from tests.app.support.report import report_json
 
 
 def run(order, on_event, should_cancel):
@@ -35,7 +35,7 @@ def run(order, on_event, should_cancel):
     if order.kind == "inspect":
         if order.recording_name.startswith("broken"):
             raise UnreadableRecording("Expected a bag, found porridge in broken.bag; choose another file.")
-        (order.folder / "report.json").write_text(make_report(order.recording_name).to_json())
+        (order.folder / "report.json").write_text(report_json(order.recording_name))
         return InspectOutcome()
     if order.kind == "planes":
         if not order.recording_name.startswith("room"):
