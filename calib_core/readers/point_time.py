@@ -170,7 +170,7 @@ def detect_point_time(
     usable = [cloud for cloud in clouds if cloud.points.size]
     if not usable:
         raise PointTimeError(
-            f"The first clouds on {topic} are all empty; check the sensor, or start later with --start."
+            f"The first clouds on {topic} are all empty; check the sensor, or start later with --start-s."
         )
     names = _candidates(usable, settings)
     listed = ", ".join(usable[0].names)
