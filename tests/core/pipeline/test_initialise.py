@@ -1,0 +1,188 @@
+"""Start values from exact two-sensor motion: any mounting, any lag, no guess."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.geometry import exp, log
+from calib_core.pipeline.initialise import (
+    GyroAverage,
+    LidarTrack,
+    _double_integral,
+    candidate_lags,
+    linear_start,
+    rotation_start,
+    turns_about,
+)
+from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth
+from calib_core.simulate.motions import HINGE, ONE_AXIS, PAPER_FAST
+from calib_core.types import FloatArray
+
+SWEEP_S = 0.1
+GYRO_BIAS, ACCEL_BIAS = np.array([0.01, -0.02, 0.015]), np.array([0.1, -0.05, 0.08])
+SCENARIO = replace(SCENARIOS["paper-normal"], motion=PAPER_FAST)
+
+
+def _mounting(seed: int) -> Mounting:
+    """A mounting over the whole of SO(3), a hand's breadth to half a metre away."""
+    rng = np.random.default_rng(seed)
+    x, y, z = (float(v) for v in 0.25 * rng.normal(size=3))
+    qx, qy, qz, qw = (float(v) for v in Rotation.random(rng=rng).as_quat())
+    return (x, y, z, qx, qy, qz, qw)
+
+
+def _truth(scenario: Scenario) -> Truth:
+    return Truth(scenario, 0, 0, 0, np.zeros(3), np.zeros(3))
+
+
+def _tracked(truth: Truth, first_s: float, last_s: float, *, noise: float = 0.0) -> LidarTrack:
+    """What a perfect lidar-only track gives: poses at the sweeps' starts and the mean rates within them."""
+    start = np.arange(first_s, last_s, SWEEP_S)
+    R0, p0 = truth.map_lidar(start)
+    R1, p1 = truth.map_lidar(start + SWEEP_S)
+    rng = np.random.default_rng(0)
+    omega = log(np.swapaxes(R0, 1, 2) @ R1) / SWEEP_S + noise * rng.normal(size=(len(start), 3))
+    return LidarTrack(start, np.full(len(start), SWEEP_S), R0, p0, omega, (p1 - p0) / SWEEP_S)
+
+
+def _imu(truth: Truth, first_s: float, last_s: float, offset_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Stamps on the IMU's own clock, and biased readings without noise, 100 Hz."""
+    t = np.arange(first_s, last_s, 0.01)
+    at = truth.imu(t)
+    force = np.einsum("nji,nj->ni", at.R_world, at.a_m_s2 - truth.gravity_world_m_s2)
+    return t - offset_s, at.omega_rad_s + GYRO_BIAS, force + ACCEL_BIAS
+
+
+@pytest.mark.parametrize(("seed", "offset_s"), [(1, -0.073), (2, 1.87), (3, -12.4), (4, 143.21)])
+def test_offset_and_rotation_of_any_mounting_at_any_lag(seed: int, offset_s: float) -> None:
+    """Fails when the lag's sign is flipped, or R maps the IMU's rates to the lidar's (u and v of Kabsch exchanged).
+
+    The IMU runs from 9 s before the lidar to 6 s after it. A mean rate over a sweep of 1.5 Hz motion is good to
+    1 % of itself, and its time to a millisecond: the joint solve starts from a degree and 20 ms without trouble.
+    """
+    truth = _truth(replace(SCENARIO, mounting=_mounting(seed)))
+    track = _tracked(truth, 10.0, 30.0)
+    stamps, gyro, _ = _imu(truth, 1.0, 36.0, offset_s)
+    start = rotation_start(track, stamps, gyro)[0]
+    assert abs(start.time_offset_s - offset_s) < 2e-3
+    assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 0.3
+    np.testing.assert_allclose(start.gyro_bias, GYRO_BIAS, atol=3e-3)
+    assert start.residual < 0.05
+    assert start.correlation > 0.95
+    assert start.open_axis_imu is None
+
+
+def test_candidates_hold_the_true_lag_among_few_and_apart() -> None:
+    """Fails when a found peak is not blanked out: six times the same lag."""
+    truth = _truth(SCENARIO)
+    lags = candidate_lags(_tracked(truth, 5.0, 25.0), *_imu(truth, 0.0, 30.0, -4.3)[:2])
+    values = np.array([lag for lag, _ in lags])
+    assert abs(values[0] + 4.3) < 0.03
+    assert np.diff(np.sort(values)).min() > 0.2
+    correlations = [c for _, c in lags]
+    assert correlations == sorted(correlations, reverse=True)
+
+
+def test_sensors_that_share_no_time_have_no_start() -> None:
+    """Fails when a fit is made from fewer than ten sweeps."""
+    truth = _truth(SCENARIO)
+    stamps, gyro, _ = _imu(truth, 10.0, 10.6, 0.0)
+    assert rotation_start(_tracked(truth, 10.0, 30.0), stamps, gyro) == []
+
+
+def test_outlying_sweeps_do_not_turn_the_rotation() -> None:
+    """Fails when the reweighting is left out: 1 + (size / scale)^2 becomes 1."""
+    truth = _truth(SCENARIO)
+    track = _tracked(truth, 5.0, 25.0)
+    track.omega_rad_s[40:100:3] += [0.5, -0.7, 0.6]
+    stamps, gyro, _ = _imu(truth, 4.0, 26.0, 0.01)
+    start = rotation_start(track, stamps, gyro)[0]
+    assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 0.3
+
+
+def test_turning_about_one_axis_leaves_the_turn_about_it_open() -> None:
+    """Fails when the largest singular value is looked at instead of the second, or the axis is the lidar's.
+
+    The axis of the simulated hinge, turned into the IMU; the rotation is right up to a turn about it.
+    """
+    truth = _truth(replace(SCENARIOS["one-axis"], motion=ONE_AXIS))
+    track = _tracked(truth, 5.0, 25.0, noise=0.01)
+    stamps, gyro, _ = _imu(truth, 4.0, 26.0, 0.02)
+    start = rotation_start(track, stamps, gyro)[0]
+    hinge = truth.R_imu_lidar @ (np.array(HINGE) / np.linalg.norm(HINGE))
+    assert start.open_axis_imu is not None
+    axis = start.open_axis_imu / np.linalg.norm(start.open_axis_imu)
+    assert abs(axis @ hinge) > 0.9999
+    np.testing.assert_allclose(start.R_imu_lidar @ truth.R_imu_lidar.T @ hinge, hinge, atol=0.02)
+    turns = turns_about(axis, start.R_imu_lidar, 24)
+    nearest = min(np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ R))) for R in turns)
+    assert nearest < 8.0
+
+
+def test_turns_go_once_round() -> None:
+    """Fails when the turn is applied on the right: about the lidar's axis, not the IMU's."""
+    R = Rotation.random(rng=np.random.default_rng(1)).as_matrix()
+    axis = np.array([0.0, 0.0, 2.0])
+    turns = turns_about(axis, R, 6)
+    for k, turn in enumerate(turns):
+        np.testing.assert_allclose(turn, Rotation.from_rotvec([0, 0, k * np.pi / 3]).as_matrix() @ R, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_gravity_lever_arm_and_bias_by_linear_least_squares(seed: int) -> None:
+    """Fails when the lever arm's rows have the sign of R(m) - R(m+1), or gravity's square term has no half.
+
+    With the true rotation and offset. What is left: rates held constant over each sweep, a per cent of 0.5 Hz motion.
+    """
+    truth = _truth(replace(SCENARIOS["paper-normal"], mounting=_mounting(seed)))
+    track = _tracked(truth, 2.5, 25.0)
+    stamps, gyro, accel = _imu(truth, 1.0, 27.0, 0.013)
+    found = rotation_start(track, stamps, gyro)[0]
+    start = replace(found, time_offset_s=0.013, R_imu_lidar=truth.R_imu_lidar)
+    linear = linear_start(track, stamps, accel, start, gravity_m_s2=9.807)
+    gravity_map = truth.lidar(np.zeros(1)).R_world[0].T @ truth.gravity_world_m_s2
+    angle = np.degrees(np.arccos(linear.gravity @ gravity_map / np.linalg.norm(linear.gravity) / 9.80665))
+    assert angle < 0.5
+    assert np.linalg.norm(linear.gravity) == pytest.approx(9.80665, abs=0.05)
+    np.testing.assert_allclose(linear.p_imu_lidar, truth.p_imu_lidar, atol=0.03)
+    np.testing.assert_allclose(linear.accel_bias, ACCEL_BIAS, atol=0.08)
+    wrong = replace(start, R_imu_lidar=exp(np.array([0.0, 0.5, 0.0])) @ truth.R_imu_lidar)
+    assert linear_start(track, stamps, accel, wrong, gravity_m_s2=9.807).rms > 3 * linear.rms
+
+
+def test_double_integrals_of_lines_and_parabolas() -> None:
+    """Fails when the inner integral's weights are 1/4 and 1/4 instead of 1/3 and 1/6.
+
+    Linear samples are integrated exactly between any marks; so is their integral.
+    """
+    t = np.sort(np.concatenate([[0.0, 4.0], np.random.default_rng(2).uniform(0.0, 4.0, 60)]))
+    marks = np.array([0.2, 0.9, 1.0, 2.71, 3.9])
+    V, P = _double_integral(t, np.column_stack([np.ones_like(t), 2.0 * t - 1.0]), marks)
+    a, b = marks[:-1], marks[1:]
+    np.testing.assert_allclose(V, np.column_stack([b - a, (b**2 - a**2) - (b - a)]), atol=1e-12)
+    slope_part = (b**3 - a**3) / 3 - a**2 * (b - a) - (b - a) ** 2 / 2
+    np.testing.assert_allclose(P, np.column_stack([(b - a) ** 2 / 2, slope_part]), atol=1e-12)
+
+
+def test_averages_are_those_of_the_integral_and_nothing_beyond_it() -> None:
+    """Fails when an interval that leaves the recording is cut short instead of refused."""
+    t = np.linspace(0.0, 2.0, 401)
+    average = GyroAverage(t, np.column_stack([np.sin(3 * t), t]))
+    start, end = np.array([0.1, 0.5, 1.95, -0.1]), np.array([0.4, 1.7, 2.05, 0.3])
+    expected = np.column_stack([(np.cos(3 * start) - np.cos(3 * end)) / 3 / (end - start), 0.5 * (start + end)])
+    expected[2:] = np.nan
+    np.testing.assert_allclose(average.over(start, end), expected, atol=1e-4)
+
+
+def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
+    """Fails when the velocity is taken in the lidar's axes."""
+    truth = _truth(SCENARIOS["paper-normal"])
+    track = _tracked(truth, 5.0, 8.0)
+    R, p = track.at(np.array([5.04, 7.95]))
+    R_true, p_true = truth.map_lidar(np.array([5.04, 7.95]))
+    np.testing.assert_allclose(R, R_true, atol=2e-3)
+    np.testing.assert_allclose(p, p_true, atol=1e-3)
