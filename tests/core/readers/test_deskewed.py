@@ -35,7 +35,7 @@ def drive(*, deskewed: bool, turning: bool) -> tuple[list[Scan], ImuData]:
     ("deskewed", "turning", "suspected"), [(True, True, True), (False, True, False), (True, False, False)]
 )
 def test_only_deskewed_scans_are_suspected(deskewed: bool, turning: bool, suspected: bool) -> None:
-    """Mutation: fit a curve instead of a line; take resting scans for moving ones."""
+    """Mutation: take resting scans for moving ones; raise _SUSPICIOUS_RAD to 5 deg."""
     finding = deskew_suspicion(*drive(deskewed=deskewed, turning=turning), 0, "/p")
     assert (finding is not None) == suspected
     if finding is not None:
