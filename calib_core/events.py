@@ -11,7 +11,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Stage = Literal["read", "inspect", "planes", "track", "initialise", "associate", "solve", "observability", "deskew", "write"]
+Stage = Literal[
+    "read", "inspect", "planes", "track", "initialise", "associate", "solve", "observability", "deskew", "write"
+]
 
 
 class _Event(BaseModel):

@@ -62,7 +62,9 @@ class CalibrateSettings(_Settings):
 
     method: Literal["full", "paper"] = "full"
     points_per_plane_per_scan: int | None = Field(default=None, gt=0, description="None: all points")
-    field_of_view_deg: float | None = Field(default=None, gt=0, le=180, description="keep azimuth within +-A; None: all")
+    field_of_view_deg: float | None = Field(
+        default=None, gt=0, le=180, description="keep azimuth within +-A; None: all"
+    )
     gravity: Gravity = Gravity()
     imu_noise: ImuNoise | str | None = Field(default=None, description="a preset's name, or densities; None: measured")
     estimate_time_offset: bool = True

@@ -40,7 +40,7 @@ def hits_kernel(
     D = np.empty(n_planes)
     C = np.empty(n_planes)
     for i in range(xyz.shape[0]):
-        x, y, z = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
+        x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         k = int(offset_s[i] / slice_s)
         plane[i] = -1
         slice_index[i] = k
@@ -82,7 +82,14 @@ def hits_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def cells_kernel(
-    plane: IntArray, slice_index: IntArray, x_hit: FloatArray, u: FloatArray, origin: FloatArray, cell_m: float, half: int, cell: IntArray
+    plane: IntArray,
+    slice_index: IntArray,
+    x_hit: FloatArray,
+    u: FloatArray,
+    origin: FloatArray,
+    cell_m: float,
+    half: int,
+    cell: IntArray,
 ) -> None:
     """Fills cell (N, 2): row and column of each hit in its plane's grid, -1 where plane is -1.
 

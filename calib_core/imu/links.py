@@ -8,7 +8,7 @@ queried at two Gauss points in each substep, by fourth-order rules (the Magnus e
 
     substep delta, readings w1, w2, f1, f2 at c = 1/2 -+ sqrt(3)/6:
     Omega = delta (w1 + w2) / 2 + sqrt(3)/12 delta^2 w1 x w2
-    theta_i = delta (w_mean c_i + sqrt(3) (w2 - w1) (c_i^2 - c_i) / 2)
+    theta_i = delta (w_mean c_i + sqrt(3) (w2 - w1) (c_i^2 - c_i) / 2) + c_i^3 sqrt(3)/12 delta^2 w1 x w2
     Dv += R0 delta / 2 sum Exp(theta_i) f_i,     Dp += Dv delta + R0 delta^2 / 2 sum (1 - c_i) Exp(theta_i) f_i
 
 Noise: readings carry independent errors of variance s^2 a sample, so their integral is a Wiener process of density
@@ -99,7 +99,9 @@ def knot_spacing_s(stamps_s: FloatArray) -> float:
     return period * max(1, round(0.01 / period))
 
 
-def upsample(stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper) -> UpsampledImu:
+def upsample(
+    stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper
+) -> UpsampledImu:
     """The readings at every knot and at every link's Gauss points.
 
     stamps_s: (Q,) increasing.   gyro_rad_s, accel_m_s2: (Q, 3).   knots_s: (K,) equally spaced within the stamps.
@@ -159,8 +161,9 @@ def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray
         w1, w2 = (up.gyro[:, 2 * k + i] - gyro_bias for i in (0, 1))
         f1, f2 = (up.accel[:, 2 * k + i] - accel_bias for i in (0, 1))
         mean, slope = 0.5 * (w1 + w2), np.sqrt(3.0) * (w2 - w1)
-        omega = delta * mean + np.sqrt(3.0) / 12.0 * delta**2 * np.cross(w1, w2)
-        R1, R2 = (DR @ exp(delta * (mean * c + slope * (c**2 - c) / 2)) for c in _GAUSS)
+        bend = np.sqrt(3.0) / 12.0 * delta**2 * np.cross(w1, w2)
+        R1, R2 = (DR @ exp(delta * (mean * c + slope * (c**2 - c) / 2) + c**3 * bend) for c in _GAUSS)
+        omega = delta * mean + bend
         a1, a2 = (R1 @ f1[..., None])[..., 0], (R2 @ f2[..., None])[..., 0]
         step = exp(omega)
         JR_next = np.swapaxes(step, -1, -2) @ JR - delta * right_jacobian(omega)

@@ -76,7 +76,7 @@ class View:
         """The lidar at the centres of a scan's slices, as many as the points' times (N,) reach."""
         slices = int(offset_s.max(initial=0.0) / SLICE_S) + 1
         start_s = (self.scans[position].stamp_ns - self.epoch_ns) * 1e-9
-        centres = start_s + (np.arange(slices) + 0.5) * SLICE_S
+        centres = np.asarray(start_s + (np.arange(slices) + 0.5) * SLICE_S, dtype=np.float64)
         e = self.estimate
         return self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
 
@@ -163,8 +163,8 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
         empty = np.zeros(0, np.int64)
         return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s)
     keys, scatter = sum_by_key(key, moved)
-    _, count = sum_by_key(key, micro.count[use])
-    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s)
+    _, count = sum_by_key(key, micro.count[use].astype(np.float64))
+    return Bins(keys // n_planes, keys % n_planes, scatter, count.astype(np.int64), estimate.time_offset_s)
 
 
 def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, *, stride: int) -> PlaneExtents:
@@ -184,7 +184,9 @@ def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, 
     return total.finish()
 
 
-def measure_noise(view: View, positions: Sequence[int], start: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> LidarNoise:
+def measure_noise(
+    view: View, positions: Sequence[int], start: LidarNoise, gate: Gate, extents: PlaneExtents | None
+) -> LidarNoise:
     """Range and surface noise from the spread of distances under different incidences.
 
     std^2(d) = range^2 c^2 + surface^2, fitted to robust variances in bands of c^2; neither below 0.1 mm.

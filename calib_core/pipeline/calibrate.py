@@ -24,7 +24,7 @@ from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
 from calib_core.pipeline.full import solve, start_values, track_lidar
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
-from calib_core.pipeline.propose import find_reference, named_planes, propose_planes
+from calib_core.pipeline.propose import find_reference, propose_planes
 from calib_core.pipeline.report import euler_xyz_deg, misfit, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.pipeline.rounds import Solved
 from calib_core.pipeline.track import ScanMotion
@@ -89,11 +89,13 @@ def calibrate(
         if settings.method == "paper":
             from calib_core.pipeline.published import calibrate_published
 
-            return calibrate_published(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
+            return calibrate_published(
+                recording, settings, planes, initial_guess, listen, should_cancel, log_of, started
+            )
         return _calibrate_full(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
 
 
-def _calibrate_full(
+def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
     recording: Recording,
     settings: CalibrateSettings,
     planes: Sequence[Plane] | None,
@@ -117,17 +119,31 @@ def _calibrate_full(
     try:
         reference, used_planes = _reference(ctx, planes)
         if not used_planes:
-            return refuse("planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m")
+            return refuse(
+                "planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
+            )
         motions = track_lidar(ctx, used_planes, reference)
         still = _standing_still(motions)
         if still is not None:
             return refuse("motion.none", still)
         lidar, start = start_values(ctx, motions, guess)
-        solved = solve(ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=planes is None)
+        add = planes is None
+        solved = solve(ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=add)
+        if len(motions) < len(recording.scans) and _implausible(ctx, solved) is not None:
+            ctx.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
+            solved = solve(
+                ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=False, may_extend=False
+            )
     except NoStart as error:
         return refuse(error.code, str(error))
-    if solved.minimum.solution is None or solved.minimum.outcome is Outcome.SINGULAR or not np.isfinite(solved.minimum.cost):
-        return refuse("solve.diverged", "the joint solve found no stable answer; the planes or the motion do not fit the data")
+    if (
+        solved.minimum.solution is None
+        or solved.minimum.outcome is Outcome.SINGULAR
+        or not np.isfinite(solved.minimum.cost)
+    ):
+        return refuse(
+            "solve.diverged", "the joint solve found no stable answer; the planes or the motion do not fit the data"
+        )
     points = int(solved.micro.count.sum())
     chi2 = 2.0 * solved.minimum.cost / max(points, 1)
     if points < 1000 or chi2 > _WORST_CHI2:
@@ -142,12 +158,16 @@ def _calibrate_full(
     frozen = not settings.estimate_time_offset
     knowledge = assess(solved.minimum.solution.information, solved.problem.priors, frozen_offset=frozen)
     if not knowledge.rotation_known:
-        return refuse("motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least")
+        return refuse(
+            "motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least"
+        )
     result = _document(ctx, solved, knowledge, messages, time.monotonic() - started)
     return Calibration(result, trajectory_of(ctx.clocks, solved))
 
 
-def make_context(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Context:
+def make_context(
+    recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel
+) -> Context:
     """Clocks and the IMU's noise and interpolation, once for the whole run."""
     on_event(StageEvent(stage="initialise", fraction=0.0, text="noise of the IMU"))
     clocks = read_clocks(recording)
@@ -165,10 +185,14 @@ def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks
     if isinstance(given, str):
         preset = find_imu_preset(given)
         if preset is None:
-            raise SettingsError(f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names")
+            raise SettingsError(
+                f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names"
+            )
         given = preset.noise
     if isinstance(given, ImuNoise):
-        density = np.repeat([given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz], 3)
+        density = np.repeat(
+            [given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz], 3
+        )
         return ImuNoiseLevel(NoiseDensity(density[:3], density[3:]), density / np.sqrt(period), "the densities given")
     still = longest_still(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2)
     level = measure_imu_noise(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, still)
@@ -250,8 +274,7 @@ def _document(
     rms = float(np.sqrt(sum(r**2 * n for r, n in residuals) / max(total, 1)))
     offset_ns = ctx.clocks.offset_ns(e.time_offset_s)
     weak = knowledge.is_weak
-    for direction in knowledge.weak:
-        messages.append(Message(code="observability.weak", level="warning", text=direction.text))
+    messages.extend(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak)
     return CalibrationResult(
         status="weak" if weak else "calibrated",
         messages=messages,
@@ -325,7 +348,9 @@ def _version(name: str) -> str:
         return "unknown"
 
 
-def refused(recording: Recording, settings: CalibrateSettings, messages: list[Message], duration_s: float) -> CalibrationResult:
+def refused(
+    recording: Recording, settings: CalibrateSettings, messages: list[Message], duration_s: float
+) -> CalibrationResult:
     """The document of a recording that cannot give the answer; messages has the reasons."""
     return CalibrationResult(
         status="refused",
@@ -349,4 +374,3 @@ def refused(recording: Recording, settings: CalibrateSettings, messages: list[Me
         ),
         provenance=provenance(recording, settings),
     )
-

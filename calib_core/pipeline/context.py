@@ -51,7 +51,9 @@ def read_clocks(recording: Recording) -> Clocks:
     epoch = int(stamps[0])
     imu_epoch = epoch - recording.coarse_offset_ns
     sweeps = np.array([int(s.points["offset_ns"].max()) * 1e-9 if len(s.points) else 0.0 for s in recording.scans])
-    return Clocks(epoch, imu_epoch, (recording.imu.stamps_ns - imu_epoch) * 1e-9, (stamps - epoch) * 1e-9, sweeps)
+    imu_s = np.asarray((recording.imu.stamps_ns - imu_epoch) * 1e-9, dtype=np.float64)
+    scan_s = np.asarray((stamps - epoch) * 1e-9, dtype=np.float64)
+    return Clocks(epoch, imu_epoch, imu_s, scan_s, sweeps)
 
 
 @dataclass

@@ -26,7 +26,7 @@ def move_to_map(
 ) -> FloatArray:
     """Points (N, 3), each at its own instant (N,), in the map frame. Instants within a quantum share a pose."""
     ticks, inverse = np.unique(np.rint(stamps_s / quantum_s).astype(np.int64), return_inverse=True)
-    R, p = lidar_poses(trajectory, ticks * quantum_s)
+    R, p = lidar_poses(trajectory, np.asarray(ticks * quantum_s, dtype=np.float64))
     return np.einsum("nij,nj->ni", R[inverse], xyz_m) + p[inverse]
 
 

@@ -62,9 +62,11 @@ def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGues
     if not candidates:
         candidates = acceleration_start(lidar, ctx.clocks.imu_s, imu.accel_m_s2)
     if guess is not None:
-        candidates = _guided(ctx, lidar, candidates, guess)
+        candidates = _guided(ctx, candidates, guess)
     if not candidates:
-        raise NoStart("start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion")
+        raise NoStart(
+            "start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion"
+        )
     magnitude = ctx.settings.gravity.magnitude_m_s2
     trials: list[tuple[float, RotationStart, LinearStart]] = []
     best = candidates[0].residual
@@ -83,7 +85,7 @@ def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGues
     return lidar, Start(trials[0][1], trials[0][2])
 
 
-def _guided(ctx: Context, lidar: LidarTrack, found: list[RotationStart], guess: InitialGuess) -> list[RotationStart]:
+def _guided(ctx: Context, found: list[RotationStart], guess: InitialGuess) -> list[RotationStart]:
     """What the user already knows replaces what was found."""
     offset = ctx.clocks.offset_s(guess.time_offset_ns) if guess.time_offset_ns is not None else None
     base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
@@ -95,7 +97,9 @@ def _guided(ctx: Context, lidar: LidarTrack, found: list[RotationStart], guess: 
     return [base]
 
 
-def first_estimate(ctx: Context, lidar: LidarTrack, start: Start, knots_s: FloatArray, planes: Sequence[Plane], nodes: int) -> Estimate:
+def first_estimate(
+    lidar: LidarTrack, start: Start, knots_s: FloatArray, planes: Sequence[Plane], nodes: int
+) -> Estimate:
     """Knot states from the lidar track and the start values."""
     R_c, p_c = start.rotation.R_imu_lidar, start.linear.p_imu_lidar
     t = knots_s + start.rotation.time_offset_s
@@ -143,7 +147,14 @@ def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -
     noise = settings.imu_noise
     if noise is not None and not isinstance(noise, str):
         walk = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
-    return Priors(reference, tuple(rows), settings.gravity.magnitude_m_s2, settings.gravity.std_m_s2, gyro_walk=walk[0], accel_walk=walk[1])
+    return Priors(
+        reference,
+        tuple(rows),
+        settings.gravity.magnitude_m_s2,
+        settings.gravity.std_m_s2,
+        gyro_walk=walk[0],
+        accel_walk=walk[1],
+    )
 
 
 def solve(
@@ -156,6 +167,7 @@ def solve(
     guess: InitialGuess | None,
     *,
     may_add_planes: bool = True,
+    may_extend: bool = True,
 ) -> Solved:
     """All rounds of association and joint solve."""
     offset = start.rotation.time_offset_s
@@ -165,13 +177,14 @@ def solve(
     if inside < 20:
         raise NoStart(
             "start.too_short",
-            f"the lidar's planes and the IMU share only {max(tracked_to - tracked_from, 0.0):.1f} s; at least a few seconds are needed",
+            f"the lidar's planes and the IMU share only {max(tracked_to - tracked_from, 0.0):.1f} s; "
+            "at least a few seconds are needed",
         )
     imu = ctx.recording.imu
     ctx.stage("associate", 0.0, "interpolating the IMU")
     readings = upsample(ctx.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, ctx.hyper)
     nodes = BiasNodes.spread(whole, BIAS_NODE_SPACING_S if ctx.settings.bias_model == "random-walk" else None)
-    estimate = first_estimate(ctx, lidar, start, whole[:inside], planes, len(nodes.times_s))
+    estimate = first_estimate(lidar, start, whole[:inside], planes, len(nodes.times_s))
     covered = (ctx.clocks.scan_s > whole[0] + offset - 0.5) & (ctx.clocks.scan_s < whole[-1] + offset)
     rounds = Rounds(
         ctx=ctx,
@@ -186,5 +199,6 @@ def solve(
         reference=reference,
         names=[plane.name for plane in planes],
         may_add_planes=may_add_planes,
+        may_extend=may_extend,
     )
     return rounds.run()

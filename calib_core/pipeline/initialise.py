@@ -18,14 +18,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sparse
+from scipy import sparse
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import fftconvolve
 from scipy.sparse.linalg import spsolve
 
 from calib_core.geometry import exp, mean_rotation, nearest_rotation
 from calib_core.pipeline.track import ScanMotion
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 
 _GRID_HZ = 50.0
 
@@ -104,7 +104,9 @@ class GyroAverage:
         return out
 
 
-def candidate_lags(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray, *, count: int = 6) -> list[tuple[float, float]]:
+def candidate_lags(
+    track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray, *, count: int = 6
+) -> list[tuple[float, float]]:
     """The lags (seconds to add to IMU stamps) at which the rates' norms agree best, with their correlations, best first."""
     t0, t1 = track.start_s[0], track.start_s[-1] + track.sweep_s[-1]
     lidar_t = np.arange(t0, t1, 1 / _GRID_HZ)
@@ -262,7 +264,9 @@ def linear_start(
     gaps = np.diff(track.start_s)
     use = np.flatnonzero((gaps < 0.35) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
     T = gaps[use]
-    rows = _linear_rows(use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, position_std_m, velocity_std_m_s)
+    rows = _linear_rows(
+        use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, position_std_m, velocity_std_m_s
+    )
     rhs_p = (track.p[use + 1] - track.p[use] - PP[use]) / position_std_m
     rhs_v = -VV[use] / velocity_std_m_s
     rhs = np.concatenate([rhs_p.ravel(), -rhs_v.ravel()])
@@ -275,11 +279,20 @@ def linear_start(
         solution = spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
         gravity = solution[3 * m : 3 * m + 3]
     residual = rows @ solution - rhs
-    return LinearStart(gravity, solution[3 * m + 3 : 3 * m + 6], solution[3 * m + 6 :], float(np.sqrt(np.mean(residual**2))))
+    return LinearStart(
+        gravity, solution[3 * m + 3 : 3 * m + 6], solution[3 * m + 6 :], float(np.sqrt(np.mean(residual**2)))
+    )
 
 
 def _linear_rows(
-    use: FloatArray, T: FloatArray, R_imu: FloatArray, VVb: FloatArray, PPb: FloatArray, m: int, std_p: float, std_v: float
+    use: IntArray,
+    T: FloatArray,
+    R_imu: FloatArray,
+    VVb: FloatArray,
+    PPb: FloatArray,
+    m: int,
+    std_p: float,
+    std_v: float,
 ) -> sparse.csr_matrix:
     """Whitened rows of both equations over v (3 m), g, p_c, b_a."""
     n = len(use)
@@ -287,11 +300,15 @@ def _linear_rows(
     lever = R_imu[use + 1] - R_imu[use]
     blocks_p = [(use, eye * T[:, None, None]), (m, eye * (T**2 / 2)[:, None, None]), (m + 1, lever), (m + 2, -PPb[use])]
     blocks_v = [(use + 1, eye), (use, -eye), (m, -eye * T[:, None, None]), (m + 2, VVb[use])]
-    triplets: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    triplets: list[tuple[IntArray, IntArray, FloatArray]] = []
     for base, std, blocks in ((0, std_p, blocks_p), (3 * n, std_v, blocks_v)):
         for column, values in blocks:
             row = base + 3 * np.arange(n)[:, None, None] + np.arange(3)[None, :, None] + np.zeros((1, 1, 3), int)
-            col = 3 * np.broadcast_to(np.asarray(column), (n,))[:, None, None] + np.arange(3)[None, None, :] + np.zeros((1, 3, 1), int)
+            col = (
+                3 * np.broadcast_to(np.asarray(column), (n,))[:, None, None]
+                + np.arange(3)[None, None, :]
+                + np.zeros((1, 3, 1), int)
+            )
             triplets.append((row.ravel(), col.ravel(), (values / std).ravel()))
     row, col, value = (np.concatenate([t[i] for t in triplets]) for i in range(3))
     return sparse.csr_matrix((value, (row, col)), shape=(6 * n, 3 * m + 9))

@@ -306,7 +306,7 @@ class JointProblem:
         system.gradient_shared[place] += flat.T @ f.residual.ravel()
 
     def planes_seen(self, estimate: Estimate) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """a = [n_lidar, w_lidar, 1] of every bin (B, 5), and what its Jacobian needs."""
+        """A = [n_lidar, w_lidar, 1] of every bin (B, 5), and what its Jacobian needs."""
         b = self.bins
         delta = estimate.time_offset_s - b.time_offset_s
         omega = (self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))[b.knot]
@@ -387,9 +387,9 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
 
     now = priors.calibration_vector(estimate)
     for row in priors.rows:
-        add((now[row.column] - row.value) / row.std, [row.column], np.array([1.0 / row.std]))
+        add((float(now[row.column]) - row.value) / row.std, [row.column], np.array([1.0 / row.std]))
     for held in priors.held:
-        add((held.vector @ now - held.value) / held.std, list(range(CALIBRATION)), held.vector / held.std)
+        add((float(held.vector @ now) - held.value) / held.std, list(range(CALIBRATION)), held.vector / held.std)
     magnitude = float(np.linalg.norm(estimate.gravity))
     std = max(priors.gravity_std_m_s2, 1e-7)
     add((magnitude - priors.gravity_m_s2) / std, [7, 8, 9], estimate.gravity / magnitude / std)
@@ -404,4 +404,3 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
                 columns = [place + 3 * k + axis, place + 3 * (k + 1) + axis]
                 add((values[k + 1, axis] - values[k, axis]) / step_std, columns, np.array([-1.0, 1.0]) / step_std)
     return np.array(residuals), np.array(rows)
-

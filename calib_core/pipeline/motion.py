@@ -16,7 +16,7 @@ from calib_core.factors.bins import SlicePoses
 from calib_core.factors.knots import KnotStates
 from calib_core.geometry import exp
 from calib_core.imu.links import UpsampledImu
-from calib_core.types import BoolArray, FloatArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Motion:
     accel_bias: FloatArray
     gravity: FloatArray
 
-    def nearest_knot(self, imu_s: FloatArray) -> FloatArray:
+    def nearest_knot(self, imu_s: FloatArray) -> IntArray:
         """Index of the knot nearest to each instant of the IMU's clock, clipped to the ends."""
         first = self.readings.knots_s[0]
         k = np.rint((imu_s - first) / self.readings.spacing_s).astype(np.int64)

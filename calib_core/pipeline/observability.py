@@ -72,7 +72,9 @@ def _is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:
     return np.asarray((np.abs(vectors) * spread > UNDETERMINED[:, None]).any(axis=0))
 
 
-def assess(information: FloatArray, priors: Priors, *, inflation: float = 1.0, frozen_offset: bool = False) -> Knowledge:
+def assess(
+    information: FloatArray, priors: Priors, *, inflation: float = 1.0, frozen_offset: bool = False
+) -> Knowledge:
     """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations."""
     data = data_information(information, priors) / inflation**2
     if frozen_offset:
@@ -106,15 +108,21 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
     alone = bool(abs(vector[largest]) > 0.95)
-    what = _NAMES[largest] if alone else "the combination " + ", ".join(
-        f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > 0.1
-    ) + " (in units of 1 deg, 10 mm, 1 ms)"
+    what = (
+        _NAMES[largest]
+        if alone
+        else "the combination "
+        + ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > 0.1)
+        + " (in units of 1 deg, 10 mm, 1 ms)"
+    )
     if undetermined:
         text = f"The recording does not determine {what}; the value given is the prior's, not a measurement."
     else:
         amount = _amount(vector, spread, largest)
         text = f"The recording determines {what} only to {amount} (1 sigma)."
-    return WeakDirection(label=_LABELS[largest] if alone else None, vector=[float(v) for v in vector], std_scaled=spread, text=text)
+    return WeakDirection(
+        label=_LABELS[largest] if alone else None, vector=[float(v) for v in vector], std_scaled=spread, text=text
+    )
 
 
 def _amount(vector: FloatArray, spread: float, largest: int) -> str:
@@ -143,13 +151,17 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
             quiet = min(others, key=lambda a: turning_std_rad_s[a])
             out.append(
                 f"To determine the lever arm along the IMU's {axes[i]} axis, turn to and fro about the IMU's {axes[quiet]} axis "
-                f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick reversals is good)."
+                f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick "
+                "reversals is good)."
             )
     rotation = np.linalg.norm(weak[:, :3], axis=0)
     if (rotation > 0.3).any():
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))
-        out.append(f"To determine the rotation, turn about two different axes; there is least turning about the lidar's {axes[quiet_axis]} axis.")
+        out.append(
+            "To determine the rotation, turn about two different axes; there is least turning about the lidar's "
+            f"{axes[quiet_axis]} axis."
+        )
     if np.abs(weak[:, 6]).max() > 0.3:
         out.append("To determine the time offset, turn faster and reverse direction often.")
     return out

@@ -66,7 +66,12 @@ def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) 
             break
         motion = register(points, tau, normals, offsets, start, tie=tie, settings=s, position=position)
         turned, moved = np.degrees(np.linalg.norm(log(motion.R))), np.linalg.norm(motion.p)
-        if turned > 0.15 or moved > 0.006 or np.linalg.norm(motion.omega_rad_s) > 0.06 or np.linalg.norm(motion.v_m_s) > 0.06:
+        if (
+            turned > 0.15
+            or moved > 0.006
+            or np.linalg.norm(motion.omega_rad_s) > 0.06
+            or np.linalg.norm(motion.v_m_s) > 0.06
+        ):
             break
         still.append(position)
     return still or [reference]
@@ -173,7 +178,9 @@ def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | No
     return None
 
 
-def _spread(cloud: FloatArray, free: np.ndarray[tuple[int], np.dtype[np.bool_]], fit: PlaneFit, seed_m: FloatArray, name: str) -> PlanePatch | None:
+def _spread(
+    cloud: FloatArray, free: np.ndarray[tuple[int], np.dtype[np.bool_]], fit: PlaneFit, seed_m: FloatArray, name: str
+) -> PlanePatch | None:
     """A local fit grown over the connected cells of free points on its plane, then refitted."""
     plane = Plane(name, fit.normal, fit.offset_m)
     on = np.flatnonzero(free & _near(cloud, plane))

@@ -65,10 +65,10 @@ def calibrate_published(
 def _document(
     recording: Recording, settings: CalibrateSettings, answer: PaperSolution, messages: list[Message], duration_s: float
 ) -> CalibrationResult:
-    information = np.linalg.inv(answer.covariance)
+    information = np.asarray(np.linalg.inv(answer.covariance), dtype=np.float64)
     standing = [1.0] * 3 + [10.0] * 3 + [10.0]
     rows = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(standing))
-    information += np.diag(1.0 / np.array(standing) ** 2)
+    information = information + np.diag(1.0 / np.array(standing) ** 2)
     knowledge = assess(information, Priors(answer.R_imu_lidar, rows, answer.gravity_m_s2, 0.0))
     std = np.sqrt(np.diag(knowledge.covariance))
     messages.append(
@@ -108,7 +108,11 @@ def _document(
             scans_total=recording.scans_total or answer.scans_total,
             planes=[
                 PlaneQuality(
-                    name=p.plane.name, normal=p.plane.normal.tolist(), offset_m=p.plane.offset_m, points=p.n_points, rms_m=p.rms_m
+                    name=p.plane.name,
+                    normal=p.plane.normal.tolist(),
+                    offset_m=p.plane.offset_m,
+                    points=p.n_points,
+                    rms_m=p.rms_m,
                 )
                 for p in answer.planes
             ],

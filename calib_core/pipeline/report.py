@@ -46,11 +46,15 @@ def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[flo
     for j in range(len(estimate.normals)):
         mine = bins.plane == j
         total = float(weight[mine].sum())
-        out.append((float(np.sqrt(max(chi2[mine].sum(), 0.0) / total)) if total > 0 else 0.0, int(bins.count[mine].sum())))
+        out.append(
+            (float(np.sqrt(max(chi2[mine].sum(), 0.0) / total)) if total > 0 else 0.0, int(bins.count[mine].sum()))
+        )
     return out
 
 
-def iteration_event(ctx: Context, problem: JointProblem, estimate: Estimate, cost: float, solution: ArrowSolution, round_number: int) -> IterationEvent:
+def iteration_event(
+    ctx: Context, problem: JointProblem, estimate: Estimate, cost: float, solution: ArrowSolution, round_number: int
+) -> IterationEvent:
     """One accepted step, for whoever watches."""
     cov = np.linalg.pinv(solution.information, hermitian=True)[:7, :7]
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
@@ -65,7 +69,10 @@ def iteration_event(ctx: Context, problem: JointProblem, estimate: Estimate, cos
         rotation_std_deg=np.degrees(std[:3]).tolist(),
         translation_std_m=std[3:6].tolist(),
         time_offset_std_s=float(std[6]),
-        planes=[PlaneResidual(name=f"plane {j + 1}", rms_m=rms, points=points) for j, (rms, points) in enumerate(plane_residuals(problem, estimate))],
+        planes=[
+            PlaneResidual(name=f"plane {j + 1}", rms_m=rms, points=points)
+            for j, (rms, points) in enumerate(plane_residuals(problem, estimate))
+        ],
     )
 
 

@@ -30,6 +30,8 @@ from calib_core.types import FloatArray
 
 _CHUNK_S = 0.3
 _WINDOW_S = 1.2
+#: The IMU alone carries a pose this long before its error outgrows what a gate can tell from clutter.
+_BLIND_LIMIT_S = 4.0
 #: Hits this near another plane are ambiguous: eight times a usual range noise.
 _MARGIN_M = 0.12
 
@@ -77,6 +79,7 @@ class Rounds:
     reference: int
     names: list[str]
     may_add_planes: bool
+    may_extend: bool
     lidar_noise: LidarNoise = LidarNoise(0.02, 0.005)  # noqa: RUF009  frozen
     extents: PlaneExtents | None = None
     micro: Micro | None = None
@@ -107,11 +110,19 @@ class Rounds:
             problem, minimum = self._solve(15)
             if minimum.first_decrease < 1e-3 and minimum.outcome is not Outcome.SINGULAR:
                 break
-        assert self.micro is not None and self.minimum is not None
+        assert self.micro is not None
+        assert self.minimum is not None
         map_time_s = float(self.ctx.clocks.scan_s[self.reference])
         return Solved(
-            problem, self.estimate, self.minimum, self.micro, self.lidar_noise, self.extents, map_time_s,
-            tuple(self.names), self.number,
+            problem,
+            self.estimate,
+            self.minimum,
+            self.micro,
+            self.lidar_noise,
+            self.extents,
+            map_time_s,
+            tuple(self.names),
+            self.number,
         )
 
     def problem(self, bins: Bins | None = None) -> JointProblem:
@@ -133,7 +144,12 @@ class Rounds:
     def _view(self, problem: JointProblem, estimate: Estimate) -> View:
         ctx = self.ctx
         return View(
-            ctx.recording.scans, ctx.clocks.lidar_epoch_ns, problem.motion(estimate), estimate, ctx.settings, ctx.threads
+            ctx.recording.scans,
+            ctx.clocks.lidar_epoch_ns,
+            problem.motion(estimate),
+            estimate,
+            ctx.settings,
+            ctx.threads,
         )
 
     def _associate(self, gate: Gate, stride: int) -> None:
@@ -145,9 +161,7 @@ class Rounds:
                 self.ctx.stage("associate", done[0] / len(self.positions), f"round {self.number + 1}")
 
         view = self._view(self.problem(), self.estimate)
-        self.micro = associate(
-            view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count
-        )
+        self.micro = associate(view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count)
 
     def _learn(self, gate: Gate) -> None:
         """How far each plane reaches and how noisy the lidar is."""
@@ -219,7 +233,9 @@ class Rounds:
         if keep.all() or keep.sum() < 3:
             return
         dropped = [name for name, kept in zip(self.names, keep, strict=True) if not kept]
-        self.ctx.say("warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}")
+        self.ctx.say(
+            "warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}"
+        )
         self.names = [name for name, kept in zip(self.names, keep, strict=True) if kept]
         e = self.estimate
         self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
@@ -243,6 +259,8 @@ class Rounds:
 
     def extend(self) -> None:
         """Carry the estimate over the rest of the recording, and solve jointly again each time its span has doubled."""
+        if not self.may_extend:
+            return
         clocks = self.ctx.clocks
         total = len(self.readings.knots_s)
         chunk = max(2, round(_CHUNK_S / self.readings.spacing_s))
@@ -253,8 +271,17 @@ class Rounds:
             if total - end < chunk // 2:
                 end = total
             span_s = (end - self.last) * self.readings.spacing_s
-            seen = self._extend_to(end, 0.06 + min(0.5, 0.06 * blind_s**2))
+            seen = self._extend_to(end, 0.05 + min(0.12, 0.02 * blind_s**2))
             blind_s = 0.0 if seen else blind_s + span_s
+            if blind_s > _BLIND_LIMIT_S:
+                now = self.readings.knots_s[self.last - 1] + self.estimate.time_offset_s
+                self.ctx.say(
+                    "warning",
+                    "planes.lost",
+                    f"the planes were out of sight for more than {_BLIND_LIMIT_S:.0f} s, {now:.0f} s after the start: the rest "
+                    "of the recording is not used",
+                )
+                break
             now = self.readings.knots_s[self.last - 1] + self.estimate.time_offset_s
             known = set(self.positions)
             ends = clocks.scan_s + 0.5 * clocks.sweep_s
@@ -274,20 +301,31 @@ class Rounds:
         bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
         links = preintegrate(readings, bg, ba, self.ctx.noise.density)
         known = self.last - start
-        states = _predicted(e.states.part(start - self.first, self.last - self.first), links, readings, known, e.gravity)
+        states = _predicted(
+            e.states.part(start - self.first, self.last - self.first), links, readings, known, e.gravity
+        )
         window = replace(e, states=states)
         layout = 10 + 6 * len(nodes.times_s) + 3 * len(e.normals)
         problem = JointProblem(
-            readings, nodes, links, bg, ba, no_bins(e.time_offset_s), self.priors, 0, tuple(range(layout)), hold_velocity=True
+            readings,
+            nodes,
+            links,
+            bg,
+            ba,
+            no_bins(e.time_offset_s),
+            self.priors,
+            0,
+            tuple(range(layout)),
+            hold_velocity=True,
         )
         low, high = readings.knots_s[0] + e.time_offset_s, readings.knots_s[-1] + e.time_offset_s
         clocks = self.ctx.clocks
         inside = np.flatnonzero((clocks.scan_s + clocks.sweep_s > low) & (clocks.scan_s < high))
         seen = False
-        for extra in (extra_m, 0.05):
+        for extra in (extra_m, 0.04):
             view = self._view(problem, window)
             gate = Gate(extra_m=extra, margin_m=_MARGIN_M)
-            micro = associate(view, [int(i) for i in inside], self.lidar_noise, gate, None, stride=12)
+            micro = associate(view, [int(i) for i in inside], self.lidar_noise, gate, None, stride=6)
             if len(micro.count) == 0:
                 break
             problem = replace(problem, bins=gather(micro, problem.motion(window), window))
@@ -295,7 +333,7 @@ class Rounds:
             fresh = micro.time_s > readings.knots_s[known - 1] + e.time_offset_s
             per_plane = np.bincount(micro.plane[fresh], micro.count[fresh], len(e.normals))
             strong = per_plane > 20
-            seen = bool(strong.sum() >= 3 and determinacy(e.normals[strong]) > 0.02)
+            seen = bool(strong.sum() >= 3 and determinacy(e.normals[strong]) > 0.01)
         keep = self.estimate.states.part(0, start - self.first)
         self.estimate = replace(e, states=KnotStates.joined(keep, window.states))
         self.last = end

@@ -127,7 +127,9 @@ def track(
     offsets = np.array([plane.offset_m for plane in planes])
     still = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, 0.0, 1.0)
     loose = np.repeat([1e8, 1e8, 1 / 2.0**2, 1 / 2.0**2], 3)
-    first = register(*sample_points(scans[reference], s.points), normals, offsets, still, tie=loose, settings=s, position=reference)
+    first = register(
+        *sample_points(scans[reference], s.points), normals, offsets, still, tie=loose, settings=s, position=reference
+    )
     runs: list[list[ScanMotion]] = []
     total = len(scans)
     done = 1
@@ -164,7 +166,9 @@ def _lost(motion: ScanMotion, predicted: ScanMotion, first: ScanMotion, s: Track
     return few or turned > s.jump_rotation_rad or moved > s.jump_position_m
 
 
-def _predict(previous: ScanMotion, scans: Sequence[Scan], position: int, s: TrackSettings) -> tuple[ScanMotion, FloatArray]:
+def _predict(
+    previous: ScanMotion, scans: Sequence[Scan], position: int, s: TrackSettings
+) -> tuple[ScanMotion, FloatArray]:
     """Constant velocity to the next scan, with the information of that guess."""
     dt = (scans[position].stamp_ns - scans[previous.position].stamp_ns) * 1e-9
     steps = max(abs(dt) / 0.1, 0.2)
@@ -179,5 +183,12 @@ def _predict(previous: ScanMotion, scans: Sequence[Scan], position: int, s: Trac
         previous.determinacy,
     )
     # Acceleration makes the pose's error grow with the square of time and the velocity's with time.
-    std = np.array([s.tie_rotation_rad * steps**2, s.tie_position_m * steps**2, s.tie_rate_rad_s * steps, s.tie_velocity_m_s * steps])
+    std = np.array(
+        [
+            s.tie_rotation_rad * steps**2,
+            s.tie_position_m * steps**2,
+            s.tie_rate_rad_s * steps,
+            s.tie_velocity_m_s * steps,
+        ]
+    )
     return predicted, np.repeat(1.0 / std**2, 3)

@@ -67,7 +67,11 @@ def fit_plane(points_m: FloatArray, weights: FloatArray | None = None) -> tuple[
 
 
 def segment_planes(
-    points_m: FloatArray, *, viewpoint_m: FloatArray | None = None, seed: int = 0, settings: SegmentSettings | None = None
+    points_m: FloatArray,
+    *,
+    viewpoint_m: FloatArray | None = None,
+    seed: int = 0,
+    settings: SegmentSettings | None = None,
 ) -> list[PlaneFit]:
     """The planes of a cloud, largest first.
 
@@ -137,7 +141,11 @@ def _best_hypothesis(
     tree = cKDTree(cloud)
     _, near = tree.query(cloud[first], k=neighbours)
     column = rng.integers(neighbours // 4, neighbours, size=(s.hypotheses, 2))
-    a, b, c = cloud[first], cloud[near[np.arange(s.hypotheses), column[:, 0]]], cloud[near[np.arange(s.hypotheses), column[:, 1]]]
+    a, b, c = (
+        cloud[first],
+        cloud[near[np.arange(s.hypotheses), column[:, 0]]],
+        cloud[near[np.arange(s.hypotheses), column[:, 1]]],
+    )
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
     spread = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)

@@ -72,6 +72,7 @@ def minimise(
     for iteration in range(max_iterations):
         system = problem.linearise(estimate)
         accepted = False
+        candidate, new_cost = estimate, cost
         for _ in range(12):
             try:
                 solution = solve_arrow(system, damping=damping)
