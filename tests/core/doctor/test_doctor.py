@@ -38,7 +38,7 @@ def data(gyro: FloatArray, accel: FloatArray) -> ImuData:
 
 
 def test_a_good_recording(tmp_path: Path) -> None:
-    """Mutation: swap any two axes in the excitation; take scan times from headers of the IMU."""
+    """Mutation: forget to divide by the number of readings in `timeline`."""
     gyro, accel = tilting(25)
     report = report_of(tmp_path, build.velodyne_messages(240, cdr=False), imu_messages(gyro, accel))
     assert report.verdict == "good", report.reasons
@@ -178,7 +178,7 @@ def test_clipping_is_told_from_smooth_peaks() -> None:
 
 
 def test_excitation_names_the_weakest_axis() -> None:
-    """Mutation: take the eigenvector of the largest eigenvalue."""
+    """Mutation: take the eigenvector of the largest eigenvalue; reverse the axes of the root mean square."""
     rng = np.random.default_rng(0)
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     times = np.arange(4000) / RATE
@@ -186,4 +186,6 @@ def test_excitation_names_the_weakest_axis() -> None:
     got = excitation(data(turns, np.tile([0, 0, 9.81], (4000, 1))), ())
     assert abs(np.dot(got.weakest_axis, axes[:, 2])) > 0.999
     assert got.weakest_axis_rms_deg_s == pytest.approx(np.rad2deg(0.05 / np.sqrt(2)), rel=0.05)
+    expected = np.rad2deg(np.sqrt(np.mean(turns**2, axis=0)))
+    assert got.rotation_rms_deg_s == pytest.approx(tuple(expected), rel=0.02)
     assert got.axis_condition == pytest.approx((1 / 0.05) ** 2, rel=0.1)
