@@ -25,8 +25,17 @@ except ModuleNotFoundError:  # `python hatch_build.py` needs no hatchling
 
 ROOT = Path(__file__).resolve().parent
 SKIP_VARIABLE = "UNSWEEP_SKIP_CLIENT"
-SOURCES = ("src", "public", "index.html", "openapi.json", "package.json", "package-lock.json", "tsconfig.json",
-           "vite.config.ts", ".npmrc")
+SOURCES = (
+    "src",
+    "public",
+    "index.html",
+    "openapi.json",
+    "package.json",
+    "package-lock.json",
+    "tsconfig.json",
+    "vite.config.ts",
+    ".npmrc",
+)
 TAIL_LINES = 25
 
 
@@ -79,8 +88,15 @@ def run_npm(frontend: Path, *words: str) -> None:
     """Run npm in `frontend`; on failure show the end of what it said and raise one sentence."""
     command, environment = npm_command()
     done = subprocess.run(
-        [*command, *words], cwd=frontend, env=environment, text=True, errors="replace", check=False,
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        [*command, *words],
+        cwd=frontend,
+        env=environment,
+        text=True,
+        errors="replace",
+        check=False,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
     )
     if done.returncode != 0:
         sys.stderr.write("\n".join(done.stdout.splitlines()[-TAIL_LINES:]) + "\n")
@@ -120,8 +136,8 @@ class ClientBuildHook(BuildHookInterface):
 
     PLUGIN_NAME = "custom"
 
-    def initialize(self, version: str, build_data: dict[str, object]) -> None:
-        """Called by hatch. version: "standard" or "editable"."""
+    def initialize(self, _version: str, _build_data: dict[str, object]) -> None:
+        """Called by hatch, with "standard" or "editable" and what it is about to pack."""
         if self.target_name == "sdist":  # sources only: whoever builds from them builds the client
             return
         try:

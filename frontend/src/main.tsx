@@ -28,6 +28,7 @@ createRoot(root).render(
     <MantineProvider
       theme={theme}
       cssVariablesResolver={cssVariables}
+      deduplicateCssVariables={false}
       defaultColorScheme="auto"
       colorSchemeManager={localStorageColorSchemeManager({ key: "unsweep-color-scheme" })}
     >

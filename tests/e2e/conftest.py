@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 import hatch_build
 from calib_core.simulate import simulate
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = os.environ.get("UNSWEEP_CHROMIUM", "/usr/bin/chromium")
 #: WebGL in software, named outright so that it is the same on every machine.
 GRAPHICS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-LONGEST_WAIT_MS = 20_000
+LONGEST_WAIT_MS = 30_000
 
 
 @pytest.fixture(scope="session")
@@ -78,6 +78,7 @@ def browser() -> Iterator[Browser]:
     """Debian's Chromium, headless."""
     if not Path(CHROMIUM).exists():
         pytest.skip(f"no Chromium at {CHROMIUM}; `make test` installs it, UNSWEEP_CHROMIUM names another")
+    expect.set_options(timeout=LONGEST_WAIT_MS)
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
         yield chromium

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 AXE = ROOT / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
 SCREENSHOTS = ROOT / "docs" / "screenshots"
 #: Work in a child process on a busy machine; nothing is judged by it.
-JOB_WAIT_S = 240.0
+JOB_WAIT_S = 180.0
 
 
 class Complaints:

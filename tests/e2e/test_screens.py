@@ -40,7 +40,7 @@ def test_recording(page: Page, solved: tuple[str, str], scheme: str) -> None:
     Seen to fail: with the span's handles not focusable; with the report's findings not listed.
     """
     page.goto(f"/r/{solved[0]}/recording")
-    expect(page.get_by_role("heading", name="Good to calibrate")).to_be_visible()
+    expect(page.get_by_role("heading", name="Usable, with limits")).to_be_visible()
     expect(page.get_by_role("region", name="Lidar")).to_contain_text("/velodyne_points")
     expect(page.get_by_role("region", name="Findings").get_by_role("listitem").first).to_be_visible()
     assert serious_faults(page) == []
@@ -132,7 +132,7 @@ def test_result(page: Page, solved: tuple[str, str], scheme: str) -> None:
     expect(numbers.get_by_role("row", name="p x")).not_to_have_text(forward)
     page.get_by_text("T_imu_lidar", exact=True).click()
     page.get_by_role("combobox", name="Format").select_option("urdf")
-    expect(page.get_by_label("the urdf text")).to_contain_text("rpy")
-    expect(page.get_by_label("the command")).to_contain_text("unsweep calibrate room.bag")
+    expect(page.get_by_role("group", name="the urdf text")).to_contain_text("rpy")
+    expect(page.get_by_role("group", name="the command")).to_contain_text("unsweep calibrate room.bag")
     assert serious_faults(page) == []
     keep_screenshot(page, "result", scheme)

@@ -160,12 +160,22 @@ export function useRetryJob() {
   });
 }
 
+/** The planes as they will be after an operation, as far as that is plain. */
+export function foreseen(planes: Planes, operation: Operation): Planes {
+  if (operation.op !== "toggle") return planes;
+  const patches = planes.patches.map((patch) => (patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch));
+  return { ...planes, patches };
+}
+
 /** Edits of the planes; the answer is the new state of all of them. */
 export function useEditPlanes(id: string) {
   const client = useQueryClient();
   return useMutation({
     mutationFn: (operation: Operation) =>
       body(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
+    // A ticked box answers at once; the server's word follows, with the sentence on what is determined.
+    onMutate: (operation) =>
+      client.setQueryData<Planes>(keys.planes(id), (old) => (old === undefined ? old : foreseen(old, operation))),
     onSuccess: (planes: Planes) => client.setQueryData(keys.planes(id), planes),
     onError: () => client.invalidateQueries({ queryKey: keys.planes(id) }),
   });

@@ -9,6 +9,7 @@ import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
 import { JobProgress } from "../solve/progress";
+import { stagesOfPlanes } from "../solve/timeleft";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
 import { DeterminacyMeter } from "./determinacy";
@@ -142,7 +143,7 @@ function PlanesProgress({ jobId }: { jobId: string }) {
   const run = useJobStream(jobId);
   return (
     <>
-      <JobProgress run={run} jobId={jobId} />
+      <JobProgress run={run} jobId={jobId} expected={stagesOfPlanes} />
       <ListSkeleton />
     </>
   );

@@ -16,6 +16,7 @@ const weights: Record<Stage, number> = {
   write: 0.3,
 };
 
+export const stagesOfPlanes: readonly Stage[] = ["read", "planes"];
 export const stagesOfSolve: readonly Stage[] = ["initialise", "track", "solve"];
 
 /** The stages as a person counts them: assigning points and solving take turns, in rounds nobody knows the number of. */

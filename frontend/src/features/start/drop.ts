@@ -1,7 +1,10 @@
 import { useEffect, useState } from "react";
 
-/** Lets files be dropped anywhere on the page. Returns whether files hover over it now. */
-export function usePageDrop(onFile: (file: File) => void): boolean {
+/** Lets a file be dropped anywhere on the page. Returns whether one hovers over it now.
+ *
+ *  Both callbacks must keep their identity. A folder cannot be sent as one file: its name is handed on instead.
+ */
+export function usePageDrop(onFile: (file: File) => void, onFolder: (name: string) => void): boolean {
   const [dragging, setDragging] = useState(false);
   useEffect(() => {
     let depth = 0;
@@ -23,8 +26,10 @@ export function usePageDrop(onFile: (file: File) => void): boolean {
       event.preventDefault();
       depth = 0;
       setDragging(false);
+      const entry = event.dataTransfer?.items[0]?.webkitGetAsEntry();
       const file = event.dataTransfer?.files[0];
-      if (file !== undefined) onFile(file);
+      if (entry?.isDirectory === true) onFolder(entry.name);
+      else if (file !== undefined) onFile(file);
     };
     window.addEventListener("dragenter", enter);
     window.addEventListener("dragleave", leave);
@@ -36,6 +41,6 @@ export function usePageDrop(onFile: (file: File) => void): boolean {
       window.removeEventListener("dragover", over);
       window.removeEventListener("drop", drop);
     };
-  }, [onFile]);
+  }, [onFile, onFolder]);
   return dragging;
 }

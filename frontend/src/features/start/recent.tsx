@@ -1,5 +1,6 @@
 import { ActionIcon, Menu, Skeleton } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
 import { Link } from "react-router";
 import type { Recording } from "../../api/client";
 import { recordingsQuery, useDeleteRecording } from "../../api/queries";
@@ -37,6 +38,7 @@ export function RecentRecordings({ onOpen }: { onOpen: (id: string) => void }) {
 function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string) => void }) {
   const remove = useDeleteRecording();
   const now = useNow(30_000);
+  const [sure, setSure] = useState(false);
   const standing = standingOf(recording);
   return (
     <li className={css.row}>
@@ -51,7 +53,7 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <span className="nowrap">{ago(Date.parse(recording.created_at), now)}</span>
         </span>
       </Link>
-      <Menu position="bottom-end">
+      <Menu position="bottom-end" onClose={() => setSure(false)}>
         <Menu.Target>
           <ActionIcon variant="subtle" color="gray" aria-label={`More for ${recording.name}`} loading={remove.isPending}>
             <Icon name="more" />
@@ -61,8 +63,15 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <Menu.Item leftSection={<Icon name="file" />} onClick={() => onOpen(recording.id)}>
             Look at the recording
           </Menu.Item>
-          <Menu.Item leftSection={<Icon name="trash" />} color="red" onClick={() => remove.mutate(recording.id)}>
-            Remove it and its results
+          <Menu.Item
+            leftSection={<Icon name="trash" />}
+            closeMenuOnClick={sure}
+            onClick={() => {
+              if (sure) remove.mutate(recording.id);
+              setSure(!sure);
+            }}
+          >
+            {sure ? "Yes, remove it and its results" : "Remove…"}
           </Menu.Item>
         </Menu.Dropdown>
       </Menu>

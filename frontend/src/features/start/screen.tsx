@@ -34,7 +34,10 @@ export function StartScreen() {
     },
     [start, show],
   );
-  const dragging = usePageDrop(upload);
+  const refuseFolder = useCallback((name: string) => {
+    setUploadError(new Error(`Expected one file, but ${name} is a folder; pack it as ${name}.zip and drop that, or give the server its parent with --recordings.`));
+  }, []);
+  const dragging = usePageDrop(upload, refuseFolder);
   const samples = facts.data?.samples ?? [];
   const firstSample = samples[0];
   const openSample = (scenario: string) => open.mutate({ sample: scenario }, { onSuccess: (made) => show(made.id) });
