@@ -1,4 +1,4 @@
-"""What follows what: a recording that arrives is inspected, an inspected one gets its planes proposed, and so on."""
+"""What follows what: a simulated recording arrives, one that arrives is inspected and gets its planes proposed."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
 from calib_core.settings import ReadSettings
 
-#: What starts by itself when a job of this kind is done.
-FOLLOW_UPS: dict[JobKind, JobKind] = {"simulate": "inspect", "inspect": "planes"}
+#: What starts by itself for a recording that has arrived: side by side, so that the cloud need not wait for the report.
+ON_ARRIVAL: tuple[JobKind, ...] = ("inspect", "planes")
 
 
 def state_after(job: Job, before: RecordingState) -> RecordingState:
@@ -52,7 +52,7 @@ class Workflow:
         """Tie the services together; they do not know each other."""
         self._jobs = jobs
         self._planes = planes
-        recordings.on_arrived = lambda record: self._submit(record, "inspect")
+        recordings.on_arrived = self._arrived
         recordings.on_wanted = lambda record: self._submit(record, "simulate")
 
     def start(self, record: RecordingRecord, wish: NewJob) -> Job:
@@ -103,9 +103,8 @@ class Workflow:
                 self._planes.proposed(recording.id)
         if job.kind in {"planes", "solve"} and job.state in {"done", "running"}:
             self.on_shown_changed(recording.id)
-        follow_up = FOLLOW_UPS.get(job.kind)
-        if job.state == "done" and follow_up is not None:
-            self._submit(recording, follow_up)
+        if job.state == "done" and job.kind == "simulate":
+            self._arrived(recording)
 
     def _keep_consequences(self, recording: RecordingRecord, job: Job) -> None:
         state = state_after(job, recording.state)
@@ -121,6 +120,10 @@ class Workflow:
         if changed != recording:
             self._recordings.save(changed)
             self._feed.tell(recording.id, RecordingChanged())
+
+    def _arrived(self, record: RecordingRecord) -> None:
+        for kind in ON_ARRIVAL:
+            self._submit(record, kind)
 
     def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
         self._jobs.submit(record.id, kind, StoredRequest())

@@ -14,7 +14,7 @@ def final(message):
 
 
 def test_an_upload_is_inspected_and_its_planes_proposed_by_itself(shared_live):
-    """Oracle: issue's order of steps. Mutation: FOLLOW_UPS without "inspect" leaves no planes job."""
+    """Oracle: issue's order of steps. Mutation: ON_ARRIVAL without "planes" shows no cloud."""
     recording_id = shared_live.ready()
     recording = shared_live.http.get(f"/api/recordings/{recording_id}").json()
     assert recording["state"] == "ready"
@@ -122,7 +122,7 @@ def test_deleting_a_recording_stops_its_jobs_and_leaves_no_file(live):
 
 
 def test_a_sample_is_simulated_then_inspected(shared_live):
-    """Mutation: FOLLOW_UPS without "simulate" stops after the simulation."""
+    """Mutation: job_changed without _arrived stops after the simulation."""
     made = shared_live.http.post("/api/recordings", json={"sample": "paper-normal"}).json()
     assert made["origin"] == "sample"
     shared_live.wait(lambda: shared_live.job_states(made["id"]).get("planes") == "done")

@@ -43,7 +43,8 @@ class Live:
     def ready(self, name="room.bag"):
         """A recording uploaded, inspected and with planes; its id."""
         recording_id = self.upload(name)
-        self.wait(lambda: self.job_states(recording_id).get("planes") == "done")
+        both = {"inspect": "done", "planes": "done"}
+        self.wait(lambda: self.job_states(recording_id) == both)
         return recording_id
 
     def job_states(self, recording_id):
