@@ -105,7 +105,10 @@ def test_what_is_wrong_is_said(change: str, verdict: str, words: str, tmp_path: 
         accel = np.array([0, 0, 9.81]) + rng.normal(0, 0.02, accel.shape)
         accel[300:, 0] += 2 * np.sin(np.arange(len(gyro) - 300) / 20)
     elif change == "one-axis":
+        sway = np.deg2rad(2.5) * np.sin(np.arange(len(gyro)) / 30)
         gyro[:, :2] = rng.normal(0, 2e-3, (len(gyro), 2))
+        gyro[300:, 0] += sway[300:]
+        gyro[300:, 1] += np.roll(sway, 47)[300:]
     elif change == "never-still":
         gyro, accel = gyro[320:], accel[320:]
         scans = 210
