@@ -17,7 +17,7 @@ router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
 @router.get("")
 def list_recordings(services: ServicesDep) -> list[Recording]:
-    """All recordings, newest first."""
+    """All recordings, newest first, without their reports."""
     return services.recordings.list_all()
 
 

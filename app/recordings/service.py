@@ -69,8 +69,8 @@ class RecordingService:
         return record
 
     def list_all(self) -> list[Recording]:
-        """All recordings, newest first."""
-        return [self.wire(record) for record in self._store.all_newest_first()]
+        """All recordings, newest first, without their reports: each carries plots that a list does not show."""
+        return [self.wire(replace(record, report_json=None)) for record in self._store.all_newest_first()]
 
     def wire(self, record: RecordingRecord) -> Recording:
         """The recording as the wire carries it."""

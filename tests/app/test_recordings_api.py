@@ -94,6 +94,16 @@ def test_the_timeline_shows_rates_in_degrees_and_where_it_is_still(shared_live):
     assert timeline["scan_points"] == [1500] * world.N_SCANS
 
 
+def test_the_list_is_newest_first_and_leaves_the_reports_out(shared_live):
+    """Oracle: the single readings. Mutation: listing with reports: megabytes for a page of names."""
+    older, newer = shared_live.ready(), shared_live.ready()
+    listed = shared_live.http.get("/api/recordings").json()
+    assert [recording["id"] for recording in listed[:2]] == [newer, older]
+    single = shared_live.http.get(f"/api/recordings/{newer}").json()
+    assert single["report"]["verdict"] == "good"
+    assert listed[0] == {**single, "report": None}
+
+
 def test_times_count_from_the_whole_recordings_start():
     """Mutation: forgetting start_s moves the strip under the span that was chosen on it."""
     recording = world.make_recording()
