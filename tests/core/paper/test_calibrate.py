@@ -149,18 +149,21 @@ def test_exact_poses_and_a_motionless_sweep(exact):
 
 
 def test_clocks_of_different_epochs(exact):
-    """IMU stamps decades away: the offset is exact in nanoseconds.
+    """IMU stamps decades away change the answer by the difference of epochs, to the nanosecond, and nothing else.
 
     Mutation: the coarse offset added in float seconds.
     """
     recording, truth = exact
-    away_ns = 1_600_000_000_000_000_007
-    imu = replace(recording.imu, stamps_ns=recording.imu.stamps_ns - away_ns)
-    # The reader's guess is 30 ms off.
-    far = replace(recording, imu=imu, coarse_offset_ns=away_ns + 30_000_000, scans=list(recording.scans[:40]))
-    solution = calibrate_paper(far, SETTINGS, options=PaperOptions(refinement_rounds=0))
-    assert abs(solution.time_offset_ns - (truth.time_offset_ns + away_ns)) < 20_000
-    assert isinstance(solution.time_offset_ns, int)
+    imu, away_ns, guess_ns = recording.imu, 1_600_000_000_000_000_007, 30_000_000
+    few = replace(recording, scans=list(recording.scans[:40]))
+    # The reader's guess is 30 ms off; the same error without the epochs: stamps that are 30 ms late.
+    far = replace(few, imu=replace(imu, stamps_ns=imu.stamps_ns - away_ns), coarse_offset_ns=away_ns + guess_ns)
+    near = replace(few, imu=replace(imu, stamps_ns=imu.stamps_ns + guess_ns))
+    options = PaperOptions(refinement_rounds=0)
+    apart, together = (calibrate_paper(each, SETTINGS, options=options) for each in (far, near))
+    assert apart.time_offset_ns == together.time_offset_ns + guess_ns + away_ns
+    assert abs(apart.time_offset_ns - (truth.time_offset_ns + away_ns)) < 20_000
+    np.testing.assert_array_equal(apart.R_imu_lidar, together.R_imu_lidar)
 
 
 def test_given_planes_and_guess_are_used(exact):
@@ -185,11 +188,15 @@ def test_given_planes_and_guess_are_used(exact):
 
 
 def test_refusals_say_why(exact):
-    """Too narrow a view for three planes; too few scans. Mutation: solving with what there is."""
-    recording, _ = exact
-    narrow = calibrate_paper(recording, SETTINGS.model_copy(update={"field_of_view_deg": 4.0}))
-    assert isinstance(narrow, PaperRefusal)
-    assert narrow.messages[0].code == "paper.planes"
+    """Two planes; a view too narrow for any; too few scans. Mutation: solving with what there is."""
+    recording, truth = exact
+    few = replace(recording, scans=list(recording.scans[:14]))
+    two = calibrate_paper(few, SETTINGS, planes=[p for p in truth.planes if p.name in {"floor", "wall west"}])
+    narrow = calibrate_paper(few, SETTINGS.model_copy(update={"field_of_view_deg": 4.0}))
+    for refused, found in ((two, "found 2;"), (narrow, "found 0;")):
+        assert isinstance(refused, PaperRefusal)
+        assert refused.messages[0].code == "paper.planes"
+        assert found in refused.messages[0].text
     short = calibrate_paper(replace(recording, scans=list(recording.scans[:6])), SETTINGS)
     assert isinstance(short, PaperRefusal)
     assert "found 6 of 6" in short.messages[0].text
