@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel
-from calib_core.planes.extent import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.planes.segment import plane_axes
+from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002

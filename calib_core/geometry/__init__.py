@@ -1,5 +1,6 @@
 """Rotations and rigid transforms; knows NumPy only."""
 
+from calib_core.geometry.axes import plane_axes
 from calib_core.geometry.so3 import (
     exp,
     hat,
@@ -10,4 +11,13 @@ from calib_core.geometry.so3 import (
     right_jacobian_inverse,
 )
 
-__all__ = ["exp", "hat", "log", "mean_rotation", "nearest_rotation", "right_jacobian", "right_jacobian_inverse"]
+__all__ = [
+    "exp",
+    "hat",
+    "log",
+    "mean_rotation",
+    "nearest_rotation",
+    "plane_axes",
+    "right_jacobian",
+    "right_jacobian_inverse",
+]

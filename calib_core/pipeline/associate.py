@@ -25,9 +25,9 @@ from calib_core.factors.bins import (
     sum_by_key,
     unpack,
 )
+from calib_core.factors.extent import ExtentSurvey, PlaneExtents
 from calib_core.pipeline.joint import Bins, Estimate, JointProblem
 from calib_core.pipeline.motion import Motion
-from calib_core.planes.extent import ExtentSurvey, PlaneExtents
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, Scan
 

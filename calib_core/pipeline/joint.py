@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.factors.knots import KnotStates, link_factors, link_residuals
-from calib_core.geometry import exp, hat, log
+from calib_core.geometry import exp, hat, log, plane_axes
 from calib_core.imu.links import Links, UpsampledImu
 from calib_core.pipeline.motion import Motion
-from calib_core.planes.segment import plane_axes
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.types import FloatArray, IntArray
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.factors.bins import Gate, LidarNoise
+from calib_core.factors.extent import PlaneExtents
 from calib_core.factors.knots import KnotStates
 from calib_core.geometry import exp
 from calib_core.imu.links import Links, UpsampledImu, preintegrate
@@ -22,7 +23,6 @@ from calib_core.pipeline.context import Context
 from calib_core.pipeline.joint import BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
 from calib_core.pipeline.observability import UNITS, data_information, undetermined
 from calib_core.pipeline.report import iteration_event, plane_residuals
-from calib_core.planes.extent import PlaneExtents
 from calib_core.planes.segment import SegmentSettings, determinacy, segment_planes
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.solver.levenberg import Minimum, Outcome, minimise

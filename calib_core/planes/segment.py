@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, FloatArray
 
 
@@ -232,15 +233,6 @@ def _merge(points: FloatArray, fits: list[PlaneFit]) -> list[PlaneFit]:
         else:
             merged.append(fit)
     return merged
-
-
-def plane_axes(normals: FloatArray) -> FloatArray:
-    """Two unit vectors that span each plane: (e1, e2, normal) is right-handed. normals: (..., 3). Returns (..., 2, 3)."""
-    n = np.asarray(normals)
-    helper = np.eye(3)[np.argmin(np.abs(n), axis=-1)]
-    e1 = np.cross(helper, n)
-    e1 /= np.linalg.norm(e1, axis=-1, keepdims=True)
-    return np.stack([e1, np.cross(n, e1)], axis=-2)
 
 
 def determinacy(normals: FloatArray, weights: NDArray[np.float64] | None = None) -> float:

@@ -22,8 +22,8 @@ from calib_core.factors.bins import (
     sum_by_key,
     unpack,
 )
-from calib_core.planes.extent import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.planes.segment import plane_axes
+from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
+from calib_core.geometry import plane_axes
 from calib_core.types import Float32Array, FloatArray
 
 NORMALS = np.array([[0.02, 0.01, 1.0], [1.0, 0.05, -0.03], [0.0, -1.0, 0.1]])

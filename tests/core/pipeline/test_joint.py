@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.knots import KnotStates, link_residuals
+from calib_core.geometry import plane_axes
 from calib_core.imu.links import NoiseDensity, UpsampledImu, preintegrate
 from calib_core.pipeline.joint import (
     BiasNodes,
@@ -21,7 +22,6 @@ from calib_core.pipeline.joint import (
     bin_jacobian,
     prior_rows,
 )
-from calib_core.planes.segment import plane_axes
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
 from calib_core.types import FloatArray
 

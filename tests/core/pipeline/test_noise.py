@@ -77,7 +77,7 @@ def test_a_noise_free_sensor_is_held_to_a_floor_and_a_coarse_one_to_its_resoluti
 
 
 def test_the_standstill_found_is_the_one_that_was_made() -> None:
-    """Fails when a slow start is let in (the windows' means are not compared with the first's).
+    """Fails when a run may begin where the last one ended too (the longest is not kept).
 
     Still for 3 s, then swaying: found to a quarter-second window at its start, and to half a second at its end, where
     the ramp has not yet moved anything by more than the noise.
@@ -98,7 +98,7 @@ def test_the_standstill_found_is_the_one_that_was_made() -> None:
 
 
 def test_a_recording_without_standstill_has_none_and_one_that_never_moves_is_all() -> None:
-    """Fails when a steady turn counts as still (no limit on the mean rate), or the last run is not looked at."""
+    """Fails when a steady turn counts as still (no limit on the mean rate), or a slow creep does (means not compared)."""
     rng = np.random.default_rng(6)
     t = np.arange(1000) / 100.0
     noise = rng.normal(size=(1000, 6)) * np.repeat([1e-3, 0.01], 3)
@@ -107,6 +107,9 @@ def test_a_recording_without_standstill_has_none_and_one_that_never_moves_is_all
     moving = _recorded(12.0, 100.0, seed=7)
     late = [values[300:] for values in moving]
     assert longest_still(*late) is None
+    creep = noise[:, :3] + np.linspace(0.0, 0.1, 1000)[:, None] * [1.0, 0.0, 0.0]
+    still = longest_still(t, creep, noise[:, 3:] + [0, 0, 9.8])
+    assert still is None or still.stop - still.start < 150
     whole = longest_still(t, noise[:, :3] + [0.01, 0.0, 0.0], noise[:, 3:] + [0, 0, 9.8])
     assert whole == slice(0, 1000)
     assert longest_still(t[:60], noise[:60, :3], noise[:60, 3:]) is None

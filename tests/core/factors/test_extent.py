@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from calib_core.planes.extent import CELL_M, HALF_CELLS, ExtentSurvey
+from calib_core.factors.extent import CELL_M, HALF_CELLS, ExtentSurvey
 from calib_core.types import BoolArray, IntArray
 
 NORMALS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])

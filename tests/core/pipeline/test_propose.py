@@ -1,0 +1,126 @@
+"""Planes proposed for a person to judge, on a room whose planes are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.errors import Cancelled
+from calib_core.events import StageEvent
+from calib_core.geometry import plane_axes
+from calib_core.pipeline.propose import grow_plane, make_patch, propose_planes, scan_points
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import Plane, PlaneProposals, Recording
+
+
+@pytest.fixture(scope="module")
+def heard() -> list[StageEvent]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def proposals(noisy: tuple[Recording, Truth], heard: list[StageEvent]) -> PlaneProposals:
+    def listen(event: object) -> None:
+        assert isinstance(event, StageEvent)
+        heard.append(event)
+
+    return propose_planes(noisy[0], CalibrateSettings(), on_event=listen)
+
+
+def test_patches_are_the_rooms_planes_in_the_map_frame(
+    noisy: tuple[Recording, Truth], proposals: PlaneProposals, heard: list[StageEvent]
+) -> None:
+    """Fails when normals point away from the sensor, or the standing second is not merged (too few points a patch)."""
+    truth = noisy[1]
+    assert len(proposals.patches) >= 4
+    for patch in proposals.patches:
+        plane = patch.plane
+        best = max(truth.planes, key=lambda t: float(t.normal @ plane.normal))
+        assert np.degrees(np.arccos(min(float(best.normal @ plane.normal), 1.0))) < 0.5
+        assert abs(best.offset_m - plane.offset_m) < 0.02
+        assert plane.offset_m > 0
+        assert patch.confirmed
+        assert 0.005 < patch.rms_m < 0.06
+    counts = [p.n_points for p in proposals.patches]
+    assert counts[0] > 5000
+    assert [p.plane.name for p in proposals.patches] == [f"plane {j + 1}" for j in range(len(counts))]
+    assert [e.fraction for e in heard] == sorted(e.fraction for e in heard)
+    assert heard[-1].fraction == 1.0
+
+
+def test_the_standing_second_is_found(proposals: PlaneProposals) -> None:
+    """Fails when scans that move by centimetres still count as standing: the ramp starts after one second."""
+    assert proposals.reference_scans[0] == 0
+    assert proposals.reference_scans == tuple(range(len(proposals.reference_scans)))
+    assert 7 <= len(proposals.reference_scans) <= 12
+    assert proposals.static
+
+
+def test_every_point_of_a_patch_lies_on_it_and_its_outline_does(proposals: PlaneProposals) -> None:
+    """Fails when the outline is left in the plane's own coordinates, or a point goes to a plane far from it."""
+    for j, patch in enumerate(proposals.patches):
+        mine = proposals.cloud_m[proposals.cloud_patch == j].astype(np.float64)
+        distance = mine @ patch.plane.normal + patch.plane.offset_m
+        assert len(mine) == patch.n_points
+        assert np.abs(distance).max() < 0.1
+        assert patch.rms_m == pytest.approx(np.sqrt(np.mean(distance**2)), rel=1e-3)
+        np.testing.assert_allclose(patch.outline_m @ patch.plane.normal + patch.plane.offset_m, 0.0, atol=1e-9)
+        axes = plane_axes(patch.plane.normal)
+        low, high = (mine @ axes.T).min(axis=0), (mine @ axes.T).max(axis=0)
+        np.testing.assert_allclose((patch.outline_m @ axes.T).min(axis=0), low, atol=1e-4)
+        np.testing.assert_allclose((patch.outline_m @ axes.T).max(axis=0), high, atol=1e-4)
+        assert 0 < patch.area_m2 <= 1.5 * np.prod(high - low)
+    assert len(proposals.cloud_m) == len(proposals.cloud_patch) == len(proposals.cloud_intensity)
+
+
+def test_a_plane_that_was_dropped_grows_back_from_a_click(proposals: PlaneProposals) -> None:
+    """Fails when points that already belong to a plane are taken for the new one, or the offset's sign is not kept."""
+    for j in range(3):
+        dropped = proposals.patches[j]
+        free = proposals.cloud_patch.copy()
+        free[free == j] = -1
+        rest = PlaneProposals(
+            tuple(p for i, p in enumerate(proposals.patches) if i != j), proposals.cloud_m, free,
+            proposals.cloud_intensity, proposals.reference_scans, proposals.static,
+        )  # fmt: skip
+        mine = proposals.cloud_m[proposals.cloud_patch == j].astype(np.float64)
+        seed = mine[np.argsort(np.linalg.norm(mine - mine.mean(axis=0), axis=1))[len(mine) // 10]]
+        grown = grow_plane(rest, seed)
+        assert grown is not None
+        assert np.degrees(np.arccos(min(float(grown.plane.normal @ dropped.plane.normal), 1.0))) < 0.3
+        assert abs(grown.plane.offset_m - dropped.plane.offset_m) < 0.01
+        assert grown.n_points > 0.7 * dropped.n_points
+        assert grown.plane.name == f"plane {len(rest.patches) + 1}"
+
+
+def test_nothing_grows_in_the_air_or_where_all_is_taken(proposals: PlaneProposals) -> None:
+    """Fails when the seed's own distance to the plane is not asked for."""
+    assert grow_plane(proposals, np.array([0.3, 0.2, 0.1])) is None
+    mine = proposals.cloud_m[proposals.cloud_patch == 0][100].astype(np.float64)
+    taken = grow_plane(proposals, mine)
+    assert taken is None or taken.n_points < 0.05 * proposals.patches[0].n_points
+
+
+def test_a_search_that_is_cancelled_ends(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when `find_reference` does not poll."""
+    with pytest.raises(Cancelled):
+        propose_planes(noisy[0], CalibrateSettings(), should_cancel=lambda: True)
+
+
+def test_field_of_view_is_applied_to_what_is_looked_at(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when the azimuth is taken from x and z."""
+    scan = noisy[0].scans[0]
+    xyz = scan_points(scan, 30.0)
+    azimuth = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0]))
+    assert np.abs(azimuth).max() <= 30.0
+    every = scan_points(scan)
+    assert len(xyz) == (np.abs(np.degrees(np.arctan2(every[:, 1], every[:, 0]))) <= 30.0).sum() > 0
+
+
+def test_a_patch_of_nothing_has_no_outline() -> None:
+    """Fails when the hull's error on fewer than three points is let through."""
+    patch = make_patch(Plane("p", np.array([0.0, 0.0, 1.0]), 1.0), np.zeros((2, 3)), confirmed=False)
+    assert patch.outline_m.shape == (0, 3)
+    assert not patch.confirmed
+    assert make_patch(Plane("p", np.array([0.0, 0.0, 1.0]), 1.0), np.zeros((0, 3))).rms_m == 0.0
