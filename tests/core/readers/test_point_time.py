@@ -79,7 +79,7 @@ TRAPS: dict[str, tuple[str, str, Callable[[NDArray[np.float64], int], NDArray[np
 
 @pytest.mark.parametrize("name", TRAPS)
 def test_traps_read_as_their_plain_twin(name: str) -> None:
-    """Mutation: a factor of ten in NS_PER_UNIT["ms"]; drop the drift from the score (absolute is then relative)."""
+    """Mutation: a factor of ten in NS_PER_UNIT["ms"]; `absolute = False` in `_timing`."""
     field, kind, values, header_after, tolerance = TRAPS[name]
     clouds = [cloud(k, field, kind, values, build.EPOCH_NS + k * 100_000_000 + header_after) for k in range(N)]
     for k, got in enumerate(instants(clouds)):
