@@ -74,16 +74,18 @@ def test_merging_two_halves_of_a_wall_gives_the_wall_back():
 def test_a_grown_patch_takes_free_points_inside_it_and_a_free_name():
     """Mutation: not restricting labels to unowned points steals the floor's."""
     plane = Plane("floor", np.array([0.0, 0.0, 1.0]), 0.0)
-    outline = np.array([(0.5, 0.5, 0.0), (1.5, 0.5, 0.0), (1.5, 1.5, 0.0), (0.5, 1.5, 0.0)])
+    outline = np.array([(0.5, -1.5, 0.0), (4.1, -1.5, 0.0), (4.1, 1.5, 0.0), (0.5, 1.5, 0.0)])
     found = PlanePatch(plane, outline, 40, 0.01, 1.0)
     after = edit(START, Grow(op="grow", seed_m=[1, 1, 0]), grow=lambda *_: found)
     grown = after.patches[-1]
     assert (grown.name, grown.confirmed, grown.color) == ("floor 2", True, 6)
     owner = labels(PROPOSALS, after)
     cloud = PROPOSALS.cloud_m
-    expected = (np.abs(cloud[:, 2]) <= 0.03) & (np.abs(cloud[:, :2] - 1.0) <= 0.5).all(axis=1)
+    inside = (cloud[:, 0] >= 0.5) & (np.abs(cloud[:, 1]) <= 1.5)
+    expected = (np.abs(cloud[:, 2]) <= 0.03) & inside
     np.testing.assert_array_equal(owner == 6, expected & (PROPOSALS.cloud_patch == -1))
     assert (owner == 6).sum() > 5
+    assert (expected & (PROPOSALS.cloud_patch == 2)).sum() > 2  # points of the east wall that it must leave alone
 
 
 def test_use_suggestion_forgets_every_edit():
