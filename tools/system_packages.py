@@ -20,6 +20,8 @@ LIBRARIES = (
     ("libusb-1.0.so.0", "libusb-1.0-0"),
     ("libgomp.so.1", "libgomp1"),
 )
+# And one that Playwright's own Node opens.
+TEST_LIBRARIES = (("libatomic.so.1", "libatomic1"),)
 BROWSERS = ("chromium", "google-chrome", "google-chrome-stable")
 # A browser without a font draws boxes, and the screenshots would show them.
 BROWSER_PACKAGES = ("chromium", "fonts-dejavu-core")
@@ -57,7 +59,8 @@ def missing_packages(purpose):
     """Debian packages to install for `purpose` ("run" or "test"), in a fixed order."""
     packages = [] if can_make_environments() else ["python3-venv"]
     if sys.platform.startswith("linux"):
-        packages += [package for library, package in LIBRARIES if not can_load(library)]
+        libraries = LIBRARIES + TEST_LIBRARIES if purpose == "test" else LIBRARIES
+        packages += [package for library, package in libraries if not can_load(library)]
     if purpose == "test" and is_debian() and not any(shutil.which(browser) for browser in BROWSERS):
         packages += BROWSER_PACKAGES
     return packages
