@@ -47,8 +47,14 @@ def address(folder: Path) -> Iterator[str]:
     shared.mkdir()
     (shared / "notes.txt").write_text("not a recording\n")
     command = [sys.executable, "-m", "app.cli", "serve", "--port", "0", "--data-dir", str(folder / "data")]
+    # Fewer points than a graphics card gets: they are drawn in software here.
+    environment = {"UNSWEEP_DISPLAYED_POINTS": "20000", **os.environ}
     with subprocess.Popen(
-        [*command, "--recordings", str(shared)], cwd=ROOT, stderr=subprocess.PIPE, text=True
+        [*command, "--recordings", str(shared)],
+        cwd=ROOT,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as server:
         assert server.stderr is not None
         line = server.stderr.readline()

@@ -20,6 +20,7 @@ AXE = ROOT / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
 SCREENSHOTS = ROOT / "docs" / "screenshots"
 #: Work in a child process on a busy machine; nothing is judged by it.
 JOB_WAIT_S = 180.0
+PICTURE_WAIT_MS = 120_000
 
 
 class Complaints:
@@ -93,13 +94,19 @@ def scene(page: Page) -> Locator:
 
 def coloured(page: Page) -> NDArray[np.bool_]:
     """Which pixels of the scene are coloured, (height, width); its background and the page's chrome are grey."""
-    image = np.asarray(Image.open(io.BytesIO(scene(page).screenshot())).convert("RGB"), dtype=np.int16)
+    box = scene(page).bounding_box()
+    assert box is not None, "the scene is not on the page"
+    # A picture of the page, not of the element: the latter waits for frames that software rendering is slow to give.
+    picture = page.screenshot(
+        clip={"x": box["x"], "y": box["y"], "width": box["width"], "height": box["height"]}, timeout=PICTURE_WAIT_MS
+    )
+    image = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=np.int16)
     return (image.max(axis=2) - image.min(axis=2)) > 60
 
 
 def wait_for_cloud(page: Page) -> NDArray[np.bool_]:
     """The coloured pixels, once a cloud is drawn: at least half a percent of the scene."""
-    until(lambda: float(coloured(page).mean()) > 0.005, wait_s=60.0)
+    until(lambda: float(coloured(page).mean()) > 0.005, wait_s=120.0)
     return coloured(page)
 
 
@@ -129,7 +136,7 @@ def keep_screenshot(page: Page, name: str, scheme: str) -> None:
     if os.environ.get("UNSWEEP_SCREENSHOTS") != "1":
         return
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    picture = Image.open(io.BytesIO(page.screenshot()))
+    picture = Image.open(io.BytesIO(page.screenshot(timeout=PICTURE_WAIT_MS)))
     # 256 colours: a fifth of the size, and no difference to the eye in an interface.
     picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
         SCREENSHOTS / f"{name}-{scheme}.png", optimize=True

@@ -13,7 +13,7 @@ from tests.e2e.support import JOB_WAIT_S, keep_screenshot, serious_faults
 def test_a_file_that_is_no_bag(page: Page, scheme: str, tmp_path: Path) -> None:
     """The recording's screen says what is wrong with it, and a reload says it again.
 
-    Seen to fail: with the recording's error left out of its screen.
+    Fails with the recording's error left out of its screen.
     """
     wrong = tmp_path / "holiday.bag"
     wrong.write_text("these are not sensor readings\n")
@@ -32,7 +32,7 @@ def test_a_file_that_is_no_bag(page: Page, scheme: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("path", "words"), [("/nowhere", "nothing at this address")])
 def test_an_address_that_leads_nowhere(page: Page, path: str, words: str) -> None:
-    """A wrong address says so and leads back. Seen to fail: without the route for everything else."""
+    """A wrong address says so and leads back. Fails without the route for everything else."""
     page.goto(path)
     expect(page.get_by_role("main")).to_contain_text(words)
     page.get_by_role("link", name="Start page", exact=True).click()

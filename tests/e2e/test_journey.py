@@ -27,7 +27,7 @@ def in_sigmas(result, truth) -> np.ndarray:
 def test_journey(page: Page, api: Api, bag: Path, tmp_path: Path) -> None:
     """A dropped bag becomes a downloaded answer that agrees with the truth.
 
-    Seen to fail: with the scene's click callback not registered (no plane is ever dropped); with the download served
+    Fails with the scene's click callback not registered (no plane is ever dropped); with the download served
     for another job; with the truth's x moved by 20 mm.
     """
     page.goto("/")
@@ -93,7 +93,7 @@ def drop_one_in_the_canvas(page: Page, api: Api, recording: str) -> None:
 def test_six_clicks(page: Page, tmp_path: Path) -> None:
     """Nobody needs more than six clicks from the start page to a downloaded answer.
 
-    Seen to fail: with a question put between Planes and Solve.
+    Fails with a question put between Planes and Solve.
     """
     clicks = 0
     page.goto("/")

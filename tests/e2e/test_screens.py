@@ -16,7 +16,7 @@ both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
 def test_start(page: Page, solved: tuple[str, str], scheme: str) -> None:
     """The start page lists what is there, opens the server's folder, and shows its keys.
 
-    Seen to fail: with the keyboard help not bound to `?`; with the placeholder ink a shade lighter (axe: contrast).
+    Fails with the keyboard help not bound to `?`; with the placeholder ink a shade lighter (axe: contrast).
     """
     page.goto("/")
     row = page.get_by_role("link", name="room.bag").first
@@ -37,7 +37,7 @@ def test_start(page: Page, solved: tuple[str, str], scheme: str) -> None:
 def test_recording(page: Page, solved: tuple[str, str], scheme: str) -> None:
     """The doctor's verdict, the sensors, and a span dragged out by keyboard.
 
-    Seen to fail: with the span's handles not focusable; with the report's findings not listed.
+    Fails with the span's handles not focusable; with the report's findings not listed.
     """
     page.goto(f"/r/{solved[0]}/recording")
     expect(page.get_by_role("heading", name="Usable, with limits")).to_be_visible()
@@ -56,7 +56,7 @@ def test_recording(page: Page, solved: tuple[str, str], scheme: str) -> None:
 def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> None:
     """A plane dropped in the list changes the sentence, is undone by key, and another browser would see the same.
 
-    Seen to fail: with undo not bound; with the answer of an operation not put into the cache.
+    Fails with undo not bound; with the answer of an operation not put into the cache.
     """
     page.goto(f"/r/{solved[0]}/planes")
     sentence = page.get_by_role("status", name="Do these planes determine the answer")
@@ -81,7 +81,7 @@ def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
 def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
     """A finished run is drawn whole from its messages after a reload.
 
-    Seen to fail: with the stream's first messages left out; with the standard deviations swapped for the values.
+    Fails with the stream's first messages left out; with the standard deviations swapped for the values.
     """
     page.goto(f"/r/{solved[0]}/solve?job={solved[1]}")
     expect(page.get_by_role("heading", name="Solved")).to_be_visible()
@@ -97,7 +97,7 @@ def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
 def test_inspect(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> None:
     """The view is in the URL, walls get thinner, and a nudge says what it costs.
 
-    Seen to fail: with before and after swapped; with the nudge not sent.
+    Fails with before and after swapped; with the nudge not sent.
     """
     recording, job = solved
     page.goto(f"/r/{recording}/inspect?job={job}&scan=40&show=both")
@@ -121,7 +121,7 @@ def test_inspect(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> 
 def test_result(page: Page, solved: tuple[str, str], scheme: str) -> None:
     """The verdict, the transform both ways, an export and the command are there.
 
-    Seen to fail: with the inverse's translation not turned; with the export's format ignored.
+    Fails with the inverse's translation not turned; with the export's format ignored.
     """
     recording, job = solved
     page.goto(f"/r/{recording}/result?job={job}")
