@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import get_args
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.jobs.machine import FINAL, SENTENCES, TRANSITIONS, IllegalTransition, Signal, may_start, transition
@@ -29,6 +29,7 @@ def test_every_state_has_a_sentence_and_can_be_reached():
     assert set(TRANSITIONS.values()) | {"queued"} == set(STATES)
 
 
+@settings(deadline=None)  # a loaded machine is no failure
 @given(st.lists(st.sampled_from(SIGNALS), max_size=30))
 def test_any_story_ends_at_most_once_and_a_cancelled_job_was_asked(signals):
     """Law: after a final state no signal is accepted; "cancelled" is reached only after "cancel".
@@ -48,6 +49,7 @@ def test_any_story_ends_at_most_once_and_a_cancelled_job_was_asked(signals):
         assert accepted[0] == "start"
 
 
+@settings(deadline=None)  # a loaded machine is no failure
 @given(st.integers(0, 20), st.integers(0, 20), st.integers(1, 20))
 def test_never_more_than_the_limit_run(queued, running, limit):
     """Mutation: `limit - running` without max(0, ...) starts a negative number."""

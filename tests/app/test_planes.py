@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.errors import BadRequest
@@ -94,6 +94,7 @@ def test_use_suggestion_forgets_every_edit():
     assert edit(edited, UseSuggestion(op="use-suggestion")) == START
 
 
+@settings(deadline=None)  # a loaded machine is no failure
 @given(st.lists(st.sampled_from(["edit", "undo", "redo"]), max_size=40))
 def test_history_behaves_like_two_stacks(story):
     """Oracle: two plain lists. Mutation: push() keeping what was undone lets redo bring back a stale set."""
@@ -121,6 +122,7 @@ def test_history_behaves_like_two_stacks(story):
         assert shown == done[-1]
 
 
+@settings(deadline=None)  # a loaded machine is no failure
 @given(st.integers(0, 10_000), st.integers(3, 40))
 def test_every_point_is_inside_its_convex_hull_and_corners_turn_left(seed, count):
     """Law. Mutation: `>= 0` in the chain's test turns the hull inside out."""

@@ -169,6 +169,8 @@ def test_a_click_picks_the_nearest_surface_on_its_ray():
     picked = pick(cloud, origin, 3.0 * (target - origin))
     assert picked[0] == pytest.approx(-4.0, abs=1e-5)
     assert np.linalg.norm(picked - target) < 0.15
+    front, back = [5.0, 0.02, 0.0], [10.0, 0.0, 0.0]  # the nearer surface wins although the ray passes it by 2 cm
+    np.testing.assert_allclose(pick(np.array([back, front], np.float32), np.zeros(3), np.array([1.0, 0, 0])), front)
     assert pick(cloud, origin, np.array([-1.0, 0.0, 0.0])) is None
     assert pick(cloud, origin, np.zeros(3)) is None
     assert pick(np.zeros((0, 3), dtype=np.float32), origin, target) is None
