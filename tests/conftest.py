@@ -6,10 +6,17 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 # Before NumPy is first imported: parallel test processes with several threads each only slow one another down.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+
+# No clock decides a test, and the same examples are tried everywhere: a failure here is a failure there.
+settings.register_profile(
+    "unsweep", deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("unsweep")
 
 ROOT = Path(__file__).resolve().parent.parent
 END_TO_END = Path(__file__).resolve().parent / "e2e"
