@@ -135,7 +135,7 @@ export interface paths {
         };
         /**
          * List Recordings
-         * @description All recordings, newest first.
+         * @description All recordings, newest first, without their reports.
          */
         get: operations["list_recordings"];
         put?: never;
