@@ -47,11 +47,11 @@ def test_migrations_run_once_in_order_and_a_newer_store_is_refused(tmp_path):
     engine = create_engine(url)
     steps = (
         Migration(2, ("ALTER TABLE recordings ADD COLUMN note TEXT",)),
-        Migration(3, ("UPDATE recordings SET note = 'old'",)),
+        Migration(3, ("ALTER TABLE recordings RENAME COLUMN note TO remark",)),
     )
     migrate(engine, steps, newest=3)
     migrate(engine, steps, newest=3)
-    assert "note" in {column["name"] for column in inspect(engine).get_columns("recordings")}
+    assert "remark" in {column["name"] for column in inspect(engine).get_columns("recordings")}
     with engine.connect() as connection:
         assert connection.execute(text("SELECT version FROM schema_version")).scalar_one() == 3
     with pytest.raises(Unavailable, match="version 3"):
