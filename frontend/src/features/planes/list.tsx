@@ -42,6 +42,9 @@ export function PatchList({ planes, apply }: { planes: Planes; apply: (operation
   );
 }
 
+/** The menu holds the focus until it has closed; a field opened sooner would lose it at once. */
+const menuClosesMs = 250;
+
 interface RowProps {
   patch: Patch;
   all: readonly Patch[];
@@ -94,14 +97,14 @@ function PatchRow({ patch, all, apply }: RowProps) {
       <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.rms_m * 1000, 1)}</td>
       <td>
-        <Menu position="bottom-end" width={220}>
+        <Menu position="bottom-end" width={220} returnFocus={false}>
           <Menu.Target>
             <ActionIcon size="sm" variant="subtle" color="gray" aria-label={`More for ${patch.name}`}>
               <Icon name="more" />
             </ActionIcon>
           </Menu.Target>
           <Menu.Dropdown>
-            <Menu.Item leftSection={<Icon name="pencil" />} onClick={() => setRenaming(true)}>
+            <Menu.Item leftSection={<Icon name="pencil" />} onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}>
               Rename
             </Menu.Item>
             {candidates.map((other) => (
