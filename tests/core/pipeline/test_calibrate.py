@@ -14,10 +14,10 @@ from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.geometry import log
 from calib_core.pipeline.calibrate import Calibration, calibrate
 from calib_core.result import CalibrationResult
-from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, Prior
+from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import STILL
-from calib_core.types import FloatArray, ImuData, InitialGuess, Recording
+from calib_core.types import FloatArray, ImuData, Recording
 
 
 def _errors(result: CalibrationResult, truth: Truth) -> FloatArray:
@@ -134,34 +134,6 @@ def test_one_thread_gives_the_same_answer_bit_for_bit(
     assert stages[:4] == ["initialise", "planes", "track", "associate"]
     assert all(0.0 <= e.fraction <= 1.0 for e in events if isinstance(e, StageEvent))
     assert any(isinstance(e, LogEvent) and e.code == "imu.noise" for e in events)
-
-
-def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording, Truth]) -> None:
-    """Fails when a prior's value is taken for zero, `estimate_planes` is not obeyed, or a cap is one for the scan."""
-    recording, truth = noisy
-    guess = InitialGuess(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
-    offset = Prior(axis="dt", value=truth.time_offset_s, std=1e-9)
-    settings = CalibrateSettings(
-        estimate_planes=False,
-        points_per_plane_per_scan=150,
-        field_of_view_deg=60.0,
-        gravity=Gravity(magnitude_m_s2=9.80665, std_m_s2=0.0),
-        imu_noise=ImuNoise(gyroscope_noise_density_rad_s_sqrt_hz=2e-4, accelerometer_noise_density_m_s2_sqrt_hz=2e-3),
-        bias_model="constant",
-        priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 0.003, std=1e-6), offset),
-    )
-    result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
-    errors = _errors(result, truth)
-    assert abs(errors[6]) < 1e-7
-    assert result.gravity_m_s2 == pytest.approx(9.80665, abs=1e-5)
-    assert np.degrees(np.abs(errors[:3])).max() < 0.1
-    assert np.abs(errors[3:5]).max() < 0.02
-    assert errors[5] == pytest.approx(0.003, abs=2e-4)
-    for found, given in zip(result.quality.planes, truth.planes, strict=True):
-        assert found.points <= 150 * len(recording.scans)
-        np.testing.assert_allclose(found.normal, given.normal, atol=3e-3)
-    assert result.quality.points_used > 10_000
-    assert result.provenance.settings["points_per_plane_per_scan"] == 150
 
 
 def test_standing_still_is_refused(short: Scenario) -> None:
