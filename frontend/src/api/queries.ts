@@ -184,6 +184,8 @@ export function useEditPlanes(id: string) {
 export function useChangeView(id: string) {
   const client = useQueryClient();
   return useMutation({
+    // One after the other: two changes at once could each undo the other's part of the view.
+    scope: { id: `view-${id}` },
     mutationFn: (change: Partial<ChangeView>) =>
       body(api.POST("/api/recordings/{recording_id}/view", { ...of(id), body: sparse(change) })),
     onSuccess: (view: View) => client.setQueryData(keys.view(id), view),
