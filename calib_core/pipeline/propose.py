@@ -23,6 +23,9 @@ from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Reco
 #: Smallest eigenvalue of the mean n n^T over the planes that a reference scan must offer.
 _LEAST_DETERMINACY = 0.02
 _STILL_SCANS = 20
+#: How far a registration of one scan may stray by noise alone.
+_STILL_DEG = 0.25
+_STILL_M = 0.012
 _CLOUD_POINTS = 200_000
 _CELL_M = 0.2
 
@@ -57,7 +60,8 @@ def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) 
     """The reference scan and those after it during which the lidar did not move."""
     s = TrackSettings()
     normals, offsets = np.array([p.normal for p in planes]), np.array([p.offset_m for p in planes])
-    tie = np.repeat([1 / 0.03**2, 1 / 0.03**2, 1 / 0.5**2, 1 / 0.2**2], 3)
+    # Rates near zero are the hypothesis: left free they would take up the noise of the pose.
+    tie = np.repeat([1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2], 3)
     start = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, 0.0, 1.0)
     still = []
     for position in range(reference, min(reference + _STILL_SCANS, len(scans))):
@@ -66,12 +70,7 @@ def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) 
             break
         motion = register(points, tau, normals, offsets, start, tie=tie, settings=s, position=position)
         turned, moved = np.degrees(np.linalg.norm(log(motion.R))), np.linalg.norm(motion.p)
-        if (
-            turned > 0.15
-            or moved > 0.006
-            or np.linalg.norm(motion.omega_rad_s) > 0.06
-            or np.linalg.norm(motion.v_m_s) > 0.06
-        ):
+        if turned > _STILL_DEG or moved > _STILL_M:
             break
         still.append(position)
     return still or [reference]

@@ -29,9 +29,6 @@ from calib_core.result import (
 from calib_core.settings import CalibrateSettings
 from calib_core.types import InitialGuess, Plane, Recording
 
-_POINTS = 100
-_FIELD_OF_VIEW_DEG = 45.0
-
 
 def calibrate_published(
     recording: Recording,
@@ -43,23 +40,17 @@ def calibrate_published(
     messages: list[Message],
     started: float,
 ) -> Calibration:
-    """The paper's method with its own defaults (100 points a plane and scan, +-45 deg) where none was chosen."""
-    chosen = settings.model_copy(
-        update={
-            "points_per_plane_per_scan": settings.points_per_plane_per_scan or _POINTS,
-            "field_of_view_deg": settings.field_of_view_deg or _FIELD_OF_VIEW_DEG,
-        }
-    )
+    """The paper's method, with its own defaults (100 points a plane and scan, +-45 deg) where none was set."""
     answer = calibrate_paper(
-        recording, chosen, planes=planes, initial_guess=guess, on_event=on_event, should_cancel=should_cancel
+        recording, settings, planes=planes, initial_guess=guess, on_event=on_event, should_cancel=should_cancel
     )
     messages.extend(Message(code=f.code, level=f.level, text=f.text) for f in answer.messages)
     if isinstance(answer, PaperRefusal):
-        return Calibration(refused(recording, chosen, messages, time.monotonic() - started), None)
+        return Calibration(refused(recording, settings, messages, time.monotonic() - started), None)
     if not answer.converged:
         messages.append(Message(code="solve.diverged", level="error", text="the published method did not converge"))
-        return Calibration(refused(recording, chosen, messages, time.monotonic() - started), None)
-    return Calibration(_document(recording, chosen, answer, messages, time.monotonic() - started), answer.trajectory)
+        return Calibration(refused(recording, settings, messages, time.monotonic() - started), None)
+    return Calibration(_document(recording, settings, answer, messages, time.monotonic() - started), answer.trajectory)
 
 
 def _document(
