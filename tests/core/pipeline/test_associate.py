@@ -121,7 +121,7 @@ def test_range_noise_is_measured_as_it_was_simulated(noisy: tuple[Recording, Tru
 
 
 def test_surveyed_cells_are_those_of_the_walls(noisy: tuple[Recording, Truth]) -> None:
-    """Fails when points off the plane count as on it: cells beyond the corner where another wall begins.
+    """Fails when cells are counted from another corner of the grid, thirty cells off.
 
     Every cell found lies within the room, in front of or on every other wall.
     """

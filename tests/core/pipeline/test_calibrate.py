@@ -176,7 +176,7 @@ def test_clocks_that_never_meet_are_refused(clean: tuple[Recording, Truth]) -> N
 
 @pytest.mark.parametrize("polls", [1, 6])
 def test_cancelling_raises_and_nothing_else(clean: tuple[Recording, Truth], polls: int) -> None:
-    """Fails when a stage does not poll, or Cancelled is turned into a refusal."""
+    """Fails when Cancelled is turned into a refusal."""
     asked = [0]
 
     def cancel() -> bool:

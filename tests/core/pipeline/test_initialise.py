@@ -95,7 +95,7 @@ def test_sensors_that_share_no_time_have_no_start() -> None:
 
 
 def test_outlying_sweeps_do_not_turn_the_rotation() -> None:
-    """Fails when the reweighting is left out: 1 + (size / scale)^2 becomes 1."""
+    """Fails when Kabsch's two factors change places."""
     truth = _truth(SCENARIO)
     track = _tracked(truth, 5.0, 25.0)
     track.omega_rad_s[40:100:3] += [0.5, -0.7, 0.6]
@@ -134,7 +134,7 @@ def test_turns_go_once_round() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gravity_lever_arm_and_bias_by_linear_least_squares(seed: int) -> None:
-    """Fails when the lever arm's rows have the sign of R(m) - R(m+1), or gravity's square term has no half.
+    """Fails when the lever arm's rows have the sign of R(m) - R(m+1).
 
     With the true rotation and offset. What is left: rates held constant over each sweep, a per cent of 0.5 Hz motion.
     """
@@ -179,7 +179,7 @@ def test_averages_are_those_of_the_integral_and_nothing_beyond_it() -> None:
 
 
 def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
-    """Fails when the velocity is taken in the lidar's axes."""
+    """Fails when the position is held from one scan to the next."""
     truth = _truth(SCENARIOS["paper-normal"])
     track = _tracked(truth, 5.0, 8.0)
     R, p = track.at(np.array([5.04, 7.95]))

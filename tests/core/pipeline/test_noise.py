@@ -77,7 +77,7 @@ def test_a_noise_free_sensor_is_held_to_a_floor_and_a_coarse_one_to_its_resoluti
 
 
 def test_the_standstill_found_is_the_one_that_was_made() -> None:
-    """Fails when a run may begin where the last one ended too (the longest is not kept).
+    """Fails when windows are returned instead of samples.
 
     Still for 3 s, then swaying: found to a quarter-second window at its start, and to half a second at its end, where
     the ramp has not yet moved anything by more than the noise.

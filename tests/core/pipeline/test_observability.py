@@ -82,7 +82,7 @@ def test_weak_is_beyond_half_a_degree_20_mm_or_2_ms(label: str, limit: float) ->
 
 @pytest.mark.parametrize("label", COVARIANCE_ORDER)
 def test_what_nothing_determines_is_the_priors_and_said_to_be(label: str) -> None:
-    """Fails when the standing prior is left in: its 10 m would pass for what the data say."""
+    """Fails when an undetermined direction is worded like one that is merely weak."""
     known = _assess(_all(GOOD, **{label: np.inf}))
     assert [d.label for d in known.weak] == [label]
     assert "does not determine" in known.weak[0].text

@@ -81,7 +81,7 @@ def test_the_run_ends_where_the_planes_are_lost(short: Scenario) -> None:
 
 
 def test_registration_finds_a_pose_and_rates_it_was_not_told(clean: tuple[Recording, Truth]) -> None:
-    """Fails when the tie's gradient is left out: a tight tie would not hold the start.
+    """Fails when the tie is left out of the curvature: a tight tie would not hold the start.
 
     With a loose tie the truth, with a very tight one the start itself.
     """
