@@ -82,7 +82,10 @@ def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGues
             trials.append((linear.rms * (1.0 + candidate.residual), trial, linear))
     trials.sort(key=lambda t: t[0])
     ctx.stage("initialise", 1.0)
-    return lidar, Start(trials[0][1], trials[0][2])
+    _, rotation, linear = trials[0]
+    if guess is not None and guess.p_imu_lidar is not None:
+        linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
+    return lidar, Start(rotation, linear)
 
 
 def _guided(ctx: Context, found: list[RotationStart], guess: InitialGuess) -> list[RotationStart]:
@@ -91,7 +94,7 @@ def _guided(ctx: Context, found: list[RotationStart], guess: InitialGuess) -> li
     base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
     if offset is not None:
         near = [c for c in found if abs(c.time_offset_s - offset) < 0.05]
-        base = near[0] if near else replace(base, time_offset_s=offset)
+        base = replace(near[0] if near else base, time_offset_s=offset)
     if guess.R_imu_lidar is not None:
         base = replace(base, R_imu_lidar=guess.R_imu_lidar, open_axis_imu=None)
     return [base]

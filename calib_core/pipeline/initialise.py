@@ -110,7 +110,10 @@ def candidate_lags(
     """The lags (seconds to add to IMU stamps) at which the rates' norms agree best, with their correlations, best first."""
     t0, t1 = track.start_s[0], track.start_s[-1] + track.sweep_s[-1]
     lidar_t = np.arange(t0, t1, 1 / _GRID_HZ)
-    lidar = np.interp(lidar_t, track.start_s + track.sweep_s / 2, np.linalg.norm(track.omega_rad_s, axis=1))
+    norms = np.linalg.norm(track.omega_rad_s, axis=1)
+    # A few sweeps in which the track leapt would outweigh all others in a correlation.
+    norms = np.minimum(norms, 2.0 * np.percentile(norms, 90.0))
+    lidar = np.interp(lidar_t, track.start_s + track.sweep_s / 2, norms)
     imu_t = np.arange(imu_s[0], imu_s[-1], 1 / _GRID_HZ)
     width = float(np.median(track.sweep_s))
     mean = GyroAverage(imu_s, gyro_rad_s).over(imu_t - width / 2, imu_t + width / 2)

@@ -188,7 +188,7 @@ class JointProblem:
     """Factors at one linearisation: links about their biases, bins about their time offset.
 
     gauge_knot: whose pose defines the map frame while solving, its velocity too where hold_velocity.   frozen: shared
-    columns held fixed.
+    columns held fixed.   planes_hold_frame: frozen planes define the map frame, and no knot may.
     """
 
     readings: UpsampledImu
@@ -201,6 +201,7 @@ class JointProblem:
     gauge_knot: int
     frozen: tuple[int, ...] = ()
     hold_velocity: bool = False
+    planes_hold_frame: bool = False
 
     def layout(self, estimate: Estimate) -> Layout:
         """The shared columns for this number of nodes and planes."""
@@ -237,11 +238,14 @@ class JointProblem:
         # The map frame is free to move as a whole: the gauge knot's pose stays where it is. Velocity that nothing
         # constrains (a knot between two silences) stays put as well.
         index = np.arange(9 if self.hold_velocity else 6)
-        system.diagonal[self.gauge_knot, index, index] += 1e8
+        if self.hold_velocity or not self.planes_hold_frame:
+            system.diagonal[self.gauge_knot, index, index] += 1e8
         vel = np.arange(6, 9)
         system.diagonal[:, vel, vel] += 1e-6
         pose = np.arange(6)
         system.diagonal[:, pose, pose] += 1e-6
+        planes = np.arange(_BIAS_START + 6 * layout.nodes, layout.size)
+        system.corner[planes, planes] += 1e-4  # a plane that no point sees stays where it is
         for column in self.frozen:
             system.border[:, :, column] = 0.0
             system.corner[column, :] = 0.0

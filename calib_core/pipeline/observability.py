@@ -7,6 +7,7 @@ eigenvectors, in units of 1 deg, 10 mm and 1 ms, are the directions that are kno
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,25 @@ def undetermined(data: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(data)
     spread = 1.0 / np.sqrt(np.maximum(values, 1e-16))
     return np.asarray(vectors[:, _is_open(vectors, spread)])
+
+
+def still_undetermined(data: FloatArray, before: Sequence[FloatArray]) -> FloatArray:
+    """Directions (7, U), orthonormal: those undetermined now, and those held before that are not clearly determined.
+
+    before: unit vectors (7,) in the scaled units.
+    """
+    now = undetermined(data)
+    kept = []
+    for vector in before:
+        spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
+        if (np.abs(vector) * spread > 0.3 * UNDETERMINED).any():
+            kept.append(vector)
+    if not kept:
+        return now
+    both = np.column_stack([now, *kept])
+    left, size, _ = np.linalg.svd(both, full_matrices=False)
+    # Nearly the same direction twice is one direction.
+    return np.asarray(left[:, size > 0.3])
 
 
 def _is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:

@@ -20,11 +20,11 @@ from calib_core.geometry import exp
 from calib_core.imu.links import Links, UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import Context
-from calib_core.pipeline.joint import BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
-from calib_core.pipeline.observability import UNITS, data_information, undetermined
+from calib_core.pipeline.joint import CALIBRATION, BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
+from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
 from calib_core.pipeline.report import iteration_event, plane_residuals
 from calib_core.planes.segment import SegmentSettings, determinacy, segment_planes
-from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import FloatArray
 
@@ -88,16 +88,21 @@ class Rounds:
 
     def run(self) -> Solved:
         """Coarse to fine, to the fixed point."""
-        # Two steps from the start: enough to see which directions the data determine, not to wander along the others.
-        for extra, iterations in ((0.12, 2), (0.12, 10), (0.06, 10)):
+        # First the motion alone: which directions the data determine is judged before the calibration can wander off
+        # along one that they do not.
+        self._associate(Gate(extra_m=0.12, margin_m=_MARGIN_M), stride=5)
+        self._solve(4, frozen=tuple(range(CALIBRATION)))
+        self._hold()
+        for extra in (0.12, 0.06):
             self._associate(Gate(extra_m=extra, margin_m=_MARGIN_M), stride=5)
-            self._solve(iterations)
+            self._solve(10)
             self._hold()
         self.extend()
         if self.may_add_planes and self._discover():
             self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=5)
             self._solve(8)
-        self._cull()
+        if self.may_add_planes:
+            self._cull()
         gate = Gate(extra_m=0.02, margin_m=_MARGIN_M)
         self._learn(gate)
         self._associate(replace(gate, extra_m=0.01), stride=5)
@@ -139,7 +144,11 @@ class Rounds:
             start = 10 + 6 * len(nodes.times_s)
             frozen.extend(range(start, start + 3 * len(e.normals)))
         lidar = bins if bins is not None else no_bins(e.time_offset_s)
-        return JointProblem(readings, nodes, links, bg, ba, lidar, self.priors, self.gauge - self.first, tuple(frozen))
+        gauge = self.gauge - self.first
+        held = not self.ctx.settings.estimate_planes
+        return JointProblem(
+            readings, nodes, links, bg, ba, lidar, self.priors, gauge, tuple(frozen), planes_hold_frame=held
+        )
 
     def _view(self, problem: JointProblem, estimate: Estimate) -> View:
         ctx = self.ctx
@@ -170,12 +179,13 @@ class Rounds:
         step = max(1, len(self.positions) // 60)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
 
-    def _solve(self, iterations: int) -> tuple[JointProblem, Minimum[Estimate]]:
-        """Preintegrate and gather about the present estimate, then descend."""
+    def _solve(self, iterations: int, frozen: tuple[int, ...] = ()) -> tuple[JointProblem, Minimum[Estimate]]:
+        """Preintegrate and gather about the present estimate, then descend. frozen: more shared columns to hold."""
         assert self.micro is not None
         self.number += 1
         problem = self.problem()
-        problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
+        bins = gather(self.micro, problem.motion(self.estimate), self.estimate)
+        problem = replace(problem, bins=bins, frozen=problem.frozen + frozen)
 
         def report(estimate: Estimate, cost: float, solution: ArrowSolution) -> None:
             ctx = self.ctx
@@ -242,16 +252,24 @@ class Rounds:
         self.micro = None
 
     def _hold(self) -> None:
-        """Hold the directions that the data do not determine: translation at zero, the others where they are."""
-        assert self.minimum is not None
-        if self.minimum.solution is None:
+        """Hold the directions that the data do not determine: translation at zero, the others where they are.
+
+        What was held is let go only when the data, judged with it held, say clearly more than noise could.
+        """
+        assert self.micro is not None
+        problem = self.problem()
+        problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
+        try:
+            information = solve_arrow(problem.linearise(self.estimate)).information
+        except NotPositiveDefinite:
             return
-        data = data_information(self.minimum.solution.information, self.priors)
+        data = data_information(information, self.priors)
         if not self.ctx.settings.estimate_time_offset:
             data[6, 6] = 1e12
+        before = [held.vector * UNITS for held in self.priors.held]
         held = []
         now = self.priors.calibration_vector(self.estimate)
-        for direction in undetermined(data).T:
+        for direction in still_undetermined(data, before).T:
             vector = direction / UNITS
             only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
             held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
