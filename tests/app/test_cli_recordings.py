@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,9 @@ def test_interrupt_writes_nothing(room: Path, tmp_path: Path) -> None:
     """Ctrl-C in mid-work: 130, one sentence, no file. Fails if a traceback is shown or a part of the result is left."""
     out = tmp_path / "result.json"
     command = [sys.executable, "-m", "app.cli", "calibrate", str(room), "--output", str(out), "--log-json"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT) as process:
+    # A shell that runs the tests in the background has its children ignore Ctrl-C; this one is to hear it.
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, preexec_fn=heard) as process:
         assert process.stderr is not None
         while "planes" not in process.stderr.readline():
             assert process.poll() is None
