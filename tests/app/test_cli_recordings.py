@@ -112,7 +112,7 @@ def test_interrupt_writes_nothing(room: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "app.cli", "calibrate", str(room), "--output", str(out), "--log-json"]
     # A shell that runs the tests in the background has its children ignore Ctrl-C; this one is to hear it.
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, preexec_fn=heard) as process:
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT, preexec_fn=heard) as process:  # noqa: PLW1509
         assert process.stderr is not None
         while "planes" not in process.stderr.readline():
             assert process.poll() is None
