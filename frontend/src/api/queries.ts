@@ -171,6 +171,8 @@ export function foreseen(planes: Planes, operation: Operation): Planes {
 export function useEditPlanes(id: string) {
   const client = useQueryClient();
   return useMutation({
+    // In the order they were asked for: an undo pressed at once undoes what is still on its way.
+    scope: { id: `planes-${id}` },
     mutationFn: (operation: Operation) =>
       body(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
     // A ticked box answers at once; the server's word follows, with the sentence on what is determined.

@@ -1,4 +1,4 @@
-import { createContext, useCallback, useContext, useEffect, useId, useMemo, useRef, useState, type ReactNode } from "react";
+import { createContext, useCallback, useContext, useEffect, useId, useLayoutEffect, useMemo, useRef, useState, type ReactNode } from "react";
 import { pressedKeys, typesText } from "./keys";
 
 export interface Shortcut {
@@ -83,7 +83,8 @@ export function useShortcutRegistry(): Registry {
 export function useShortcuts(title: string, shortcuts: readonly Shortcut[]): void {
   const { put } = useShortcutRegistry();
   const id = useId();
-  useEffect(() => {
+  // With the commit, not after it: a key pressed right behind a change must find what that change made possible.
+  useLayoutEffect(() => {
     put(id, { title, shortcuts });
     return () => put(id, null);
   });

@@ -45,7 +45,7 @@ export function PlanesScreen() {
   const apply = (operation: Operation) => edit.mutate(operation);
   useShortcuts("Planes", planes === undefined ? [] : [
     { keys: "s", label: "Use the suggestion", run: () => apply({ op: "use-suggestion" }) },
-    { keys: "mod+z", label: "Undo", run: () => planes.can_undo && apply({ op: "undo" }) },
+    { keys: "mod+z", label: "Undo", run: () => (planes.can_undo || edit.isPending) && apply({ op: "undo" }) },
     { keys: "mod+shift+z", label: "Redo", run: () => planes.can_redo && apply({ op: "redo" }) },
     { keys: "Enter", label: "Solve with these planes", run: solve },
     ...planes.patches.slice(0, 10).map((patch) => ({
