@@ -52,6 +52,16 @@ def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[flo
     return out
 
 
+def plane_chi2(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+    """Per plane: mean squared distance in standard deviations (1 for pure noise), and points. (P,), (P,)."""
+    bins = problem.bins
+    a, _ = problem.planes_seen(estimate)
+    chi2 = np.einsum("bi,bij,bj->b", a, bins.scatter, a, optimize=True)
+    planes = len(estimate.normals)
+    points = np.bincount(bins.plane, bins.count, planes).astype(np.float64)
+    return np.bincount(bins.plane, chi2, planes) / np.maximum(points, 1), points
+
+
 def iteration_event(
     ctx: Context, problem: JointProblem, estimate: Estimate, cost: float, solution: ArrowSolution, round_number: int
 ) -> IterationEvent:

@@ -22,7 +22,7 @@ from calib_core.pipeline.associate import Micro, View, associate, gather, measur
 from calib_core.pipeline.context import Context
 from calib_core.pipeline.joint import CALIBRATION, BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
 from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
-from calib_core.pipeline.report import iteration_event, plane_residuals
+from calib_core.pipeline.report import iteration_event, plane_chi2
 from calib_core.planes.segment import SegmentSettings, determinacy, segment_planes
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
@@ -233,13 +233,12 @@ class Rounds:
         assert self.micro is not None
         problem = self.problem()
         problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
-        rms = np.array([value for value, _ in plane_residuals(problem, self.estimate)])
-        points = np.array([n for _, n in plane_residuals(problem, self.estimate)])
+        chi2, points = plane_chi2(problem, self.estimate)
         if points.sum() == 0:
             return
-        order = np.argsort(rms)
-        typical = rms[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
-        keep = (points > 0) & (rms < 2.5 * typical + 0.005)
+        order = np.argsort(chi2)
+        typical = chi2[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
+        keep = (points > 0) & (chi2 < 5.0 * typical)
         if keep.all() or keep.sum() < 3:
             return
         dropped = [name for name, kept in zip(self.names, keep, strict=True) if not kept]

@@ -107,20 +107,30 @@ def segment_planes(
         else:
             failures += 1
         free &= ~near
-    smooth = _without_rough(_merge(points, fits), s.roughness)
+    smooth = _without_rough(points, _merge(points, fits), s.roughness)
     moved = [PlaneFit(f.normal, f.offset_m - float(f.normal @ view), f.inliers, f.rms_m) for f in smooth]
     return sorted(moved, key=lambda f: -int(f.inliers.sum()))
 
 
-def _without_rough(fits: list[PlaneFit], roughness: float) -> list[PlaneFit]:
-    """The fits without those much rougher than the best carried: the noise is the sensor's, more than that is clutter."""
+def _without_rough(points: FloatArray, fits: list[PlaneFit], roughness: float) -> list[PlaneFit]:
+    """The fits without those much rougher than the best carried: the noise is the sensor's, more than that is clutter.
+
+    Range noise shows across a plane by the cosine of incidence: a floor seen at a slant looks smoother than a wall.
+    """
     if not fits:
         return []
     weight = np.array([float(f.inliers.sum()) for f in fits])
-    rms = np.array([f.rms_m for f in fits])
-    order = np.argsort(rms)
-    typical = rms[order][np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())]
-    return [f for f in fits if f.rms_m <= max(roughness * typical, typical + 0.004)]
+    noise = np.array([f.rms_m / max(_incidence(points[f.inliers], f.normal), 0.4) for f in fits])
+    order = np.argsort(noise)
+    typical = noise[order][np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())]
+    limit = max(roughness * typical, typical + 0.004)
+    return [f for f, n in zip(fits, noise, strict=True) if n <= limit]
+
+
+def _incidence(points: FloatArray, normal: FloatArray) -> float:
+    """Root mean square cosine between rays from the viewpoint (the origin) and the normal."""
+    cosine = (points @ normal) / np.maximum(np.linalg.norm(points, axis=1), 1e-9)
+    return float(np.sqrt(np.mean(cosine**2)))
 
 
 def _best_hypothesis(
