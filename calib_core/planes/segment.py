@@ -38,7 +38,7 @@ class SegmentSettings:
     min_incidence: float = 0.06
     dominance: float = 0.6
     subsample: int = 4000
-    roughness: float = 1.7
+    roughness: float = 2.0
     narrowness: float = 0.5
     slab_share: float = 0.45
 
@@ -120,10 +120,11 @@ def _without_rough(points: FloatArray, fits: list[PlaneFit], roughness: float) -
     if not fits:
         return []
     weight = np.array([float(f.inliers.sum()) for f in fits])
-    noise = np.array([f.rms_m / max(_incidence(points[f.inliers], f.normal), 0.4) for f in fits])
+    noise = np.array([f.rms_m / max(_incidence(points[f.inliers], f.normal), 0.5) for f in fits])
     order = np.argsort(noise)
     typical = noise[order][np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())]
-    limit = max(roughness * typical, typical + 0.004)
+    # The last term is what the motion of a sweep bends, which no sensor noise excuses in a clean recording.
+    limit = max(roughness * typical, typical + 0.012)
     return [f for f, n in zip(fits, noise, strict=True) if n <= limit]
 
 
