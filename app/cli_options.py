@@ -135,6 +135,20 @@ def parse_priors(texts: Sequence[str]) -> tuple[Prior, ...]:
     return priors
 
 
+def parse_spans(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:
+    """All `--exclude` options, e.g. `12.5:14`: seconds after the first scan."""
+    spans = []
+    for text in texts:
+        found = re.fullmatch(rf"(?P<start>{_NUMBER}):(?P<end>{_NUMBER})", text.replace(" ", ""))
+        if found is None or not float(found["start"]) < float(found["end"]):
+            raise SettingsError(
+                f"Expected START:END in seconds with START before END for --exclude, but found `{text}`; "
+                "for example `--exclude 12.5:14`."
+            )
+        spans.append((float(found["start"]), float(found["end"])))
+    return tuple(spans)
+
+
 def parse_mounting(text: str | None) -> tuple[float, float, float, float, float, float, float] | None:
     """`--mounting`: x, y, z in metres and a unit quaternion, the real part last; None: the scenario's own."""
     if text is None:

@@ -158,6 +158,13 @@ def _add_solving(command: Parser) -> None:
         metavar="AXIS=VALUE+-STD",
         help="something known, e.g. tz=0.31+-0.005 or rx=0+-0.5deg; may come often",
     )
+    add(
+        "--exclude",
+        action="append",
+        default=[],
+        metavar="START:END",
+        help="leave out the scans of this span, in seconds after the first scan; may come often",
+    )
     add("--fix-time-offset", action="store_true", help="keep the time offset at its start value")
     add("--fix-planes", action="store_true", help="keep the planes as given or as first seen")
     add(

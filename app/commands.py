@@ -142,6 +142,7 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             priors=options.parse_priors(chosen.prior),
             random_seed=chosen.random_seed,
             max_rounds=chosen.max_rounds,
+            excluded_spans_s=options.parse_spans(chosen.exclude),
         )
     except ValidationError as error:
         raise _unfit(error) from error

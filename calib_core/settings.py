@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 
 class _Settings(BaseModel):
@@ -73,3 +74,14 @@ class CalibrateSettings(_Settings):
     priors: tuple[Prior, ...] = ()
     random_seed: int = 0
     max_rounds: int = Field(default=12, gt=0)
+    excluded_spans_s: tuple[tuple[float, float], ...] = Field(
+        default=(), description="scans that touch these spans are left out; seconds after the first scan read"
+    )
+
+    @field_validator("excluded_spans_s")
+    @classmethod
+    def _ends_after_start(cls, spans_s: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        for start_s, end_s in spans_s:
+            if not (math.isfinite(start_s) and math.isfinite(end_s) and start_s < end_s):
+                raise ValueError(f"expected a span that ends after it starts, found {start_s:g} to {end_s:g} s")
+        return spans_s

@@ -21,6 +21,7 @@ from calib_core.geometry import log
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.links import NoiseDensity
 from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
+from calib_core.pipeline.exclude import without_spans
 from calib_core.pipeline.full import solve, start_values, track_lidar
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
@@ -77,6 +78,7 @@ def calibrate(
     Cancelled; whatever the recording cannot give is a result with status `refused`.
     """
     started = time.monotonic()
+    whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     log_of: list[Message] = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]
 
     def listen(event: object) -> None:
@@ -84,6 +86,10 @@ def calibrate(
             log_of.append(Message(code=event.code, level=event.level, text=event.text))
         on_event(event)  # type: ignore[arg-type]
 
+    if settings.excluded_spans_s:
+        left_out = len(whole.scans) - len(recording.scans)
+        listen(LogEvent(level="info", code="scans.excluded", text=f"{left_out} scans were left out as asked"))
+        _check_reference(whole, recording, settings, planes)
     # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
     with threadpool_limits(limits=1, user_api="blas"):
         if settings.method == "paper":
@@ -93,6 +99,22 @@ def calibrate(
                 recording, settings, planes, initial_guess, listen, should_cancel, log_of, started
             )
         return _calibrate_full(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
+
+
+def _check_reference(
+    whole: Recording, kept: Recording, settings: CalibrateSettings, planes: Sequence[Plane] | None
+) -> None:
+    """Given planes live in the frame of the first usable scan: without that scan they mean nothing."""
+    if planes is None:
+        return
+    before, _ = find_reference(whole.scans, settings)
+    after, _ = find_reference(kept.scans, settings)
+    if whole.scans[before].stamp_ns != kept.scans[after].stamp_ns:
+        at_s = (whole.scans[before].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
+        raise SettingsError(
+            f"Expected excluded spans without the scan at {at_s:.2f} s, in whose frame the given planes are; exclude "
+            "another span, or leave the planes to be found."
+        )
 
 
 def _calibrate_full(  # noqa: PLR0911  each refusal is a way out

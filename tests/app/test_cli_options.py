@@ -46,6 +46,19 @@ def test_two_priors_for_one_axis_are_refused() -> None:
         options.parse_priors(["tz=1+-1", "tz=2+-1"])
 
 
+def test_spans() -> None:
+    """Fails if the ends are swapped, or only the last span is kept (seen: the first returned at once)."""
+    assert options.parse_spans(["12.5:14", "0:1e-1"]) == ((12.5, 14.0), (0.0, 0.1))
+    assert options.parse_spans([]) == ()
+
+
+@pytest.mark.parametrize("text", ["12.5", "14:12.5", "3:3", "1:2:3", "a:b", "nan:1", ":4", ""])
+def test_unfit_spans_are_one_sentence(text: str) -> None:
+    """Fails if a span may end before it starts (seen: the comparison left out)."""
+    with pytest.raises(SettingsError, match=r"START:END .*--exclude"):
+        options.parse_spans([text])
+
+
 @pytest.mark.parametrize(("latitude_deg", "expected"), [(0, 9.7803253359), (90, 9.8321849378), (-45, 9.8061977694)])
 def test_gravity_at_known_latitudes(latitude_deg: float, expected: float) -> None:
     """WGS 84's own values at equator and pole, and the one at 45 deg from its tables. Fails if degrees are taken for
