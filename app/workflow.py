@@ -8,6 +8,8 @@ from dataclasses import replace
 
 from app.errors import ApiError, Conflict
 from app.feed import RecordingFeed
+from app.jobs.functions import PROPOSED
+from app.jobs.head import CLOUD
 from app.jobs.machine import FINAL
 from app.jobs.orders import Order, StoredRequest
 from app.jobs.service import JobService
@@ -20,6 +22,7 @@ from app.schemas.view import JobChanged, RecordingChanged
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
+from calib_core.events import LogEvent
 from calib_core.settings import ReadSettings
 
 #: What starts by itself for a recording that has arrived: side by side, so that the cloud need not wait for the report.
@@ -54,6 +57,7 @@ class Workflow:
         self._planes = planes
         recordings.on_arrived = self._arrived
         recordings.on_wanted = lambda record: self._submit(record, "simulate")
+        jobs.on_said = self.job_said
 
     def start(self, record: RecordingRecord, wish: NewJob) -> Job:
         """A job somebody asked for."""
@@ -99,12 +103,23 @@ class Workflow:
         self._keep_consequences(recording, job)
         self._feed.tell(recording.id, JobChanged(job=job))
         if job.state == "done" and job.kind == "planes":
-            with suppress(ApiError):  # read another way meanwhile: its own job is on the way
-                self._planes.proposed(recording.id)
+            self._proposed(recording.id)
         if job.kind in {"planes", "solve"} and job.state in {"done", "running"}:
             self.on_shown_changed(recording.id)
         if job.state == "done" and job.kind == "simulate":
             self._arrived(recording)
+
+    def job_said(self, record: JobRecord, said: LogEvent) -> None:
+        """Show planes as soon as there are any: their job goes on reading the rest of the recording."""
+        if said.code == CLOUD:
+            self.on_shown_changed(record.recording_id)
+        if said.code == PROPOSED:
+            self._proposed(record.recording_id)
+
+    def _proposed(self, recording_id: str) -> None:
+        with suppress(ApiError):  # read another way meanwhile: its own job is on the way
+            self._planes.proposed(recording_id)
+            self._feed.tell(recording_id, RecordingChanged())
 
     def _keep_consequences(self, recording: RecordingRecord, job: Job) -> None:
         state = state_after(job, recording.state)

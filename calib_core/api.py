@@ -74,13 +74,19 @@ def load(
     path: Path,
     settings: ReadSettings | None = None,
     *,
+    fingerprint: bool = True,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Recording:
-    """The lidar and the IMU of the recording at `path`, decoded, in SI units, each point with its own time."""
+    """The lidar and the IMU of the recording at `path`, decoded, in SI units, each point with its own time.
+
+    fingerprint: hash the whole file, for results' provenance; False leaves `sha256` empty, for a quick look.
+    """
     from calib_core import readers
 
-    return readers.load(path, settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
+    return readers.load(
+        path, settings or ReadSettings(), fingerprint=fingerprint, on_event=on_event, should_cancel=should_cancel
+    )
 
 
 def propose_planes(

@@ -17,8 +17,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     fresh.mkdir()
     try:
         yield fresh
-        if path.exists():
-            shutil.rmtree(path)
-        fresh.rename(path)
+        if not path.exists():  # what is there is open in other processes, and equal
+            fresh.rename(path)
     finally:
         shutil.rmtree(fresh, ignore_errors=True)

@@ -16,6 +16,7 @@ import numpy as np
 from app.arrays.proposals import has_proposals, read_proposals, write_proposals
 from app.arrays.recording import has_recording, read_recording, write_recording
 from app.arrays.trajectory import write_trajectory
+from app.jobs.head import propose_from_head
 from app.jobs.orders import Order, OrderedPlane
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
@@ -24,11 +25,13 @@ from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOut
 from app.storage.sizes import tree_size
 from calib_core import api
 from calib_core.errors import Cancelled, SettingsError
-from calib_core.events import OnEvent, ShouldCancel, StageEvent
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.types import InitialGuess, Plane, Recording
 
 #: A sample is the same recording for everybody.
 SAMPLE_SEED = 1
+#: What a job says once its planes can be looked at, while it goes on reading.
+PROPOSED = "planes.proposed"
 
 
 def recording_arrays(cache: Path) -> Path:
@@ -70,9 +73,14 @@ def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) ->
 
 
 def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> PlanesOutcome:
-    """Decode the recording unless that is done, and propose planes."""
-    recording = decoded(order, on_event, should_cancel)
+    """Propose planes, from the first seconds where that will do, and decode the recording unless that is done."""
     folder = proposal_arrays(order.cache)
+    if not has_proposals(folder) and not has_recording(recording_arrays(order.cache)):
+        early = propose_from_head(order, on_event, should_cancel)
+        if early is not None:
+            write_proposals(folder, early)
+            on_event(LogEvent(level="info", code=PROPOSED, text=f"{len(early.patches)} planes can be looked at."))
+    recording = decoded(order, on_event, should_cancel)
     if not has_proposals(folder):
         proposals = api.propose_planes(
             recording, order.request.settings, on_event=on_event, should_cancel=should_cancel

@@ -29,7 +29,7 @@ from app.settings import AppSettings
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord
 from app.storage.store import JobStore
-from calib_core.events import IterationEvent, StageEvent
+from calib_core.events import IterationEvent, LogEvent, StageEvent
 
 _LOG = logging.getLogger("unsweep")
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
@@ -57,7 +57,7 @@ class JobService:
     """All jobs of the application.
 
     make_order: what a job's worker is told.   on_change: called after each change of state, from any thread.
-    on_step: called with the recording's id after each step of a solve.
+    on_step: called with the recording's id after each step of a solve.   on_said: called with each sentence a job says.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class JobService:
         self._progress: dict[str, Progress] = {}
         self._closing = False
         self.on_step: Callable[[str], None] = lambda _: None
+        self.on_said: Callable[[JobRecord, LogEvent], None] = lambda _, __: None
 
     # What there is
 
@@ -268,6 +269,8 @@ class JobService:
         self.logs.write(record.id, event)
         if isinstance(event, IterationEvent):
             self.on_step(record.recording_id)
+        elif isinstance(event, LogEvent):
+            self.on_said(record, event)
 
     def _end(self, job_id: str, ending: Parcel | None) -> None:
         if isinstance(ending, Finished):

@@ -12,9 +12,10 @@ from fastapi import Request
 from pydantic import ValidationError
 from starlette.requests import ClientDisconnect
 
+from app.arrays.proposals import has_proposals
 from app.arrays.recording import has_recording, read_recording
 from app.errors import BadRequest, Conflict, NotFound, TooLarge
-from app.jobs.functions import recording_arrays
+from app.jobs.functions import proposal_arrays, recording_arrays
 from app.jobs.service import JobService
 from app.recordings.folder import RecordingsFolder
 from app.recordings.timeline import make_timeline
@@ -84,9 +85,16 @@ class RecordingService:
             error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
             read_settings=ReadSettings.model_validate_json(record.read_settings_json),
             report=None if record.report_json is None else Report.model_validate_json(record.report_json),
+            has_planes=self._has_planes(record),
             created_at=record.created_at,
             latest_job=self._jobs.latest(record.id),
         )
+
+    def _has_planes(self, record: RecordingRecord) -> bool:
+        try:
+            return has_proposals(proposal_arrays(self._files.cache(record)))
+        except NotFound:  # its source is gone, or is still to come
+            return False
 
     def received_bytes(self, record: RecordingRecord) -> int:
         """How much of an upload has arrived."""

@@ -10,10 +10,11 @@ from calib_core.types import BoolArray, FloatArray, Recording
 
 #: Readings shown; more would not be seen on a strip.
 MAX_READINGS = 2000
-#: A window counts as still when neither sensor varies more than this in it.
+#: A window counts as still when neither sensor varies more than this in it, and its rate is no more than a bias.
 STILL_WINDOW_S = 0.5
 STILL_GYRO_STD_RAD_S = 0.03
 STILL_ACCEL_STD_M_S2 = 0.2
+STILL_GYRO_MEAN_RAD_S = 0.1
 #: Shorter rests are not worth showing.
 STILL_LEAST_S = 1.0
 
@@ -68,6 +69,8 @@ def still_windows(t_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArra
             mean = np.bincount(window, readings[:, axis]) / np.maximum(count, 1)
             var = np.bincount(window, (readings[:, axis] - mean[window]) ** 2) / np.maximum(count, 1)
             quiet &= var <= most**2
+            if readings is gyro_rad_s:
+                quiet &= np.abs(mean) <= STILL_GYRO_MEAN_RAD_S
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
     spans = [
         Span(start_s=float(t_s[0] + first * STILL_WINDOW_S), end_s=float(min(t_s[0] + last * STILL_WINDOW_S, t_s[-1])))

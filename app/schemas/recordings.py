@@ -28,6 +28,7 @@ class Recording(WireModel):
     error: ErrorFacts | None = Field(default=None, description="why `state` is failed")
     read_settings: ReadSettings
     report: Report | None = Field(default=None, description="the doctor's report; None until inspected")
+    has_planes: bool = Field(description="whether planes have been proposed for it as it is read now")
     created_at: datetime
     latest_job: Job | None = None
 

@@ -29,23 +29,29 @@ from calib_core.types import Finding, LidarInfo, Recording
 
 
 def load(
-    path: Path, settings: ReadSettings, *, on_event: OnEvent = ignore_event, should_cancel: ShouldCancel = never_cancel
+    path: Path,
+    settings: ReadSettings,
+    *,
+    fingerprint: bool = True,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
 ) -> Recording:
     """One lidar and one IMU of the recording at `path`, decoded, with every detection as a Finding.
 
+    fingerprint: hash all bytes as well; without it `sha256` is empty and a short span is read in a moment.
     Raises InputError (one sentence) where the recording cannot be read or lacks something, Cancelled where asked to.
     """
     on_event(StageEvent(stage="read", fraction=0.0, text=f"opening {path.name}"))
     # Hashing releases the interpreter lock: it runs beside the decoding. Whoever fails or cancels does not wait for it.
     failed = threading.Event()
     with open_recording(path) as recording, ThreadPoolExecutor(1) as hasher:
-        digest = hasher.submit(recording_sha256, path, should_stop=failed.is_set)
+        digest = hasher.submit(recording_sha256, path, should_stop=failed.is_set) if fingerprint else None
         try:
             loaded = _load_open(recording, settings, on_event, should_cancel)
         except BaseException:
             failed.set()
             raise
-        result = replace(loaded, sha256=digest.result())
+        result = loaded if digest is None else replace(loaded, sha256=digest.result())
     for finding in result.findings:
         if finding.level != "info":
             on_event(LogEvent(level=finding.level, code=finding.code, text=finding.text))

@@ -1,0 +1,30 @@
+"""The cloud that is shown before anything is known of a recording, on disk: one array of points, lidar frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from calib_core.types import PointArray
+
+
+def first_cloud_file(cache: Path) -> Path:
+    """Where it is kept."""
+    return cache / "first-cloud.npy"
+
+
+def write_first_cloud(path: Path, points: PointArray) -> None:
+    """Write the points (N,), whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_suffix(".part.npy")
+    np.save(fresh, points, allow_pickle=False)
+    fresh.rename(path)
+
+
+def read_first_cloud(path: Path) -> PointArray | None:
+    """The points as they were written; None where there are none."""
+    if not path.is_file():
+        return None
+    points: PointArray = np.load(path, allow_pickle=False)
+    return points if len(points) > 0 else None

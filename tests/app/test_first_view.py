@@ -1,0 +1,108 @@
+"""What is seen first: a cloud and planes from the recording's first seconds, before the rest is read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.arrays.first_cloud import first_cloud_file, read_first_cloud
+from app.jobs.functions import PROPOSED, recording_arrays, run_planes
+from app.jobs.head import CLOUD, first_cloud, is_final, propose_from_head
+from app.jobs.orders import Order
+from calib_core import api
+from calib_core.events import LogEvent, ignore_event, never_cancel
+from calib_core.settings import ReadSettings
+from calib_core.simulate import simulate
+from tests.app.support import world
+
+BAG_S = 7.0
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """Seven simulated seconds that begin with a standstill."""
+    path = tmp_path_factory.mktemp("first") / "room.bag"
+    simulate("handheld", path, seed=4, duration_s=BAG_S)
+    return path
+
+
+def order_for(bag, cache, **read):
+    """A job that looks for planes."""
+    return Order(
+        job_id="0" * 32,
+        kind="planes",
+        recording_name=bag.name,
+        source=bag,
+        cache=cache,
+        folder=cache / "job",
+        read_settings=ReadSettings(**read),
+    )
+
+
+def same(first, second):
+    """Whether two proposals are the same to the last bit."""
+    assert [patch.plane.name for patch in first.patches] == [patch.plane.name for patch in second.patches]
+    for one, other in zip(first.patches, second.patches, strict=True):
+        np.testing.assert_array_equal(one.plane.normal, other.plane.normal)
+        assert one.plane.offset_m == other.plane.offset_m
+        assert one.n_points == other.n_points
+    np.testing.assert_array_equal(first.cloud_m, second.cloud_m)
+    np.testing.assert_array_equal(first.cloud_patch, second.cloud_patch)
+    assert first.reference_scans == second.reference_scans
+
+
+def test_planes_of_the_head_are_those_of_the_whole(bag, tmp_path):
+    """Seconds are enough where the recording begins at rest: bit for bit the planes that reading everything gives.
+
+    Fails with HEAD_S = 1 (nothing is final); with the head's points thinned.
+    """
+    early = propose_from_head(order_for(bag, tmp_path), ignore_event, never_cancel)
+    assert early is not None
+    same(early, api.propose_planes(api.load(bag)))
+
+
+def test_the_first_things_come_first(bag, tmp_path):
+    """Cloud, then planes, are told and on disk before the recording is decoded.
+
+    Fails with decoding put before the search.
+    """
+    told = []
+
+    def listen(event):
+        if isinstance(event, LogEvent) and event.code in {CLOUD, PROPOSED}:
+            told.append((event.code, recording_arrays(tmp_path).exists()))
+
+    outcome = run_planes(order_for(bag, tmp_path), listen, never_cancel)
+    assert told == [(CLOUD, False), (PROPOSED, False)]
+    assert recording_arrays(tmp_path).exists()
+    assert outcome.patches >= 3
+    points = read_first_cloud(first_cloud_file(tmp_path))
+    assert len(points) > 10 * 1000
+
+
+def test_a_span_in_motion_is_read_whole(bag, tmp_path):
+    """Where the span begins in motion, later scans may have the better map: nothing is proposed early.
+
+    Fails with `static` left out of is_final.
+    """
+    moving = order_for(bag, tmp_path, start_s=3.6)
+    assert propose_from_head(moving, ignore_event, never_cancel) is None
+
+
+def test_first_cloud_is_one_scan_in_motion():
+    """The test world moves from its first scan on, so one scan is the cloud: more would smear.
+
+    Fails with the leading rest not asked for.
+    """
+    recording = world.make_recording()
+    assert len(first_cloud(recording)) == len(recording.scans[0].points)
+
+
+@pytest.mark.parametrize(("scans", "expected"), [(30, True), (2, False)])
+def test_is_final_needs_the_end_of_the_rest(scans, expected):
+    """A standstill that lasts until the last scan read may go on: its cloud is not final.
+
+    Fails with the last scan of the rest not compared with the scans read.
+    """
+    proposals = world.make_proposals()
+    assert is_final(proposals, scans) is expected
