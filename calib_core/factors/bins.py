@@ -118,7 +118,7 @@ def find_hits(
     within +-.
     """
     n = len(points_m)
-    n_lidar = np.einsum("pi,sij->spj", normals, poses.R)
+    n_lidar = normals @ poses.R
     w_lidar = poses.p @ normals.T + offsets_m
     plane, index = np.empty(n, np.int64), np.empty(n, np.int64)
     x_hit = np.zeros((n, 3))
@@ -133,9 +133,10 @@ def find_hits(
 
 def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
     """Row and column of every hit in its plane's grid, (N, 2), -1 where there is no plane. extents_normals: (P, 3)."""
-    axes = plane_axes(extents_normals)
-    u = np.einsum("pai,sij->spaj", axes, hits.poses.R)
-    origin = np.einsum("pai,si->spa", axes, hits.poses.p)
+    planes, slices = len(extents_normals), len(hits.poses.p)
+    axes = plane_axes(extents_normals).reshape(2 * planes, 3)
+    u = (axes @ hits.poses.R).reshape(slices, planes, 2, 3)
+    origin = (hits.poses.p @ axes.T).reshape(slices, planes, 2)
     cell = np.empty((len(hits.plane), 2), np.int64)
     cells_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, cell)
     return cell

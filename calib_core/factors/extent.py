@@ -52,9 +52,9 @@ class ExtentSurvey:
     def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray) -> None:
         """Count returns: the cell in which their rays meet the plane, and whether they lie on it or beside it."""
         flat = (plane * 2 * HALF_CELLS + cell[:, 0]) * 2 * HALF_CELLS + cell[:, 1]
-        for counts, mask in ((self.on, on_plane), (self.beside, ~on_plane)):
-            cells, number = np.unique(flat[mask], return_counts=True)
-            counts.reshape(-1)[cells] += number
+        size, shape = self.on.size, self.on.shape
+        self.on += np.bincount(flat[on_plane], minlength=size).reshape(shape)
+        self.beside += np.bincount(flat[~on_plane], minlength=size).reshape(shape)
 
     def finish(self, *, least: int = 8, share: float = 0.75) -> PlaneExtents:
         """The cells with at least `least` returns of which `share` lie on the plane."""

@@ -2,6 +2,7 @@
 
 from calib_core.geometry.axes import plane_axes
 from calib_core.geometry.so3 import (
+    cross,
     exp,
     hat,
     log,
@@ -12,6 +13,7 @@ from calib_core.geometry.so3 import (
 )
 
 __all__ = [
+    "cross",
     "exp",
     "hat",
     "log",

@@ -13,9 +13,13 @@ eps/theta^2 for c and eps/theta^2 for d, so each has its own switch.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from calib_core.types import FloatArray
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def hat(phi: FloatArray) -> FloatArray:
@@ -24,6 +28,11 @@ def hat(phi: FloatArray) -> FloatArray:
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -phi[..., 2], phi[..., 1], -phi[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = phi[..., 2], -phi[..., 1], phi[..., 0]
     return out
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The cross product of each pair, (..., 3) with broadcasting: NumPy's own spends most of its time on moving axes."""
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
 
 
 def _sinc(theta: FloatArray) -> FloatArray:
@@ -55,9 +64,23 @@ def _coefficient_d(theta: FloatArray) -> FloatArray:
 
 def exp(phi: FloatArray) -> FloatArray:
     """The rotation of each rotation vector. phi: (..., 3) [rad]. Returns (..., 3, 3)."""
+    if phi.ndim == 1:
+        return _exp_one(float(phi[0]), float(phi[1]), float(phi[2]))
     theta = np.linalg.norm(phi, axis=-1)
     k = hat(phi)
     return np.eye(3) + _sinc(theta)[..., None, None] * k + _coefficient_b(theta)[..., None, None] * (k @ k)
+
+
+def _exp_one(x: float, y: float, z: float) -> FloatArray:
+    """A single rotation in plain floats: a tenth of what the batched route costs on one, and single ones come by thousands."""
+    theta = math.sqrt(x * x + y * y + z * z)
+    a = math.sin(theta) / theta if theta > 1e-8 else 1.0
+    half = 0.5 * theta
+    b = 0.5 * (math.sin(half) / half) ** 2 if half > 1e-8 else 0.5
+    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    xx, yy, zz = b * x * x, b * y * y, b * z * z
+    ax, ay, az = a * x, a * y, a * z
+    return np.array([[1 - yy - zz, xy - az, xz + ay], [xy + az, 1 - xx - zz, yz - ax], [xz - ay, yz + ax, 1 - xx - yy]])
 
 
 def log(rotation: FloatArray) -> FloatArray:
@@ -66,6 +89,8 @@ def log(rotation: FloatArray) -> FloatArray:
     Through the unit quaternion, taken from its largest component, so that no angle loses digits, pi included.
     """
     r = np.asarray(rotation, dtype=np.float64)
+    if r.ndim == 2 and np.trace(r) > 0:
+        return _log_one(r)
     m = r.reshape(-1, 3, 3)
     trace = np.trace(m, axis1=1, axis2=2)
     diagonal = np.stack([m[:, 0, 0], m[:, 1, 1], m[:, 2, 2], trace], axis=1)
@@ -91,6 +116,16 @@ def log(rotation: FloatArray) -> FloatArray:
     half = np.arctan2(sine, quat[:, 3])
     scale = np.where(sine < 1e-12, 2.0, 2.0 * half / np.where(sine < 1e-12, 1.0, sine))
     return (quat[:, :3] * scale[:, None]).reshape(*r.shape[:-2], 3)
+
+
+def _log_one(r: FloatArray) -> FloatArray:
+    """A single rotation of less than 120 deg in plain floats: there the quaternion's scalar part is the largest or near it."""
+    (a, b, c), (d, e, f), (g, h, i) = r.tolist()
+    x, y, z, w = h - f, c - g, d - b, 1.0 + a + e + i
+    sine = math.sqrt(x * x + y * y + z * z)
+    half = math.atan2(sine, w)
+    scale = 2.0 * half / sine if sine > 1e-12 * w else 2.0 / w
+    return np.array([x * scale, y * scale, z * scale])
 
 
 def right_jacobian(phi: FloatArray) -> FloatArray:

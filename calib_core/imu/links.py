@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.geometry import exp, hat, right_jacobian
+from calib_core.geometry import cross, exp, hat, right_jacobian
 from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.types import BoolArray, FloatArray
 
@@ -161,7 +161,7 @@ def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray
         w1, w2 = (up.gyro[:, 2 * k + i] - gyro_bias for i in (0, 1))
         f1, f2 = (up.accel[:, 2 * k + i] - accel_bias for i in (0, 1))
         mean, slope = 0.5 * (w1 + w2), np.sqrt(3.0) * (w2 - w1)
-        bend = np.sqrt(3.0) / 12.0 * delta**2 * np.cross(w1, w2)
+        bend = np.sqrt(3.0) / 12.0 * delta**2 * cross(w1, w2)
         R1, R2 = (DR @ exp(delta * (mean * c + slope * (c**2 - c) / 2) + c**3 * bend) for c in _GAUSS)
         omega = delta * mean + bend
         a1, a2 = (R1 @ f1[..., None])[..., 0], (R2 @ f2[..., None])[..., 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -26,8 +26,10 @@ from calib_core.factors.bins import (
     unpack,
 )
 from calib_core.factors.extent import ExtentSurvey, PlaneExtents
-from calib_core.pipeline.joint import Bins, Estimate, JointProblem
+from calib_core.pipeline.context import Clocks
+from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.motion import Motion
+from calib_core.pipeline.state import Bins, Estimate
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, Scan
 
@@ -47,14 +49,40 @@ class Micro:
 
 @dataclass(frozen=True)
 class View:
-    """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes."""
+    """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes.
+
+    poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
+    """
 
     scans: Sequence[Scan]
-    epoch_ns: int
+    clocks: Clocks
     motion: Motion
     estimate: Estimate
     settings: CalibrateSettings
     threads: int = 1
+    poses: dict[int, SlicePoses] = field(default_factory=dict)
+
+    def lay_out(self, positions: Sequence[int]) -> None:
+        """The slices' poses of many scans in one go: scan by scan, the arrays would be too short to be worth a call."""
+        e = self.estimate
+        missing = [i for i in positions if i not in self.poses]
+        if not missing:
+            return
+        counts = [self._slices(i) for i in missing]
+        centres = np.concatenate([self._centres(i, n) for i, n in zip(missing, counts, strict=True)])
+        every = self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
+        for i, end, n in zip(missing, np.cumsum(counts), counts, strict=True):
+            own = slice(end - n, end)
+            self.poses[i] = SlicePoses(
+                every.R[own], every.p[own], every.omega_rad_s[own], every.v_m_s[own], every.usable[own]
+            )
+
+    def _slices(self, position: int) -> int:
+        """As many slices as the scan's last point needs, and one to spare for rounding."""
+        return int(self.clocks.sweep_s[position] / SLICE_S) + 2
+
+    def _centres(self, position: int, slices: int) -> FloatArray:
+        return np.asarray(self.clocks.scan_s[position] + (np.arange(slices) + 0.5) * SLICE_S)
 
     def hits(self, position: int, gate: Gate, stride: int = 1) -> Hits:
         """Where a scan's points meet the planes, point by point."""
@@ -65,20 +93,17 @@ class View:
         return find_hits(
             points["xyz"],
             offset,
-            self.slice_poses(position, offset),
+            self.slice_poses(position),
             e.normals,
             e.offsets_m,
             gate,
             field_of_view_deg=self.settings.field_of_view_deg,
         )
 
-    def slice_poses(self, position: int, offset_s: FloatArray) -> SlicePoses:
-        """The lidar at the centres of a scan's slices, as many as the points' times (N,) reach."""
-        slices = int(offset_s.max(initial=0.0) / SLICE_S) + 1
-        start_s = (self.scans[position].stamp_ns - self.epoch_ns) * 1e-9
-        centres = np.asarray(start_s + (np.arange(slices) + 0.5) * SLICE_S, dtype=np.float64)
-        e = self.estimate
-        return self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
+    def slice_poses(self, position: int) -> SlicePoses:
+        """The lidar at the centres of a scan's slices."""
+        self.lay_out([position])
+        return self.poses[position]
 
     def strays(self, position: int, count: int, away_m: float) -> FloatArray:
         """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
@@ -86,8 +111,7 @@ class View:
         stride = max(1, len(scan.points) // count)
         points = scan.points[::stride]
         hits = self.hits(position, Gate(), stride)
-        offset = points["offset_ns"] * 1e-9
-        poses = self.slice_poses(position, offset)
+        poses = self.slice_poses(position)
         free = poses.usable[hits.slice_index] & ((hits.plane < 0) | (np.abs(hits.d) > away_m))
         index = hits.slice_index[free]
         xyz = points["xyz"][free].astype(np.float64)
@@ -95,6 +119,7 @@ class View:
 
     def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""
+        self.lay_out(positions)
         if self.threads <= 1 or len(positions) < 2:
             return [job(i) for i in positions]
         with ThreadPoolExecutor(self.threads) as pool:
@@ -125,7 +150,7 @@ def associate(
         return collapse(hits, keep, weight, n_planes)
 
     parts = view.over_scans(positions, one)
-    starts = [(view.scans[i].stamp_ns - view.epoch_ns) * 1e-9 for i in positions]
+    starts = view.clocks.scan_s[list(positions)]
     return Micro(
         time_s=np.concatenate([t + (part.slice_index + 0.5) * SLICE_S for t, part in zip(starts, parts, strict=True)]),
         scan=np.concatenate([np.full(len(part.count), i) for i, part in zip(positions, parts, strict=True)]),
@@ -147,18 +172,20 @@ def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
 
 def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     """Micro-bins moved to their nearest knots under the current motion and summed: one bin a knot and plane."""
-    imu_s = micro.time_s - estimate.time_offset_s
+    # One pose a slice, shared by the planes seen in it.
+    time_s, of_slice = np.unique(micro.time_s, return_inverse=True)
+    imu_s = time_s - estimate.time_offset_s
     knot = motion.nearest_knot(imu_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    use = np.flatnonzero(poses.usable)
-    knot = knot[use]
     Rk_t = np.swapaxes(knots.R[knot], 1, 2)
-    R = Rk_t @ poses.R[use]
-    p = (Rk_t @ (poses.p[use] - knots.p[knot])[..., None])[..., 0]
-    moved = move(unpack(micro.scatter[use]), R, p)
+    R = Rk_t @ poses.R
+    p = (Rk_t @ (poses.p - knots.p[knot])[..., None])[..., 0]
+    use = np.flatnonzero(poses.usable[of_slice])
+    of_slice = of_slice[use]
+    moved = move(unpack(micro.scatter[use]), R[of_slice], p[of_slice])
     n_planes = len(estimate.normals)
-    key = knot * n_planes + micro.plane[use]
+    key = knot[of_slice] * n_planes + micro.plane[use]
     if len(key) == 0:
         empty = np.zeros(0, np.int64)
         return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s)
@@ -179,8 +206,8 @@ def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, 
         on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
         return hits.plane[close], cells[close], on[close]
 
-    for plane, cell, on in view.over_scans(positions, one):
-        total.add(plane, cell, on)
+    plane, cell, on = (np.concatenate(each) for each in zip(*view.over_scans(positions, one), strict=True))
+    total.add(plane, cell, on)
     return total.finish()
 
 

@@ -26,8 +26,9 @@ from calib_core.pipeline.initialise import (
     rotation_start,
     turns_about,
 )
-from calib_core.pipeline.joint import BiasNodes, Estimate, PriorRow, Priors
+from calib_core.pipeline.priors import PriorRow, Priors
 from calib_core.pipeline.rounds import Rounds, Solved
+from calib_core.pipeline.state import BiasNodes, Estimate
 from calib_core.pipeline.track import ScanMotion, track
 from calib_core.types import FloatArray, InitialGuess, Plane
 

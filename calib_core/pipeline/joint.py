@@ -19,168 +19,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.knots import KnotStates, link_factors, link_residuals
-from calib_core.geometry import exp, hat, log, plane_axes
+from calib_core.factors.assembly import add_bins_kernel, add_links_kernel
+from calib_core.factors.knots import link_factors, link_residuals
+from calib_core.geometry import cross, exp, hat, plane_axes
 from calib_core.imu.links import Links, UpsampledImu
 from calib_core.pipeline.motion import Motion
+from calib_core.pipeline.priors import Priors, prior_rows
+from calib_core.pipeline.state import BIAS_START, GRAVITY, BiasNodes, Bins, Estimate, Layout
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.types import FloatArray, IntArray
-
-CALIBRATION = 7
-GRAVITY = slice(7, 10)
-_BIAS_START = 10
-
-
-@dataclass(frozen=True)
-class BiasNodes:
-    """Where the biases are states: linear interpolation between nodes. node: (L,) left node of each link; fraction: (L,)."""
-
-    times_s: FloatArray
-    node: IntArray
-    fraction: FloatArray
-
-    @staticmethod
-    def spread(knots_s: FloatArray, spacing_s: float | None) -> BiasNodes:
-        """Nodes at about the spacing over the knots; a single one where spacing_s is None."""
-        start, end = float(knots_s[0]), float(knots_s[-1])
-        middle = 0.5 * (knots_s[:-1] + knots_s[1:])
-        if spacing_s is None or end - start < 1.5 * spacing_s:
-            return BiasNodes(np.array([start]), np.zeros(len(middle), np.int64), np.zeros(len(middle)))
-        count = int(np.ceil((end - start) / spacing_s)) + 1
-        times = np.linspace(start, end, count)
-        node = np.clip(np.searchsorted(times, middle, side="right") - 1, 0, count - 2)
-        return BiasNodes(times, node, (middle - times[node]) / (times[node + 1] - times[node]))
-
-    def part(self, first: int, last: int) -> BiasNodes:
-        """The same nodes as seen by the links among knots first..last (exclusive)."""
-        return BiasNodes(self.times_s, self.node[first : last - 1], self.fraction[first : last - 1])
-
-    def at_links(self, values: FloatArray) -> FloatArray:
-        """Bias of every link. values: (N, 3) at the nodes. Returns (L, 3)."""
-        if len(self.times_s) == 1:
-            return np.repeat(values, len(self.node), axis=0)
-        f = self.fraction[:, None]
-        return (1 - f) * values[self.node] + f * values[self.node + 1]
-
-    def at_knots(self, values: FloatArray) -> FloatArray:
-        """Bias at every knot, (L + 1, 3)."""
-        links = self.at_links(values)
-        return np.vstack([links[:1], 0.5 * (links[1:] + links[:-1]), links[-1:]])
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Everything estimated. gyro_bias, accel_bias: (N, 3) at the nodes. normals: (P, 3), offsets_m: (P,), map frame.
-
-    time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].
-    """
-
-    states: KnotStates
-    R_imu_lidar: FloatArray
-    p_imu_lidar: FloatArray
-    time_offset_s: float
-    gravity: FloatArray
-    gyro_bias: FloatArray
-    accel_bias: FloatArray
-    normals: FloatArray
-    offsets_m: FloatArray
-
-
-@dataclass(frozen=True)
-class Bins:
-    """Lidar factors: one a knot and plane. knot, plane: (B,). scatter: (B, 5, 5). count: (B,). time_offset_s: of their making."""
-
-    knot: IntArray
-    plane: IntArray
-    scatter: FloatArray
-    count: IntArray
-    time_offset_s: float
-
-
-def no_bins(time_offset_s: float) -> Bins:
-    """No lidar factors at all."""
-    none = np.zeros(0, np.int64)
-    return Bins(none, none, np.zeros((0, 5, 5)), none, time_offset_s)
-
-
-@dataclass(frozen=True)
-class PriorRow:
-    """One Gaussian statement about the shared state: column, value (of the quantity itself), std."""
-
-    column: int
-    value: float
-    std: float
-
-
-@dataclass(frozen=True)
-class Held:
-    """A direction of the calibration that the data do not determine, held where it is said to be.
-
-    vector: (7,) over [turn from R_reference, translation, time offset], SI.   value: of vector . that.   std: small.
-    """
-
-    vector: FloatArray
-    value: float
-    std: float
-
-
-@dataclass(frozen=True)
-class Priors:
-    """Statements that are not measurements of this recording.
-
-    R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
-    rows: on calibration columns 0..6.   bias walk densities: per sqrt(s); 0 with a single node.
-    """
-
-    R_reference: FloatArray
-    rows: tuple[PriorRow, ...]
-    gravity_m_s2: float
-    gravity_std_m_s2: float
-    gyro_bias_std_rad_s: float = 0.2
-    accel_bias_std_m_s2: float = 1.0
-    gyro_walk: float = 1e-5
-    accel_walk: float = 1e-4
-    held: tuple[Held, ...] = ()
-
-    def calibration_vector(self, estimate: Estimate) -> FloatArray:
-        """(7,): turn from R_reference [rad], translation [m], time offset [s]: what the prior rows speak of."""
-        turn = log(self.R_reference.T @ estimate.R_imu_lidar)
-        return np.concatenate([turn, estimate.p_imu_lidar, [estimate.time_offset_s]])
-
-    def calibration_information(self) -> FloatArray:
-        """(7, 7) that the rows and the held directions add to the calibration's information."""
-        total = np.zeros((CALIBRATION, CALIBRATION))
-        for row in self.rows:
-            total[row.column, row.column] += 1.0 / row.std**2
-        for held in self.held:
-            total += np.outer(held.vector, held.vector) / held.std**2
-        return total
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Shared columns by name."""
-
-    nodes: int
-    planes: int
-
-    @property
-    def size(self) -> int:
-        """Number of shared unknowns."""
-        return _BIAS_START + 6 * self.nodes + 3 * self.planes
-
-    def gyro_bias(self) -> slice:
-        """Columns of the gyro bias nodes, node by node."""
-        return slice(_BIAS_START, _BIAS_START + 3 * self.nodes)
-
-    def accel_bias(self) -> slice:
-        """Columns of the accelerometer bias nodes."""
-        return slice(_BIAS_START + 3 * self.nodes, _BIAS_START + 6 * self.nodes)
-
-    def plane(self, j: int) -> slice:
-        """Columns of plane j: two turns and the offset."""
-        start = _BIAS_START + 6 * self.nodes + 3 * j
-        return slice(start, start + 3)
 
 
 @dataclass(frozen=True)
@@ -244,14 +91,9 @@ class JointProblem:
         system.diagonal[:, vel, vel] += 1e-6
         pose = np.arange(6)
         system.diagonal[:, pose, pose] += 1e-6
-        planes = np.arange(_BIAS_START + 6 * layout.nodes, layout.size)
+        planes = np.arange(BIAS_START + 6 * layout.nodes, layout.size)
         system.corner[planes, planes] += 1e-4  # a plane that no point sees stays where it is
-        for column in self.frozen:
-            system.border[:, :, column] = 0.0
-            system.corner[column, :] = 0.0
-            system.corner[:, column] = 0.0
-            system.corner[column, column] = 1e12
-            system.gradient_shared[column] = 0.0
+        system.frozen = self.frozen
         return system
 
     def moved(self, estimate: Estimate, solution: ArrowSolution) -> Estimate:
@@ -283,30 +125,12 @@ class JointProblem:
 
     def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
         f = link_factors(self.links, estimate.states, estimate.gravity, *self._bias_changes(estimate))
-        first_t, second_t = np.swapaxes(f.r_D_first, 1, 2), np.swapaxes(f.r_D_second, 1, 2)
-        system.diagonal[:-1] += first_t @ f.r_D_first
-        system.diagonal[1:] += second_t @ f.r_D_second
-        system.lower += second_t @ f.r_D_first
-        r = f.residual[..., None]
-        system.gradient[:-1] += (first_t @ r)[..., 0]
-        system.gradient[1:] += (second_t @ r)[..., 0]
         system.cost += 0.5 * float(np.sum(f.residual**2))
-        nodes = layout.nodes
-        columns = 3 + 6 * nodes
-        shared = np.zeros((len(f.residual), 9, columns))
-        shared[:, :, :3] = f.r_D_gravity
-        rows = np.arange(len(f.residual))
-        for block, jacobian in ((0, f.r_D_gyro_bias), (1, f.r_D_accel_bias)):
-            view = shared[:, :, 3 + 3 * nodes * block : 3 + 3 * nodes * (block + 1)].reshape(-1, 9, nodes, 3)
-            view[rows, :, self.nodes.node] += (1 - self.nodes.fraction)[:, None, None] * jacobian
-            if nodes > 1:
-                view[rows, :, self.nodes.node + 1] += self.nodes.fraction[:, None, None] * jacobian
-        place = slice(GRAVITY.start, GRAVITY.start + columns)
-        system.border[:-1, :, place] += first_t @ shared
-        system.border[1:, :, place] += second_t @ shared
-        flat = shared.reshape(-1, columns)
-        system.corner[place, place] += flat.T @ flat
-        system.gradient_shared[place] += flat.T @ f.residual.ravel()
+        add_links_kernel(
+            f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, f.residual,
+            self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start,
+            system.diagonal, system.lower, system.border, system.corner, system.gradient, system.gradient_shared,
+        )  # fmt: skip
 
     def planes_seen(self, estimate: Estimate) -> tuple[FloatArray, dict[str, FloatArray]]:
         """A = [n_lidar, w_lidar, 1] of every bin (B, 5), and what its Jacobian needs."""
@@ -327,28 +151,12 @@ class JointProblem:
         b = self.bins
         a, part = self.planes_seen(estimate)
         J = bin_jacobian(a, part, estimate, b.plane, estimate.time_offset_s - b.time_offset_s)
-        weighted = b.scatter[:, :4, :4] @ J
-        H = np.swapaxes(J, 1, 2) @ weighted
         Ma = (b.scatter @ a[..., None])[..., 0]
-        g = np.einsum("bij,bi->bj", J, Ma[:, :4])
         system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
-        calibration = slice(0, CALIBRATION)
-        for j in range(layout.planes):
-            rows = np.flatnonzero(b.plane == j)
-            knot, Hj, gj = b.knot[rows], H[rows], g[rows]
-            place = layout.plane(j)
-            # A bin a knot and plane: no index repeats within one plane.
-            system.diagonal[knot] += Hj[:, :9, :9]
-            system.border[knot, :, calibration] += Hj[:, :9, 9:16]
-            system.border[knot, :, place] += Hj[:, :9, 16:]
-            system.gradient[knot] += gj[:, :9]
-            total, total_g = Hj.sum(axis=0), gj.sum(axis=0)
-            system.corner[calibration, calibration] += total[9:16, 9:16]
-            system.corner[calibration, place] += total[9:16, 16:]
-            system.corner[place, calibration] += total[16:, 9:16]
-            system.corner[place, place] += total[16:, 16:]
-            system.gradient_shared[calibration] += total_g[9:16]
-            system.gradient_shared[place] += total_g[16:]
+        add_bins_kernel(
+            b.knot, b.plane, J, b.scatter, Ma, layout.plane(0).start,
+            system.diagonal, system.border, system.corner, system.gradient, system.gradient_shared,
+        )  # fmt: skip
 
 
 def bin_jacobian(
@@ -360,7 +168,7 @@ def bin_jacobian(
     axes = plane_axes(estimate.normals)[plane]
     J = np.zeros((len(a), 4, 19))
     J[:, :3, 0:3] = Rc.T @ hat(m)
-    J[:, 3, 0:3] = np.cross(pc, m)
+    J[:, 3, 0:3] = cross(pc, m)
     J[:, 3, 3:6] = n
     J[:, 3, 6:9] = -delta_s * n
     J[:, :3, 9:12] = hat(a[:, :3])
@@ -375,35 +183,3 @@ def bin_jacobian(
     J[:, 3, 16:18] = np.einsum("bki,bi->bk", axes, where)
     J[:, 3, 18] = 1.0
     return J
-
-
-def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Layout) -> tuple[FloatArray, FloatArray]:
-    """Whitened residuals of the priors (M,) and their Jacobian over the shared columns (M, S)."""
-    residuals: list[float] = []
-    rows: list[FloatArray] = []
-
-    def add(residual: float, columns: list[int], values: FloatArray) -> None:
-        row = np.zeros(layout.size)
-        row[columns] = values
-        residuals.append(residual)
-        rows.append(row)
-
-    now = priors.calibration_vector(estimate)
-    for row in priors.rows:
-        add((float(now[row.column]) - row.value) / row.std, [row.column], np.array([1.0 / row.std]))
-    for held in priors.held:
-        add((float(held.vector @ now) - held.value) / held.std, list(range(CALIBRATION)), held.vector / held.std)
-    magnitude = float(np.linalg.norm(estimate.gravity))
-    std = max(priors.gravity_std_m_s2, 1e-7)
-    add((magnitude - priors.gravity_m_s2) / std, [7, 8, 9], estimate.gravity / magnitude / std)
-    for place, values, initial, walk in (
-        (layout.gyro_bias().start, estimate.gyro_bias, priors.gyro_bias_std_rad_s, priors.gyro_walk),
-        (layout.accel_bias().start, estimate.accel_bias, priors.accel_bias_std_m_s2, priors.accel_walk),
-    ):
-        for axis in range(3):
-            add(values[0, axis] / initial, [place + axis], np.array([1.0 / initial]))
-            for k in range(layout.nodes - 1):
-                step_std = max(walk * np.sqrt(nodes.times_s[k + 1] - nodes.times_s[k]), 1e-9)
-                columns = [place + 3 * k + axis, place + 3 * (k + 1) + axis]
-                add((values[k + 1, axis] - values[k, axis]) / step_std, columns, np.array([-1.0, 1.0]) / step_std)
-    return np.array(residuals), np.array(rows)

@@ -14,7 +14,7 @@ import numpy as np
 
 from calib_core.factors.bins import SlicePoses
 from calib_core.factors.knots import KnotStates
-from calib_core.geometry import exp
+from calib_core.geometry import cross, exp
 from calib_core.imu.links import UpsampledImu
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -78,7 +78,7 @@ class Motion:
         """The lidar's poses and body rates at instants of the IMU's clock."""
         imu = self.at(imu_s)
         lever = (imu.R @ p_imu_lidar[:, None])[..., 0]
-        v_map = imu.v + (imu.R @ np.cross(imu.omega_rad_s, p_imu_lidar)[..., None])[..., 0]
+        v_map = imu.v + (imu.R @ cross(imu.omega_rad_s, p_imu_lidar)[..., None])[..., 0]
         R = imu.R @ R_imu_lidar
         return SlicePoses(
             R=R,

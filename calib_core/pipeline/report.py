@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib_core.events import IterationEvent, PlaneResidual
 from calib_core.pipeline.context import Context
-from calib_core.pipeline.joint import Estimate, JointProblem
+from calib_core.pipeline.joint import JointProblem
+from calib_core.pipeline.preview import sweep_motions
+from calib_core.pipeline.state import Estimate
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray
 
@@ -63,9 +67,15 @@ def plane_chi2(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, F
 
 
 def iteration_event(
-    ctx: Context, problem: JointProblem, estimate: Estimate, cost: float, solution: ArrowSolution, round_number: int
+    ctx: Context,
+    problem: JointProblem,
+    estimate: Estimate,
+    cost: float,
+    solution: ArrowSolution,
+    round_number: int,
+    names: Sequence[str],
 ) -> IterationEvent:
-    """One accepted step, for whoever watches."""
+    """One accepted step, for whoever watches. names: of the planes."""
     cov = np.linalg.pinv(solution.information, hermitian=True)[:7, :7]
     std = np.sqrt(np.maximum(np.diag(cov), 0.0))
     return IterationEvent(
@@ -80,9 +90,19 @@ def iteration_event(
         translation_std_m=std[3:6].tolist(),
         time_offset_std_s=float(std[6]),
         planes=[
-            PlaneResidual(name=f"plane {j + 1}", rms_m=rms, points=points)
-            for j, (rms, points) in enumerate(plane_residuals(problem, estimate))
+            PlaneResidual(name=name, rms_m=rms, points=points, normal=np.round(normal, 7).tolist(), offset_m=float(w))
+            for name, normal, w, (rms, points) in zip(
+                names, estimate.normals, estimate.offsets_m, plane_residuals(problem, estimate), strict=True
+            )
         ],
+        sweeps=sweep_motions(
+            ctx.recording.scans,
+            ctx.clocks.lidar_epoch_ns,
+            problem.motion(estimate),
+            time_offset_s=estimate.time_offset_s,
+            R_imu_lidar=estimate.R_imu_lidar,
+            p_imu_lidar=estimate.p_imu_lidar,
+        ),
     )
 
 

@@ -20,9 +20,12 @@ from calib_core.geometry import exp
 from calib_core.imu.links import Links, UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import Context
-from calib_core.pipeline.joint import CALIBRATION, BiasNodes, Bins, Estimate, Held, JointProblem, Priors, no_bins
+from calib_core.pipeline.joint import JointProblem
+from calib_core.pipeline.motion import Motion
 from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
+from calib_core.pipeline.priors import Held, Priors
 from calib_core.pipeline.report import iteration_event, plane_chi2
+from calib_core.pipeline.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
 from calib_core.planes.segment import SegmentSettings, determinacy, segment_planes
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
@@ -32,6 +35,12 @@ _CHUNK_S = 0.3
 _WINDOW_S = 1.2
 #: The IMU alone carries a pose this long before its error outgrows what a gate can tell from clutter.
 _BLIND_LIMIT_S = 4.0
+#: Points a scan in the coarse rounds, and in the survey of the planes' extents; scans that tell the lidar's noise.
+_COARSE = 3000
+_SURVEY = 4000
+_NOISE_SCANS = 24
+#: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
+_COARSE_TOLERANCE = 0.05
 #: Hits this near another plane are ambiguous: eight times a usual range noise.
 _MARGIN_M = 0.12
 
@@ -90,23 +99,23 @@ class Rounds:
         """Coarse to fine, to the fixed point."""
         # First the motion alone: which directions the data determine is judged before the calibration can wander off
         # along one that they do not.
-        self._associate(Gate(extra_m=0.12, margin_m=_MARGIN_M), stride=5)
-        self._solve(4, frozen=tuple(range(CALIBRATION)))
-        self._hold()
+        self._associate(Gate(extra_m=0.12, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
+        problem, _ = self._solve(4, frozen=tuple(range(CALIBRATION)), tolerance=_COARSE_TOLERANCE)
+        self._hold(problem)
         for extra in (0.12, 0.06):
-            self._associate(Gate(extra_m=extra, margin_m=_MARGIN_M), stride=5)
-            self._solve(10)
-            self._hold()
+            self._associate(Gate(extra_m=extra, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
+            problem, _ = self._solve(10, tolerance=_COARSE_TOLERANCE)
+            self._hold(problem)
         self.extend()
         if self.may_add_planes and self._discover():
-            self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=5)
-            self._solve(8)
+            self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
+            self._solve(8, tolerance=_COARSE_TOLERANCE)
         if self.may_add_planes:
             self._cull()
         gate = Gate(extra_m=0.02, margin_m=_MARGIN_M)
         self._learn(gate)
-        self._associate(replace(gate, extra_m=0.01), stride=5)
-        self._solve(10)
+        self._associate(replace(gate, extra_m=0.01), stride=self._stride(_COARSE))
+        self._solve(10, tolerance=_COARSE_TOLERANCE)
         gate = Gate(margin_m=_MARGIN_M)
         self._learn(gate)
         self._associate(gate, stride=1)
@@ -137,25 +146,36 @@ class Rounds:
         readings = self.readings.part(self.first, self.last)
         bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
         links = preintegrate(readings, bg, ba, self.ctx.noise.density)
-        frozen: list[int] = []
-        if not self.ctx.settings.estimate_time_offset:
-            frozen.append(6)
-        if not self.ctx.settings.estimate_planes:
-            start = 10 + 6 * len(nodes.times_s)
-            frozen.extend(range(start, start + 3 * len(e.normals)))
         lidar = bins if bins is not None else no_bins(e.time_offset_s)
         gauge = self.gauge - self.first
         held = not self.ctx.settings.estimate_planes
         return JointProblem(
-            readings, nodes, links, bg, ba, lidar, self.priors, gauge, tuple(frozen), planes_hold_frame=held
+            readings, nodes, links, bg, ba, lidar, self.priors, gauge, self._frozen(), planes_hold_frame=held
         )
 
-    def _view(self, problem: JointProblem, estimate: Estimate) -> View:
+    def _frozen(self) -> tuple[int, ...]:
+        """The shared columns that the settings hold fixed."""
+        frozen: list[int] = []
+        if not self.ctx.settings.estimate_time_offset:
+            frozen.append(6)
+        if not self.ctx.settings.estimate_planes:
+            start = 10 + 6 * len(self.nodes.times_s)
+            frozen.extend(range(start, start + 3 * len(self.estimate.normals)))
+        return tuple(frozen)
+
+    def _motion(self) -> Motion:
+        """The motion that the present estimate describes."""
+        e = self.estimate
+        nodes = self.nodes.part(self.first, self.last)
+        readings = self.readings.part(self.first, self.last)
+        return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
+
+    def _view(self, motion: Motion, estimate: Estimate) -> View:
         ctx = self.ctx
         return View(
             ctx.recording.scans,
-            ctx.clocks.lidar_epoch_ns,
-            problem.motion(estimate),
+            ctx.clocks,
+            motion,
             estimate,
             ctx.settings,
             ctx.threads,
@@ -169,17 +189,25 @@ class Rounds:
             if done[0] % 20 == 0:
                 self.ctx.stage("associate", done[0] / len(self.positions), f"round {self.number + 1}")
 
-        view = self._view(self.problem(), self.estimate)
+        view = self._view(self._motion(), self.estimate)
         self.micro = associate(view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count)
 
     def _learn(self, gate: Gate) -> None:
         """How far each plane reaches and how noisy the lidar is."""
-        view = self._view(self.problem(), self.estimate)
-        self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=7)
-        step = max(1, len(self.positions) // 60)
+        view = self._view(self._motion(), self.estimate)
+        self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY))
+        step = max(1, len(self.positions) // _NOISE_SCANS)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
 
-    def _solve(self, iterations: int, frozen: tuple[int, ...] = ()) -> tuple[JointProblem, Minimum[Estimate]]:
+    def _stride(self, target: int) -> int:
+        """Every so many-th point, for about `target` points a scan."""
+        some = self.positions[:: max(1, len(self.positions) // 20)]
+        typical = np.median([len(self.ctx.recording.scans[i].points) for i in some])
+        return max(1, int(typical // target))
+
+    def _solve(
+        self, iterations: int, frozen: tuple[int, ...] = (), tolerance: float = 1e-6
+    ) -> tuple[JointProblem, Minimum[Estimate]]:
         """Preintegrate and gather about the present estimate, then descend. frozen: more shared columns to hold."""
         assert self.micro is not None
         self.number += 1
@@ -192,19 +220,19 @@ class Rounds:
             ctx.iterations += 1
             if ctx.should_cancel():
                 raise Cancelled("the calibration was cancelled")
-            ctx.on_event(iteration_event(ctx, problem, estimate, cost, solution, self.number))
+            ctx.on_event(iteration_event(ctx, problem, estimate, cost, solution, self.number, self.names))
 
-        self.minimum = minimise(problem, self.estimate, max_iterations=iterations, on_step=report)
+        self.minimum = minimise(problem, self.estimate, max_iterations=iterations, tolerance=tolerance, on_step=report)
         self.estimate = self.minimum.estimate
         return problem, self.minimum
 
     def _discover(self) -> bool:
         """Planes that the reference scan did not show, among the points that lie on none; whether any were found."""
-        view = self._view(self.problem(), self.estimate)
+        view = self._view(self._motion(), self.estimate)
         step = max(1, len(self.positions) // 60)
         some = self.positions[::step]
         strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, 1500, 0.15)))
-        eye = np.mean([view.slice_poses(i, np.zeros(1)).p[0] for i in some], axis=0)
+        eye = np.mean([view.slice_poses(i).p[0] for i in some], axis=0)
         if len(strays) < 1000:
             return False
         settings = SegmentSettings(min_share=0.03, min_points=300, min_breadth_m=0.25, max_planes=6, distance_m=0.05)
@@ -250,14 +278,12 @@ class Rounds:
         self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
         self.micro = None
 
-    def _hold(self) -> None:
+    def _hold(self, problem: JointProblem) -> None:
         """Hold the directions that the data do not determine: translation at zero, the others where they are.
 
         What was held is let go only when the data, judged with it held, say clearly more than noise could.
         """
-        assert self.micro is not None
-        problem = self.problem()
-        problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
+        problem = replace(problem, frozen=self._frozen())
         try:
             information = solve_arrow(problem.linearise(self.estimate)).information
         except NotPositiveDefinite:
@@ -306,9 +332,9 @@ class Rounds:
             self.ctx.stage("associate", self.last / total, "carrying the estimate through the recording")
             if self.last - self.first >= 2 * solved_span or self.last == total:
                 solved_span = self.last - self.first
-                self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=8)
-                self._solve(6)
-                self._hold()
+                self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
+                problem, _ = self._solve(6, tolerance=_COARSE_TOLERANCE)
+                self._hold(problem)
 
     def _extend_to(self, end: int, extra_m: float) -> bool:
         """Predict the knots up to `end`, then let the points there correct them. Whether they determine the pose."""
@@ -340,7 +366,7 @@ class Rounds:
         inside = np.flatnonzero((clocks.scan_s + clocks.sweep_s > low) & (clocks.scan_s < high))
         seen = False
         for extra in (extra_m, 0.04):
-            view = self._view(problem, window)
+            view = self._view(problem.motion(window), window)
             gate = Gate(extra_m=extra, margin_m=_MARGIN_M)
             micro = associate(view, [int(i) for i in inside], self.lidar_noise, gate, None, stride=6)
             if len(micro.count) == 0:

@@ -6,8 +6,8 @@
         [          ...         ]          C   (S, S)   shared parameters
         [ B0' B1' ...       C  ]
 
-The chain is eliminated by a banded Cholesky factor; what remains on the border, C - B' A^-1 B, is the information of
-the shared parameters with the chain marginalised: the calibration's own information matrix.
+The chain is eliminated block by block by Cholesky factors; what remains on the border, C - B' A^-1 B, is the information
+of the shared parameters with the chain marginalised: the calibration's own information matrix.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
+from calib_core.solver.kernels import eliminate_kernel, substitute_kernel
 from calib_core.types import FloatArray
 
 
@@ -29,7 +29,7 @@ class ArrowSystem:
     """H and gradient of a sum of squares, accumulated factor by factor.
 
     diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, S).   corner: (S, S).
-    gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares.
+    gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares.   frozen: shared columns held fixed.
     """
 
     diagonal: FloatArray
@@ -39,6 +39,7 @@ class ArrowSystem:
     gradient: FloatArray
     gradient_shared: FloatArray
     cost: float = 0.0
+    frozen: tuple[int, ...] = ()
 
     @staticmethod
     def zeros(knots: int, block: int, shared: int) -> ArrowSystem:
@@ -55,7 +56,10 @@ class ArrowSystem:
 
 @dataclass(frozen=True)
 class ArrowSolution:
-    """The step that solves H step = -gradient, and the border's information. step: (K, n), step_shared: (S,)."""
+    """The step that solves H step = -gradient, and the border's information. step: (K, n), step_shared: (S,).
+
+    Frozen columns do not move; their information is FROZEN, apart from everything.
+    """
 
     step: FloatArray
     step_shared: FloatArray
@@ -65,6 +69,8 @@ class ArrowSolution:
 
 #: Relative to unit diagonal: what the border's information cannot resolve after eliminating the chain in double precision.
 ROUND_OFF = 1e-11
+#: Stands for the information of what is held fixed.
+FROZEN = 1e12
 
 
 def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -76,48 +82,44 @@ def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
     return unit * (vectors @ np.where(known, along / np.where(known, values, 1.0), 0.0))
 
 
-def _band(diagonal: FloatArray, lower: FloatArray) -> FloatArray:
-    """Lower banded storage of the chain: row d holds the d-th subdiagonal. Returns (2 n, K n)."""
-    knots, n, _ = diagonal.shape
-    band = np.zeros((2 * n, knots, n))
-    for column in range(n):
-        for row in range(column, n):
-            band[row - column, :, column] = diagonal[:, row, column]
-        for row in range(n):
-            if knots > 1:
-                band[n + row - column, :-1, column] = lower[:, row, column]
-    return band.reshape(2 * n, knots * n)
-
-
 def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     """One Gauss-Newton (damping 0) or Levenberg-Marquardt step, damping relative to H's diagonal.
 
     Raises NotPositiveDefinite where the damped chain is not positive definite.
     """
     knots, n, _ = system.diagonal.shape
-    shared = system.corner.shape[0]
-    diagonal = system.diagonal
-    corner = system.corner
+    size = system.corner.shape[0]
+    free = np.setdiff1d(np.arange(size), system.frozen)
+    shared = len(free)
+    every = shared == size
+    diagonal = system.diagonal.copy()
+    corner = system.corner.copy() if every else system.corner[np.ix_(free, free)]
+    gradient_shared = system.gradient_shared if every else system.gradient_shared[free]
     if damping > 0:
-        diagonal = diagonal.copy()
         index = np.arange(n)
         diagonal[:, index, index] *= 1.0 + damping
         corner = corner + np.diag(damping * np.diag(corner))
     # Unit diagonal: positions, angles and velocities differ by many orders of magnitude.
     scale = 1.0 / np.sqrt(np.maximum(np.einsum("kii->ki", diagonal), 1e-300))
-    scaled = diagonal * scale[:, :, None] * scale[:, None, :]
-    scaled_lower = system.lower * scale[1:, :, None] * scale[:-1, None, :]
-    rhs = np.concatenate([system.border, system.gradient[:, :, None]], axis=2) * scale[:, :, None]
-    flat = rhs.reshape(knots * n, shared + 1)
-    try:
-        factor = cholesky_banded(_band(scaled, scaled_lower), lower=True, overwrite_ab=True, check_finite=False)
-    except LinAlgError as error:
-        raise NotPositiveDefinite("the chain of knots is not positive definite") from error
-    solved = cho_solve_banded((factor, True), flat, check_finite=False)
-    schur = corner - flat[:, :shared].T @ solved[:, :shared]
-    reduced = system.gradient_shared - flat[:, :shared].T @ solved[:, shared]
+    diagonal *= scale[:, :, None] * scale[:, None, :]
+    lower = system.lower * (scale[1:, :, None] * scale[:-1, None, :])
+    W = np.empty((knots, n, shared + 1))
+    W[:, :, :shared] = system.border if every else system.border[:, :, free]
+    W[:, :, shared] = system.gradient
+    W *= scale[:, :, None]
+    if not eliminate_kernel(diagonal, lower, W):
+        raise NotPositiveDefinite("the chain of knots is not positive definite")
+    flat = W.reshape(knots * n, shared + 1)
+    product = flat.T @ flat
+    schur = corner - product[:shared, :shared]
+    reduced = gradient_shared - product[:shared, shared]
     schur = 0.5 * (schur + schur.T)
-    step_shared = _shared_step(schur, reduced)
-    step = -(solved[:, shared] + solved[:, :shared] @ step_shared).reshape(knots, n) * scale
-    slope = float(np.sum(step * system.gradient) + step_shared @ system.gradient_shared)
-    return ArrowSolution(step, step_shared, schur, -0.5 * slope)
+    moved = _shared_step(schur, reduced) if shared else np.zeros(0)
+    step = -(W[:, :, shared] + W[:, :, :shared] @ moved)
+    substitute_kernel(diagonal, lower, step)
+    step *= scale
+    step_shared, information = np.zeros(size), np.eye(size) * FROZEN
+    step_shared[free] = moved
+    information[np.ix_(free, free)] = schur
+    slope = float(np.sum(step * system.gradient) + moved @ gradient_shared)
+    return ArrowSolution(step, step_shared, information, -0.5 * slope)

@@ -13,8 +13,9 @@ from calib_core.factors.knots import KnotStates
 from calib_core.geometry import plane_axes
 from calib_core.imu.links import UpsampledImu
 from calib_core.pipeline.associate import View, associate, gather, measure_noise, survey
-from calib_core.pipeline.joint import Estimate
+from calib_core.pipeline.context import read_clocks
 from calib_core.pipeline.motion import Motion
+from calib_core.pipeline.state import Estimate
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import FloatArray, Recording
@@ -41,7 +42,7 @@ def _view(recording: Recording, truth: Truth, *, settings: CalibrateSettings | N
         states, truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_s, motion.gravity, zero[:1], zero[:1],
         np.array([p.normal for p in truth.planes]), np.array([p.offset_m for p in truth.planes]),
     )  # fmt: skip
-    return View(recording.scans, truth.epoch_ns, motion, estimate, settings or CalibrateSettings(), threads)
+    return View(recording.scans, read_clocks(recording), motion, estimate, settings or CalibrateSettings(), threads)
 
 
 def _cost(view: View, knot: FloatArray, plane: FloatArray, scatter: FloatArray) -> float:

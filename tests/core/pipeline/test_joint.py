@@ -11,17 +11,9 @@ from scipy.spatial.transform import Rotation
 from calib_core.factors.knots import KnotStates, link_residuals
 from calib_core.geometry import plane_axes
 from calib_core.imu.links import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.pipeline.joint import (
-    BiasNodes,
-    Bins,
-    Estimate,
-    JointProblem,
-    Layout,
-    PriorRow,
-    Priors,
-    bin_jacobian,
-    prior_rows,
-)
+from calib_core.pipeline.joint import JointProblem, bin_jacobian
+from calib_core.pipeline.priors import PriorRow, Priors, prior_rows
+from calib_core.pipeline.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
 from calib_core.types import FloatArray
 

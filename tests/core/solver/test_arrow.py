@@ -54,7 +54,7 @@ def dense(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize(("knots", "n", "shared"), [(1, 9, 4), (2, 3, 1), (7, 4, 5), (30, 9, 13)])
 @pytest.mark.parametrize("damping", [0.0, 0.7])
 def test_step_is_the_dense_solution(knots: int, n: int, shared: int, damping: float) -> None:
-    """Fails when `_band` stores the off-diagonal block transposed, or damping leaves the border out."""
+    """Fails when `eliminate_kernel` takes M's columns for its rows, or damping leaves the border out."""
     system = random_system(knots + n, knots, n, shared)
     H, g = dense(system)
     expected = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)

@@ -1,0 +1,112 @@
+"""What the joint solve estimates, in which order, and the lidar factors it is handed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.factors.knots import KnotStates
+from calib_core.types import FloatArray, IntArray
+
+CALIBRATION = 7
+GRAVITY = slice(7, 10)
+BIAS_START = 10
+
+
+@dataclass(frozen=True)
+class BiasNodes:
+    """Where the biases are states: linear interpolation between nodes. node: (L,) left node of each link; fraction: (L,)."""
+
+    times_s: FloatArray
+    node: IntArray
+    fraction: FloatArray
+
+    @staticmethod
+    def spread(knots_s: FloatArray, spacing_s: float | None) -> BiasNodes:
+        """Nodes at about the spacing over the knots; a single one where spacing_s is None."""
+        start, end = float(knots_s[0]), float(knots_s[-1])
+        middle = 0.5 * (knots_s[:-1] + knots_s[1:])
+        if spacing_s is None or end - start < 1.5 * spacing_s:
+            return BiasNodes(np.array([start]), np.zeros(len(middle), np.int64), np.zeros(len(middle)))
+        count = int(np.ceil((end - start) / spacing_s)) + 1
+        times = np.linspace(start, end, count)
+        node = np.clip(np.searchsorted(times, middle, side="right") - 1, 0, count - 2)
+        return BiasNodes(times, node, (middle - times[node]) / (times[node + 1] - times[node]))
+
+    def part(self, first: int, last: int) -> BiasNodes:
+        """The same nodes as seen by the links among knots first..last (exclusive)."""
+        return BiasNodes(self.times_s, self.node[first : last - 1], self.fraction[first : last - 1])
+
+    def at_links(self, values: FloatArray) -> FloatArray:
+        """Bias of every link. values: (N, 3) at the nodes. Returns (L, 3)."""
+        if len(self.times_s) == 1:
+            return np.repeat(values, len(self.node), axis=0)
+        f = self.fraction[:, None]
+        return (1 - f) * values[self.node] + f * values[self.node + 1]
+
+    def at_knots(self, values: FloatArray) -> FloatArray:
+        """Bias at every knot, (L + 1, 3)."""
+        links = self.at_links(values)
+        return np.vstack([links[:1], 0.5 * (links[1:] + links[:-1]), links[-1:]])
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Everything estimated. gyro_bias, accel_bias: (N, 3) at the nodes. normals: (P, 3), offsets_m: (P,), map frame.
+
+    time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].
+    """
+
+    states: KnotStates
+    R_imu_lidar: FloatArray
+    p_imu_lidar: FloatArray
+    time_offset_s: float
+    gravity: FloatArray
+    gyro_bias: FloatArray
+    accel_bias: FloatArray
+    normals: FloatArray
+    offsets_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Lidar factors: one a knot and plane. knot, plane: (B,). scatter: (B, 5, 5). count: (B,). time_offset_s: of their making."""
+
+    knot: IntArray
+    plane: IntArray
+    scatter: FloatArray
+    count: IntArray
+    time_offset_s: float
+
+
+def no_bins(time_offset_s: float) -> Bins:
+    """No lidar factors at all."""
+    none = np.zeros(0, np.int64)
+    return Bins(none, none, np.zeros((0, 5, 5)), none, time_offset_s)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Shared columns by name."""
+
+    nodes: int
+    planes: int
+
+    @property
+    def size(self) -> int:
+        """Number of shared unknowns."""
+        return BIAS_START + 6 * self.nodes + 3 * self.planes
+
+    def gyro_bias(self) -> slice:
+        """Columns of the gyro bias nodes, node by node."""
+        return slice(BIAS_START, BIAS_START + 3 * self.nodes)
+
+    def accel_bias(self) -> slice:
+        """Columns of the accelerometer bias nodes."""
+        return slice(BIAS_START + 3 * self.nodes, BIAS_START + 6 * self.nodes)
+
+    def plane(self, j: int) -> slice:
+        """Columns of plane j: two turns and the offset."""
+        start = BIAS_START + 6 * self.nodes + 3 * j
+        return slice(start, start + 3)
