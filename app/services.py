@@ -101,6 +101,7 @@ class Services:
 
     def _connect(self) -> None:
         """Tie services together that do not know each other."""
+        self.jobs.looks_of = self.planes.looks
         self.workflow.connect(self.jobs, self.recordings, self.planes)
         self.workflow.on_shown_changed = self.scenes.refresh
         self.jobs.on_step = self.scenes.refresh_live

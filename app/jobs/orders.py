@@ -18,11 +18,12 @@ class _Parcel(BaseModel):
 
 
 class OrderedPlane(_Parcel):
-    """A confirmed plane, map frame: n . x + offset_m = 0."""
+    """A confirmed plane, map frame: n . x + offset_m = 0. color: its place in the palette, by which it is known."""
 
     name: str
     normal: tuple[float, float, float]
     offset_m: float
+    color: int | None = None
 
 
 class StoredRequest(_Parcel):

@@ -10,7 +10,7 @@ import logging
 import shutil
 import threading
 import uuid
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import cast
@@ -22,9 +22,9 @@ from app.errors import Conflict, NotFound, facts_of
 from app.jobs.launch import Launcher, RunningJob
 from app.jobs.log import JobLogs
 from app.jobs.machine import FINAL, SENTENCES, IllegalTransition, Signal, may_start, transition
-from app.jobs.orders import Failed, Finished, Happened, Order, Parcel, Stopped, StoredRequest
+from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
 from app.schemas.common import ErrorFacts
-from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, Outcome
+from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, Outcome, PlaneLook
 from app.settings import AppSettings
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord
@@ -58,6 +58,7 @@ class JobService:
 
     make_order: what a job's worker is told.   on_change: called after each change of state, from any thread.
     on_step: called with the recording's id after each step of a solve.   on_said: called with each sentence a job says.
+    looks_of: how planes of a recording's solve are shown.
     """
 
     def __init__(
@@ -83,6 +84,7 @@ class JobService:
         self._progress: dict[str, Progress] = {}
         self._closing = False
         self.on_step: Callable[[str], None] = lambda _: None
+        self.looks_of: Callable[[str, Sequence[OrderedPlane]], list[PlaneLook]] = lambda _, __: []
         self.on_said: Callable[[JobRecord, LogEvent], None] = lambda _, __: None
 
     # What there is
@@ -111,6 +113,7 @@ class JobService:
         """The job as the wire carries it."""
         ended_well = record.state == "done"
         progress = self._progress.get(record.id, Progress(fraction=1.0 if ended_well else 0.0))
+        request = StoredRequest.model_validate_json(record.request_json)
         return Job(
             id=record.id,
             recording_id=record.recording_id,
@@ -121,7 +124,8 @@ class JobService:
             fraction=progress.fraction,
             text=progress.text,
             error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
-            settings=StoredRequest.model_validate_json(record.request_json).settings,
+            settings=request.settings,
+            planes=self.looks_of(record.recording_id, request.planes or ()),
             result=None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json),
             retry_of=record.retry_of,
             created_at=record.created_at,

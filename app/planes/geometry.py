@@ -5,12 +5,13 @@ All in the map frame; a plane is n . x + w = 0 with a unit normal n.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.planes.state import EditedPatch, PlaneSet
+from app.planes.state import EditedPatch, PlaneSet, Side
 from calib_core.types import BoolArray, Float32Array, FloatArray, PlaneProposals
 
 #: Confirmed normals closer than this are one direction: two parallel walls fix one direction of space, not two.
@@ -58,7 +59,7 @@ def fit_plane(points_m: Float32Array) -> FittedPlane | None:
 
 def convex_hull(points: FloatArray) -> FloatArray:
     """(K, 2) corners of the convex hull of points (N, 2), counter-clockwise (Andrew's monotone chain)."""
-    order = np.unique(points.round(4), axis=0)
+    order = np.unique(_without_inner(points.round(4)), axis=0)
     if len(order) < 3:
         return order
     chains: list[list[FloatArray]] = []
@@ -72,12 +73,26 @@ def convex_hull(points: FloatArray) -> FloatArray:
     return np.array(chains[0] + chains[1])
 
 
+def _without_inner(points: FloatArray) -> FloatArray:
+    """The points (N, 2) without those well inside, which are nearly all: the chain below is a plain loop."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+    extreme = np.argmax(points @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)
+    corners = points[extreme]  # counter-clockwise by their directions, all on the hull
+    outside = np.zeros(len(points), dtype=np.bool_)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if np.array_equal(a, b):  # one corner is the farthest in two neighbouring directions
+            continue
+        outside |= (b[0] - a[0]) * (points[:, 1] - a[1]) - (b[1] - a[1]) * (points[:, 0] - a[0]) <= 0.0
+    left: FloatArray = points[outside]
+    return left
+
+
 def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def labels(proposals: PlaneProposals, planes: PlaneSet) -> NDArray[np.int16]:
-    """(N,) which patch of the set each point of the cloud belongs to, -1 for none."""
+    """(N,) which patch of the set each point of the cloud belongs to, -1 for none. Regions leave out what is outside."""
     owner = np.full(len(proposals.patches) + 1, -1, dtype=np.int16)  # the last entry serves the label -1
     for place, patch in enumerate(planes.patches):
         owner[list(patch.members)] = place
@@ -85,7 +100,21 @@ def labels(proposals: PlaneProposals, planes: PlaneSet) -> NDArray[np.int16]:
     for place, patch in enumerate(planes.patches):
         if not patch.members:
             found[(found == -1) & within_patch(proposals.cloud_m, patch)] = place
+    if planes.region:
+        found[~within_region(proposals.cloud_m, planes.region)] = -1
+    for place, patch in enumerate(planes.patches):
+        if patch.region:
+            mine = np.flatnonzero(found == place)
+            found[mine[~within_region(proposals.cloud_m[mine], patch.region)]] = -1
     return found
+
+
+def within_region(points_m: Float32Array, region: Sequence[Side]) -> BoolArray:
+    """(N,) whether points (N, 3) lie on the inner side of every half-space."""
+    inside = np.ones(len(points_m), dtype=np.bool_)
+    for *normal, offset_m in region:
+        inside &= points_m @ np.array(normal) + offset_m >= 0.0
+    return inside
 
 
 def within_patch(points_m: Float32Array, patch: EditedPatch) -> BoolArray:

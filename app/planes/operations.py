@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from app.errors import BadRequest
-from app.planes.geometry import fit_plane, labels
-from app.planes.state import EditedPatch, PlaneSet, Triple, suggested
-from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Toggle, UseSuggestion
+from app.planes.geometry import FittedPlane, fit_plane, labels, within_region
+from app.planes.state import EditedPatch, PlaneSet, Side, Triple, suggested
+from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Restrict, Toggle, UseSuggestion
+from app.schemas.planes import Side as WireSide
 from calib_core.types import FloatArray, PlanePatch, PlaneProposals
 
-Editing = Confirm | Drop | Toggle | Rename | Merge | Grow | UseSuggestion
+Editing = Confirm | Drop | Toggle | Rename | Merge | Grow | Restrict | UseSuggestion
 GrowPlane = Callable[[PlaneProposals, FloatArray], PlanePatch | None]
 
 #: Patches are one plane only if their common plane leaves no more than this beside what each alone leaves.
 MERGE_EXTRA_RMS_M = 0.05
+#: Fewer points than this inside a box are no plane.
+LEAST_POINTS = 30
+#: Half-spaces kept of one set or patch: a dozen boxes, each of which every point is asked about.
+MOST_SIDES = 48
 
 
 def apply(planes: PlaneSet, operation: Editing, *, proposals: PlaneProposals, grow: GrowPlane) -> PlaneSet:
@@ -34,6 +40,8 @@ def apply(planes: PlaneSet, operation: Editing, *, proposals: PlaneProposals, gr
             return _merged(planes, indices, proposals)
         case Grow(seed_m=seed_m):
             return _grown(planes, np.array(seed_m), proposals, grow)
+        case Restrict(index=index, sides=sides):
+            return _restricted(planes, index, [_side(side) for side in sides], proposals)
         case UseSuggestion():
             return suggested(proposals)
 
@@ -47,7 +55,7 @@ def _patch(planes: PlaneSet, index: int) -> EditedPatch:
 
 
 def _replaced(planes: PlaneSet, index: int, patch: EditedPatch) -> PlaneSet:
-    return PlaneSet(patches=(*planes.patches[:index], patch, *planes.patches[index + 1 :]))
+    return planes.model_copy(update={"patches": (*planes.patches[:index], patch, *planes.patches[index + 1 :])})
 
 
 def _with(planes: PlaneSet, index: int, *, confirmed: bool) -> PlaneSet:
@@ -79,24 +87,86 @@ def _merged(planes: PlaneSet, indices: list[int], proposals: PlaneProposals) -> 
             f"{names} do not lie in one plane: together they would leave {left_m}, at most {most_m * 1e3:.0f} mm is "
             "accepted; merge pieces of one wall only.",
         )
-    whole = EditedPatch(
-        name=parts[0].name,
-        normal=_triple(fitted.normal),
-        offset_m=fitted.offset_m,
-        outline_m=tuple(_triple(corner) for corner in fitted.outline_m),
-        n_points=len(points_m),
-        rms_m=fitted.rms_m,
-        area_m2=fitted.area_m2,
-        confirmed=any(part.confirmed for part in parts),
-        members=tuple(member for part in parts for member in part.members),
-        color=parts[0].color,
+    whole = _fitted(parts[0], fitted, len(points_m)).model_copy(
+        update={
+            "confirmed": any(part.confirmed for part in parts),
+            "members": tuple(member for part in parts for member in part.members),
+            # Different boxes have no box in common that would be the whole's; the first one's would cut the others off.
+            "region": parts[0].region if all(part.region == parts[0].region for part in parts) else (),
+        }
     )
     rest = tuple(patch for index, patch in enumerate(planes.patches) if index not in chosen[1:])
-    return _replaced(PlaneSet(patches=rest), chosen[0], whole)
+    return _replaced(planes.model_copy(update={"patches": rest}), chosen[0], whole)
+
+
+def _restricted(planes: PlaneSet, index: int | None, sides: list[Side], proposals: PlaneProposals) -> PlaneSet:
+    """The set, or one patch of it, within the half-spaces; what has points left is fitted to them again."""
+    if index is None:
+        wanted = planes.model_copy(update={"region": (*planes.region, *sides)})
+        most = len(wanted.region)
+    else:
+        patch = _patch(planes, index)
+        patch = patch.model_copy(update={"region": (*patch.region, *sides)})
+        wanted, most = _replaced(planes, index, patch), len(patch.region)
+    if most > MOST_SIDES:
+        raise BadRequest(
+            "planes.many_boxes",
+            f"At most {MOST_SIDES // 4} boxes add up; undo some, or use the suggestion and begin anew.",
+        )
+    before, after = labels(proposals, planes), labels(proposals, wanted)
+    left: list[EditedPatch] = []
+    for place, patch in enumerate(wanted.patches):
+        mine = after == place
+        if np.array_equal(mine, before == place):
+            left.append(patch)
+            continue
+        fitted = fit_plane(proposals.cloud_m[mine]) if mine.sum() >= LEAST_POINTS else None
+        if fitted is not None:
+            left.append(_fitted(patch, fitted, int(mine.sum())))
+        elif index is not None:
+            raise BadRequest(
+                "planes.box_empty", f"Nothing of {patch.name} lies in that box; draw it around a part of it."
+            )
+    if not left:
+        raise BadRequest("planes.box_empty", "No plane lies in that box; draw it around walls, floor or ceiling.")
+    return wanted.model_copy(update={"patches": tuple(left)})
+
+
+def _fitted(patch: EditedPatch, fitted: FittedPlane, n_points: int) -> EditedPatch:
+    """The patch on another plane through other points."""
+    return patch.model_copy(
+        update={
+            "normal": _triple(fitted.normal),
+            "offset_m": fitted.offset_m,
+            "outline_m": tuple(_triple(corner) for corner in fitted.outline_m),
+            "n_points": n_points,
+            "rms_m": fitted.rms_m,
+            "area_m2": fitted.area_m2,
+        }
+    )
+
+
+def _side(side: WireSide) -> Side:
+    """The half-space with a normal of unit length."""
+    length = float(np.linalg.norm(side.normal))
+    if not np.isfinite(length) or length < 1e-9:
+        raise BadRequest("planes.side", "A side of a box needs a normal that is not zero; give three numbers.")
+    x, y, z = (component / length for component in side.normal)
+    return x, y, z, side.offset_m / length
 
 
 def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow: GrowPlane) -> PlaneSet:
-    found = grow(proposals, seed_m)
+    # Only what no patch of today's set has taken, and inside its box: also what a box has set free, never a piece twice.
+    inside = within_region(proposals.cloud_m, planes.region)
+    found = grow(
+        replace(
+            proposals,
+            cloud_m=proposals.cloud_m[inside],
+            cloud_patch=labels(proposals, planes)[inside],
+            cloud_intensity=proposals.cloud_intensity[inside],
+        ),
+        seed_m,
+    )
     if found is None:
         raise BadRequest(
             "planes.no_plane_there",
@@ -114,7 +184,7 @@ def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow
         members=(),
         color=1 + max((patch.color for patch in planes.patches), default=-1),
     )
-    return PlaneSet(patches=(*planes.patches, patch))
+    return planes.model_copy(update={"patches": (*planes.patches, patch)})
 
 
 def free_name(taken: Iterable[str], wanted: str) -> str:

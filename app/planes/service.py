@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from app.arrays.proposals import has_proposals, read_proposals
 from app.errors import Conflict, NotFound
@@ -13,6 +13,8 @@ from app.jobs.orders import OrderedPlane
 from app.planes.operations import apply
 from app.planes.state import PlaneHistory, PlaneSet, suggested
 from app.planes.wire import wire_planes
+from app.scene.palette import plane_hex
+from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
 from app.storage.files import DataFolder
 from app.storage.store import DocumentStore, RecordingStore
@@ -37,6 +39,7 @@ class PlaneService:
         self._files = files
         self._lock = threading.RLock()
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
+        self._names: dict[str, dict[int, str]] = {}
         self.on_changed: Callable[[str, int], None] = lambda _, __: None
 
     def read(self, recording_id: str) -> Planes:
@@ -54,7 +57,7 @@ class PlaneService:
             if history is None or history.cache_key != key:
                 revision = 0 if history is None else history.revision + 1
                 history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
-                self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
+                self._keep(recording_id, history)
             return proposals, history
 
     def apply(self, recording_id: str, operation: Operation) -> Planes:
@@ -70,7 +73,7 @@ class PlaneService:
             after = self._after(history, operation, proposals)
             if after.current == history.current and after.cursor == history.cursor:
                 return wire_planes(history, static=proposals.static)
-            self._documents.write(recording_id, DOCUMENT, after.model_dump_json())
+            self._keep(recording_id, after)
             planes = wire_planes(after, static=proposals.static)
         self.on_changed(recording_id, planes.revision)
         return planes
@@ -87,7 +90,7 @@ class PlaneService:
         except Conflict:
             return None
         chosen = tuple(
-            OrderedPlane(name=patch.name, normal=patch.normal, offset_m=patch.offset_m)
+            OrderedPlane(name=patch.name, normal=patch.normal, offset_m=patch.offset_m, color=patch.color)
             for patch in history.current.patches
             if patch.confirmed
         )
@@ -97,11 +100,33 @@ class PlaneService:
             )
         return chosen
 
+    def looks(self, recording_id: str, planes: Sequence[OrderedPlane]) -> list[PlaneLook]:
+        """How a run's planes are shown: in their colours, and by the names they have today."""
+        with self._lock:
+            if recording_id not in self._names:
+                text = self._documents.read(recording_id, DOCUMENT)
+                current = PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
+                self._names[recording_id] = {patch.color: patch.name for patch in current.patches}
+            today = self._names[recording_id]
+        return [
+            PlaneLook(
+                name=plane.name,
+                title=plane.name if plane.color is None else today.get(plane.color, plane.name),
+                color=plane_hex(place if plane.color is None else plane.color),
+            )
+            for place, plane in enumerate(planes)
+        ]
+
     def forget(self, recording_id: str) -> None:
         """Drop what is in memory of a deleted recording."""
         with self._lock:
+            self._names.pop(recording_id, None)
             for cached in [key for key in self._proposals if key.startswith(recording_id)]:
                 del self._proposals[cached]
+
+    def _keep(self, recording_id: str, history: PlaneHistory) -> None:
+        self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
+        self._names.pop(recording_id, None)
 
     def _after(self, history: PlaneHistory, operation: Operation, proposals: PlaneProposals) -> PlaneHistory:
         if isinstance(operation, Undo):

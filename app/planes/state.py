@@ -11,6 +11,8 @@ from pydantic import BaseModel, ConfigDict
 from calib_core.types import PlaneProposals
 
 Triple = tuple[float, float, float]
+#: A half-space of the map frame: (nx, ny, nz, w) keeps the points with n . x + w >= 0.
+Side = tuple[float, float, float, float]
 
 #: Steps that can be taken back.
 KEPT_STEPS = 200
@@ -24,7 +26,8 @@ class EditedPatch(_Frozen):
     """A patch as edited, map frame: n . x + offset_m = 0.
 
     members: patches of the proposals whose points are this one's; empty for one that was grown by hand.
-    color: place in the palette, the patch's own for its life.
+    color: place in the palette, the patch's own for its life: who wants to find a renamed patch again goes by it.
+    region: the half-spaces it is restricted to, besides those of the whole set.
     """
 
     name: str
@@ -37,12 +40,14 @@ class EditedPatch(_Frozen):
     confirmed: bool
     members: tuple[int, ...]
     color: int
+    region: tuple[Side, ...] = ()
 
 
 class PlaneSet(_Frozen):
-    """All patches at one moment."""
+    """All patches at one moment. region: half-spaces outside which points make no planes."""
 
     patches: tuple[EditedPatch, ...]
+    region: tuple[Side, ...] = ()
 
 
 class PlaneHistory(_Frozen):

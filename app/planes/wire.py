@@ -27,12 +27,14 @@ def wire_planes(history: PlaneHistory, *, static: bool) -> Planes:
                 rms_m=patch.rms_m,
                 tilt_deg=math.degrees(math.acos(min(1.0, abs(patch.normal[2])))),
                 confirmed=patch.confirmed,
+                restricted=bool(patch.region),
                 color=plane_hex(patch.color),
             )
             for index, patch in enumerate(history.current.patches)
         ],
         determinacy=determinacy(history.current),
         static=static,
+        restricted=bool(history.current.region),
         can_undo=history.can_undo,
         can_redo=history.can_redo,
         revision=history.revision,

@@ -71,6 +71,14 @@ class NewJob(WireModel):
     initial_guess: InitialGuess | None = None
 
 
+class PlaneLook(WireModel):
+    """A plane of a solve as people see it."""
+
+    name: str = Field(description="as in this run's events and result")
+    title: str = Field(description="what it is called today", examples=["wall A"])
+    color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
+
+
 class Job(WireModel):
     """One run. `fraction` is of the current stage, 0..1."""
 
@@ -84,6 +92,7 @@ class Job(WireModel):
     text: str = ""
     error: ErrorFacts | None = None
     settings: CalibrateSettings
+    planes: list[PlaneLook] = Field(default_factory=list, description="those confirmed when a solve was asked for")
     result: Outcome | None = None
     retry_of: RecordId | None = None
     created_at: datetime

@@ -24,6 +24,7 @@ class Patch(WireModel):
     rms_m: float
     tilt_deg: float = Field(description="angle between the normal and the map's z axis, 0..90")
     confirmed: bool
+    restricted: bool = Field(description="whether a box of its own leaves part of it out")
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
 
 
@@ -43,6 +44,7 @@ class Planes(WireModel):
     patches: list[Patch]
     determinacy: Determinacy
     static: bool
+    restricted: bool = Field(description="whether a box leaves part of the cloud out, for all planes")
     can_undo: bool
     can_redo: bool
     revision: int
@@ -97,6 +99,26 @@ class Grow(_Operation):
     seed_m: Vector = Field(description="map frame, metres")
 
 
+class Side(WireModel):
+    """A half-space, map frame: it keeps the points with n . x + offset_m >= 0."""
+
+    normal: Vector
+    offset_m: float
+
+
+class Restrict(_Operation):
+    """Keep only what lies inside a box: of one patch, or of the whole cloud.
+
+    The box is any intersection of half-spaces: six of them make an upright box, four the pyramid seen through a
+    rectangle on the screen. Planes are fitted again to what is left of them; a plane of which nothing is left goes.
+    Boxes add up until the change is undone or the suggestion is used.
+    """
+
+    op: Literal["restrict"]
+    sides: list[Side] = Field(min_length=1, max_length=12)
+    index: int | None = Field(default=None, ge=0, description="the patch to restrict; None: all, and what grows later")
+
+
 class UseSuggestion(_Operation):
     """Back to the planes as detected."""
 
@@ -116,5 +138,5 @@ class Redo(_Operation):
 
 
 Operation = Annotated[
-    Confirm | Drop | Toggle | Rename | Merge | Grow | UseSuggestion | Undo | Redo, Field(discriminator="op")
+    Confirm | Drop | Toggle | Rename | Merge | Grow | Restrict | UseSuggestion | Undo | Redo, Field(discriminator="op")
 ]

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
 from app.errors import BadRequest
 from app.planes.geometry import convex_hull, fit_plane, labels, spread_of_directions, within_patch
 from app.planes.operations import apply, free_name
 from app.planes.state import PlaneHistory, PlaneSet, suggested
 from app.planes.wire import determinacy
-from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Toggle, UseSuggestion
+from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Restrict, Side, Toggle, UseSuggestion
 from calib_core.types import Plane, PlanePatch
 from tests.app.support import world
 
@@ -179,3 +180,101 @@ def test_free_names():
     """Mutation: returning the wanted name unchecked."""
     assert free_name(["a", "a 2"], "a") == "a 3"
     assert free_name([], "a") == "a"
+
+
+def upright_box(low, high):
+    """Six half-spaces that keep what lies between two corners."""
+    eye = np.eye(3)
+    lower = [Side(normal=list(eye[k]), offset_m=-low[k]) for k in range(3)]
+    upper = [Side(normal=list(-eye[k]), offset_m=high[k]) for k in range(3)]
+    return [*lower, *upper]
+
+
+def test_a_box_leaves_out_what_is_outside():
+    """Oracle: the same comparison of coordinates with two corners. Planes not cut stay bit for bit as they were.
+
+    Mutation: `<=` for `>=` in within_region keeps the outside; fitting to all points of the patch keeps the area.
+    """
+    low, high = (-10.0, -10.0, -10.0), (10.0, 10.0, 1.0)  # below one metre: the ceiling goes, the walls are cut
+    after = edit(START, Restrict(op="restrict", sides=upright_box(low, high)))
+    kept = PROPOSALS.cloud_m[:, 2] <= 1.0
+    names = [patch.name for patch in after.patches]
+    assert names == [patch.name for patch in START.patches if patch.name != "ceiling"]
+    assert after.patches[0] == START.patches[0]
+    owner = labels(PROPOSALS, after)
+    for place, name in enumerate(names):
+        before = next(k for k, patch in enumerate(START.patches) if patch.name == name)
+        expected = (PROPOSALS.cloud_patch == before) & kept
+        np.testing.assert_array_equal(owner == place, expected)
+        assert after.patches[place].n_points == expected.sum()
+    wall = next(patch for patch in after.patches if patch.name == "east")
+    assert np.array(wall.outline_m)[:, 2].max() <= 1.0
+    np.testing.assert_allclose(np.abs(wall.normal), [1, 0, 0], atol=1e-6)
+
+
+def test_a_box_of_one_plane_leaves_the_others_alone():
+    """Mutation: the half-spaces put on the set cut every wall."""
+    east = next(k for k, patch in enumerate(START.patches) if patch.name == "east")
+    after = edit(START, Restrict(op="restrict", index=east, sides=[Side(normal=[0, 2, 0], offset_m=0.0)]))
+    assert [patch for k, patch in enumerate(after.patches) if k != east] == [
+        patch for k, patch in enumerate(START.patches) if k != east
+    ]
+    assert after.patches[east].region == ((0.0, 1.0, 0.0, 0.0),)
+    expected = (PROPOSALS.cloud_patch == east) & (PROPOSALS.cloud_m[:, 1] >= 0)
+    np.testing.assert_array_equal(labels(PROPOSALS, after) == east, expected)
+    # A second box adds to the first.
+    corner = edit(after, Restrict(op="restrict", index=east, sides=[Side(normal=[0, 0, 1], offset_m=0.0)]))
+    both = expected & (PROPOSALS.cloud_m[:, 2] >= 0)
+    np.testing.assert_array_equal(labels(PROPOSALS, corner) == east, both)
+
+
+@pytest.mark.parametrize(
+    "operation",
+    [
+        Restrict(op="restrict", sides=[Side(normal=[0, 0, 1], offset_m=-50.0)]),
+        Restrict(op="restrict", index=0, sides=[Side(normal=[0, 0, 1], offset_m=-50.0)]),
+        Restrict(op="restrict", index=9, sides=[Side(normal=[0, 0, 1], offset_m=0.0)]),
+        Restrict(op="restrict", sides=[Side(normal=[0, 0, 0], offset_m=0.0)]),
+    ],
+)
+def test_an_empty_box_is_refused(operation):
+    """Mutation: an empty set returned in silence leaves nothing to solve with."""
+    with pytest.raises(BadRequest) as refused:
+        edit(START, operation)
+    assert str(refused.value).endswith(".")
+
+
+def test_boxes_do_not_add_up_for_ever():
+    """Mutation: no limit; every click would ask every point about hundreds of half-spaces."""
+    box = Restrict(op="restrict", sides=upright_box((-9, -9, -9), (9, 9, 9)))
+    planes = START
+    for _ in range(8):
+        planes = edit(planes, box)
+    with pytest.raises(BadRequest, match="boxes"):
+        edit(planes, box)
+
+
+def test_growing_sees_free_points_inside_the_box_only():
+    """What a box has set free can grow again, what is outside cannot. Mutation: proposals handed on as they are."""
+    seen = []
+
+    def grow(proposals, _):
+        seen.append(proposals)
+
+    after = edit(START, Restrict(op="restrict", sides=[Side(normal=[0, 0, -1], offset_m=1.0)]))
+    with pytest.raises(BadRequest):
+        edit(after, Grow(op="grow", seed_m=[1, 1, 0]), grow=grow)
+    (offered,) = seen
+    assert offered.cloud_m[:, 2].max() <= 1.0
+    assert len(offered.cloud_m) == len(offered.cloud_patch) == len(offered.cloud_intensity)
+    assert offered.cloud_patch.max() == len(after.patches) - 1
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000))
+def test_the_hull_of_many_points_is_the_hull_of_their_outer_ones(seed):
+    """Oracle: SciPy's hull. Mutation: `>=` in _without_inner throws the corners away."""
+    points = np.random.default_rng(seed).normal(size=(300, 2)).round(4)
+    expected = points[ConvexHull(points).vertices]
+    found = convex_hull(points)
+    assert {tuple(p) for p in found.tolist()} == {tuple(p) for p in expected.tolist()}
