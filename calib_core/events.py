@@ -30,11 +30,22 @@ class StageEvent(_Event):
 
 
 class PlaneResidual(_Event):
-    """Root mean square distance of a plane's points, now."""
+    """Root mean square distance of a plane's points, now; and where the plane is, n . x + offset_m = 0."""
 
     name: str
     rms_m: float
     points: int
+    normal: list[float] = Field(default_factory=list, description="unit, in the frame of `sweeps`; empty: not told")
+    offset_m: float = 0.0
+
+
+class SweepMotion(_Event):
+    """Where a step of the solve puts the lidar at a few instants of one sweep, in the frame its planes are told in."""
+
+    stamp_ns: int = Field(description="of the sweep's first point")
+    offset_s: list[float] = Field(description="instants after the first point")
+    quaternion_xyzw: list[list[float]]
+    position_m: list[list[float]]
 
 
 class IterationEvent(_Event):
@@ -52,6 +63,7 @@ class IterationEvent(_Event):
     translation_std_m: list[float]
     time_offset_std_s: float
     planes: list[PlaneResidual]
+    sweeps: tuple[SweepMotion, ...] = Field(default=(), description="some sweeps where this step puts them")
 
 
 class LogEvent(_Event):
