@@ -22,7 +22,7 @@ from calib_core.readers.livox import TYPES as LIVOX_TYPES
 from calib_core.readers.patch import MovedPoints, patched_payload, ply_bytes, pointcloud2_payload
 from calib_core.readers.pointcloud2 import TYPE as POINTCLOUD2
 from calib_core.readers.reading import sample_clouds, span_ns
-from calib_core.readers.scans import scan_of, select_points
+from calib_core.readers.scans import select_points
 from calib_core.readers.storage import RawMessage, TopicSummary
 from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar
@@ -149,7 +149,7 @@ class _Rewriter:
         """The coordinates to be written, and of which points; None where the scan stays as it is."""
         cloud = self._timed(message)
         selection = select_points(cloud, self._timing, _NEAREST_M, _FARTHEST_M)
-        scan = scan_of(cloud, self._count, selection)
+        scan = selection.scan(self._count)
         moved = None if scan is None else self._transform(scan)
         if scan is None or moved is None:
             return None

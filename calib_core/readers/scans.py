@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+import threading
 import weakref
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import IO, overload
+from typing import IO, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.point_time import PointTiming, raw_times
+from calib_core.readers.kernels import mark_valid, pack_points
+from calib_core.readers.point_time import COMPOSITE, PointTiming, raw_times
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.
@@ -32,70 +34,99 @@ class ScanCounts:
     out_of_time: int
 
 
-def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int) -> tuple[FloatArray, int]:
-    """Times as (N,) float64 ns from a base, and that base as integer ns; exact to the field's own resolution."""
-    values = raw_times(points, timing.field)
+class _Scratch(threading.local):
+    """One thread's columns, used again for every scan: fresh memory of this size costs more than what is done in it."""
+
+    def __init__(self) -> None:
+        self._size = 0
+
+    def columns(self, n_points: int) -> _Columns:
+        """Columns of n_points; what they hold is of an earlier scan."""
+        if n_points > self._size:
+            self._size = n_points
+            self._floats = np.empty((4, n_points), np.float32)
+            self._times_ns = np.empty(n_points, np.float64)
+            self._ring = np.empty(n_points, np.uint16)
+        x, y, z, intensity = self._floats[:, :n_points]
+        return _Columns(x, y, z, intensity, self._ring[:n_points], self._times_ns[:n_points])
+
+
+class _Columns(NamedTuple):
+    x: Float32Array
+    y: Float32Array
+    z: Float32Array
+    intensity: Float32Array
+    ring: NDArray[np.uint16]
+    times_ns: FloatArray
+
+
+_scratch = _Scratch()
+
+
+def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int, out_ns: FloatArray) -> int:
+    """Fills out_ns (N,) with times from a base, exact to the field's own resolution; that base as integer ns."""
     scale = timing.ns_per_unit
     if timing.reference != "absolute":
-        return np.multiply(values, scale, dtype=np.float64), header_ns
+        values = raw_times(points, timing.field) if timing.field == COMPOSITE else points[timing.field]
+        np.multiply(values, scale, out=out_ns, dtype=np.float64)
+        return header_ns
+    values = raw_times(points, timing.field)
     sparse = values[:: max(1, values.size // 256)]
     sparse = np.sort(sparse[np.isfinite(sparse) & (sparse != 0)])
     # The window is around the scan's own middle. Subtract before changing the unit: near numbers differ exactly.
     middle = sparse[sparse.size // 2] if sparse.size else values.dtype.type(0)
     whole = math.floor(middle)
-    base_ns = whole * int(scale) + round(float(middle - whole) * scale)
-    return np.multiply(values - middle, scale, dtype=np.float64), base_ns
+    np.multiply(values - middle, scale, out=out_ns, dtype=np.float64)
+    return whole * int(scale) + round(float(middle - whole) * scale)
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The points of a cloud that count. keep: (N,) over the cloud's points.   axes: x, y, z, (N,) each, and times_ns:
-    (N,) of all of them, the times counted from base_ns.   n_kept: how many count.
+    """The points of a cloud that count. keep: (N,) which of the cloud's points.   points: (K,) POINT_DTYPE, those kept.
+
+    stamp_ns: the first kept point's time, lidar clock; 0 where none is kept.
     """
 
     keep: BoolArray
-    n_kept: int
-    axes: tuple[Float32Array, Float32Array, Float32Array]
-    times_ns: FloatArray
-    base_ns: int
+    points: PointArray
+    stamp_ns: int
     counts: ScanCounts
+
+    def scan(self, index: int) -> Scan | None:
+        """The kept points as a scan; None where there are none."""
+        return Scan(index, self.stamp_ns, self.points) if self.points.size else None
 
 
 @np.errstate(invalid="ignore", over="ignore")  # damaged floats are masked, not warned of
 def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, range_max_m: float) -> Selection:
     """The returns inside the range whose time lies inside the sweep: the one place where points are masked."""
     points = cloud.points
-    x, y, z = (points[axis].astype(np.float32) for axis in "xyz")
-    squared = x * x
-    squared += y * y
-    squared += z * z
-    keep: BoolArray = squared >= max(np.float32(range_min_m) ** 2, np.finfo(np.float32).tiny)
-    keep &= squared <= np.float32(range_max_m) ** 2
-    n_returned = int(np.count_nonzero(keep))
-    times_ns, base_ns = _relative_ns(points, timing, cloud.header_ns)
-    keep &= times_ns >= timing.low_ns
-    keep &= times_ns <= timing.high_ns
-    n_kept = int(np.count_nonzero(keep))
+    columns = _scratch.columns(points.size)
+    for column, axis in zip(columns, "xyz", strict=False):
+        np.copyto(column, points[axis], casting="unsafe")
+    base_ns = _relative_ns(points, timing, cloud.header_ns, columns.times_ns)
+    nearest_m2 = max(np.float32(range_min_m) ** 2, np.finfo(np.float32).tiny)
+    keep = np.empty(points.size, bool)
+    n_returned, n_kept, first_ns = mark_valid(
+        columns.x,
+        columns.y,
+        columns.z,
+        columns.times_ns,
+        (np.float32(nearest_m2), np.float32(range_max_m) ** 2),
+        (timing.low_ns, timing.high_ns),
+        keep,
+    )
     counts = ScanCounts(points.size, points.size - n_returned, n_returned - n_kept)
-    return Selection(keep, n_kept, (x, y, z), times_ns, base_ns + timing.shift_ns, counts)
-
-
-@np.errstate(invalid="ignore", over="ignore")
-def scan_of(cloud: RawCloud, index: int, selection: Selection) -> Scan | None:
-    """The scan of the selected points; None where there are none."""
-    if selection.n_kept == 0:
-        return None
-    keep = slice(None) if selection.n_kept == cloud.points.size else selection.keep
-    times_ns, points = selection.times_ns[keep], cloud.points[keep]
-    first_ns = float(np.rint(times_ns.min()))
-    out = np.empty(selection.n_kept, POINT_DTYPE)
-    for column, axis in enumerate(selection.axes):
-        out["xyz"][:, column] = axis[keep]
-    out["offset_ns"] = np.rint(times_ns) - first_ns
-    out["intensity"] = _optional(points, _INTENSITY_NAMES)
-    out["ring"] = _optional(points, _RING_NAMES)
-    out["reserved"] = 0
-    return Scan(index, selection.base_ns + int(first_ns), out)
+    out = np.empty(n_kept, POINT_DTYPE)
+    if n_kept == 0:
+        return Selection(keep, out, 0, counts)
+    np.copyto(columns.intensity, _optional(points, _INTENSITY_NAMES), casting="unsafe")
+    np.copyto(columns.ring, _optional(points, _RING_NAMES), casting="unsafe")
+    words = (out.view(np.float32), out.view(np.int32))
+    pack_points(
+        columns.x, columns.y, columns.z, columns.intensity, columns.ring, columns.times_ns, first_ns, keep, *words
+    )
+    return Selection(keep, out, base_ns + timing.shift_ns + int(first_ns), counts)
 
 
 def make_scan(
@@ -103,13 +134,18 @@ def make_scan(
 ) -> tuple[Scan | None, ScanCounts]:
     """The scan's valid points with their own times, None where no point is left; and what was left out."""
     selection = select_points(cloud, timing, range_min_m, range_max_m)
-    return scan_of(cloud, index, selection), selection.counts
+    return selection.scan(index), selection.counts
 
 
 def _optional(points: StructArray, names: Sequence[str]) -> NDArray[np.generic] | int:
     known = points.dtype.names or ()
     name = next((name for name in names if name in known and points.dtype[name].shape == ()), None)
     return 0 if name is None else points[name]
+
+
+def _octets(points: PointArray) -> memoryview:
+    """The records' own bytes, not copied."""
+    return memoryview(np.ascontiguousarray(points).view(np.uint8))
 
 
 class StoredScans(Sequence[Scan]):
@@ -131,14 +167,14 @@ class StoredScans(Sequence[Scan]):
         self._index.append((scan.index, scan.stamp_ns, self._n_points, scan.points.size))
         self._n_points += scan.points.size
         if self._file is not None:
-            self._file.write(scan.points.tobytes())
+            self._file.write(_octets(scan.points))
             return
         self._arrays.append(scan.points)
         if self._n_points * POINT_DTYPE.itemsize > self._memory_bytes:
             self._file = tempfile.TemporaryFile(prefix="unsweep-scans-")  # noqa: SIM115 - lives as long as the scans
             weakref.finalize(self, self._file.close)
             for array in self._arrays:
-                self._file.write(array.tobytes())
+                self._file.write(_octets(array))
             self._arrays.clear()
 
     def without(self, positions: Collection[int]) -> None:
