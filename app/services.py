@@ -56,7 +56,7 @@ class Services:
         self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         composer = Composer(
-            SceneSources(self.files, self.jobs, self.planes),
+            SceneSources(self.files, self.jobs),
             self.planes,
             self.jobs,
             displayed_points=settings.displayed_points,

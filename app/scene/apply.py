@@ -9,12 +9,19 @@ from typing import Protocol, cast
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from app.scene.items import Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
+from app.scene.wipe import Camera
 from calib_core.types import FloatArray
 
 OnPatch = Callable[[int], None]
 OnRay = Callable[[FloatArray, FloatArray, bool], None]
+OnCamera = Callable[[], None]
+
+#: Where a camera stands that looks at the whole: this direction from the middle, this far for each metre of its breadth.
+AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
+AIM_DISTANCE = 0.8
 
 
 class _Removable(Protocol):
@@ -30,21 +37,30 @@ def quat_wxyz(rotation: FloatArray) -> tuple[float, float, float, float]:
     return w, x, y, z
 
 
+def rotation_matrix(wxyz: NDArray[np.float64]) -> FloatArray:
+    """The rotation (3, 3) of a quaternion in viser's order."""
+    from scipy.spatial.transform import Rotation
+
+    w, x, y, z = wxyz
+    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
+
+
 class ShownScene:
     """One viser server and what it shows.
 
     on_patch: called with a patch's place when its sheet is clicked; on_ray: with origin (3,) and direction (3,) of any
-    click, in scene coordinates, and whether Ctrl or Alt was held. Both from viser's threads. A plain click on a sheet
-    calls both.
+    click, in scene coordinates, and whether Ctrl or Alt was held. A plain click on a sheet calls both. on_camera: after a
+    browser's camera has moved. All from viser's threads.
     """
 
-    def __init__(self, *, on_patch: OnPatch, on_ray: OnRay) -> None:
+    def __init__(self, *, on_patch: OnPatch, on_ray: OnRay, on_camera: OnCamera = lambda: None) -> None:
         with contextlib.redirect_stdout(io.StringIO()):  # it greets whoever starts it
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self._on_patch = on_patch
         self._handles: dict[str, tuple[int, Item, _Removable]] = {}
         self._dark: bool | None = None
-        self._aimed = False
+        self._aim = ""
+        self._camera: Camera | None = None
         self._server.scene.set_up_direction("+z")
 
         def clicked(event: viser.SceneClickEvent) -> None:
@@ -54,18 +70,37 @@ class ShownScene:
         self._server.scene.on_click(modifier="cmd/ctrl")(clicked)
         self._server.scene.on_click(modifier="alt")(clicked)
 
+        def moved(camera: viser.CameraHandle) -> None:
+            self._camera = Camera(
+                R_scene_camera=rotation_matrix(camera.wxyz),
+                p_scene_camera=np.array(camera.position, dtype=np.float64),
+                fov_rad=float(camera.fov),
+                aspect=float(camera.aspect),
+            )
+            on_camera()
+
+        def connected(client: viser.ClientHandle) -> None:
+            client.camera.on_update(moved)
+
+        self._server.on_client_connect(connected)
+
     @property
     def port(self) -> int:
         """Where the server listens, on loopback."""
         return self._server.get_port()
+
+    @property
+    def camera(self) -> Camera | None:
+        """Where the browser looks from whose camera moved last; None before there is one."""
+        return self._camera
 
     def show(self, content: Content, *, dark: bool) -> None:
         """Make the scene be the content."""
         if dark != self._dark:
             self._dark = dark
             self._server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
-        if not self._aimed:
-            self._aim(content)
+        if self._aim == "" or content.aim not in {"", self._aim}:
+            self._look_at_all(content)
         wanted = {item.path: item for item in content.items}
         with self._server.atomic():
             for path in [path for path in self._handles if path not in wanted]:
@@ -98,10 +133,10 @@ class ShownScene:
                 )
             case Sheet():
                 return self._put_sheet(item, known)
-            case Line(path=path, xyz=xyz, rgb=rgb):
+            case Line(path=path, xyz=xyz, rgb=rgb, width_px=width_px):
                 pairs = np.stack([xyz[:-1], xyz[1:]], axis=1)
                 return cast(
-                    _Removable, scene.add_line_segments(path, pairs, rgb, thickness=2.0, thickness_units="screen")
+                    _Removable, scene.add_line_segments(path, pairs, rgb, thickness=width_px, thickness_units="screen")
                 )
             case Axes(path=path, R_scene_frame=rotation, p_scene_frame=position, length_m=length_m):
                 return cast(
@@ -139,13 +174,18 @@ class ShownScene:
             handle.on_click(lambda _: self._on_patch(patch))
         return cast(_Removable, handle)
 
-    def _aim(self, content: Content) -> None:
-        """Look at the middle of the first cloud from above one corner of it."""
+    def _look_at_all(self, content: Content) -> None:
+        """Look at the middle of all clouds from above one corner, in browsers that are here and those that come."""
         clouds = [item.xyz for item in content.items if isinstance(item, Cloud) and len(item.xyz) > 0]
         if not clouds:
             return
-        low, high = np.percentile(clouds[0], [2, 98], axis=0)
+        low, high = np.percentile(np.concatenate(clouds), [2, 98], axis=0)
         middle, reach = (low + high) / 2, max(1.0, float(np.linalg.norm(high - low)))
+        away = middle + AIM_DISTANCE * reach * AIM_DIRECTION / np.linalg.norm(AIM_DIRECTION)
         self._server.initial_camera.look_at = middle
-        self._server.initial_camera.position = middle + reach * np.array([-0.55, -0.55, 0.6])
-        self._aimed = True
+        self._server.initial_camera.position = away
+        if self._aim != "":
+            for client in self._server.get_clients().values():
+                with client.atomic():
+                    client.camera.position, client.camera.look_at = away, middle
+        self._aim = content.aim or "first"

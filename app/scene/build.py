@@ -10,25 +10,18 @@ from numpy.typing import NDArray
 
 from app.planes.geometry import labels
 from app.planes.state import EditedPatch, PlaneSet
-from app.results.thickness import nearest_plane, rigid_map_points, spread
 from app.scene import palette
-from app.scene.items import Axes, Cloud, Content, Item, Label, Line, Sheet
+from app.scene.items import Axes, Cloud, Content, Item, Label, Sheet
 from app.scene.palette import Colors
-from app.schemas.view import ColorBy, Show
-from calib_core import api
+from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
 from calib_core.types import Float32Array, FloatArray, PlaneProposals, PointArray, Recording, Scan, Trajectory
 
 CONFIRMED_OPACITY = 0.40
 DROPPED_OPACITY = 0.10
-#: Colours: how far from a plane a point still takes its colour, and where the residual's scale ends.
-PLANE_GATE_M = 0.10
-RESIDUAL_GATE_M = 0.30
-RESIDUAL_HALF_M = 0.05
-#: Scans accumulated in the map.
-MAP_SCANS = 60
 
-_LEGENDS: dict[ColorBy, str] = {
+#: What the colours mean.
+LEGENDS: dict[ColorBy, str] = {
     "plane": "Colour: the plane a point lies on, within 0.1 m; grey: none.",
     "time": "Colour: time in the sweep, dark blue first, yellow last.",
     "residual": "Colour: signed distance to the nearest plane, blue -50 mm, white 0, orange +50 mm; grey: none near.",
@@ -44,6 +37,7 @@ class Solved:
     planes: Sequence[PlaneQuality]
     colors: list[int]
     T_imu_lidar: FloatArray
+    time_offset_s: float = 0.0
 
 
 def build_planes(proposals: PlaneProposals, planes: PlaneSet, *, limit: int) -> Content:
@@ -67,34 +61,20 @@ def build_planes(proposals: PlaneProposals, planes: PlaneSet, *, limit: int) -> 
     )
 
 
-def build_scan(
-    recording: Recording, place: int, solved: Solved, *, show: Show, color_by: ColorBy, limit: int
-) -> Content:
-    """One scan (or the accumulated map) in the map frame, raw, de-skewed or both, with the motion as a line."""
-    trajectory = solved.trajectory
-    if show == "map":
-        clouds = [_map_cloud(recording, solved, color_by, limit)]
-    else:
-        scan = thinned_scan(recording.scans[place], limit // 2 if show == "both" else limit)
-        clouds = []
-        if show in {"raw", "both"}:
-            rigid = rigid_map_points(scan, trajectory)
-            one = palette.uniform(len(rigid), palette.RAW)
-            clouds.append(Cloud("/raw", rigid, one if show == "both" else _colors(scan, rigid, solved, color_by)))
-        if show in {"deskewed", "both"}:
-            moved = api.map_points(scan, trajectory)
-            one = palette.uniform(len(moved), palette.DESKEWED)
-            clouds.append(Cloud("/deskewed", moved, one if show == "both" else _colors(scan, moved, solved, color_by)))
-    legend = "Orange: as published; blue: de-skewed." if show == "both" else _LEGENDS[color_by]
-    return Content(items=(*clouds, *_motion(recording, place, trajectory)), legend=legend)
-
-
 def build_unsolved(recording: Recording, place: int, *, color_by: ColorBy, limit: int, note: str) -> Content:
     """One scan as published, lidar frame, before there is an answer."""
     scan = thinned_scan(recording.scans[place], limit)
     by: ColorBy = "intensity" if color_by == "intensity" else "time"
-    cloud = Cloud("/raw", scan.points["xyz"].astype(np.float32), _scan_colors(scan, by))
-    return Content(items=(cloud, Axes("/lidar", np.eye(3), np.zeros(3), 0.5)), legend=_LEGENDS[by], note=note)
+    cloud = Cloud("/raw", scan.points["xyz"].astype(np.float32), scan_colors(scan, by))
+    return Content(items=(cloud, Axes("/lidar", np.eye(3), np.zeros(3), 0.5)), legend=LEGENDS[by], note=note)
+
+
+def build_first(points: PointArray, *, limit: int, note: str) -> Content:
+    """The first points (N,) of a recording, lidar frame, before its planes are known."""
+    shown: PointArray = points[thinned(len(points), limit)]
+    scan = Scan(index=0, stamp_ns=0, points=shown)
+    cloud = Cloud("/cloud", shown["xyz"].astype(np.float32), scan_colors(scan, "intensity"))
+    return Content(items=(cloud, Axes("/lidar", np.eye(3), np.zeros(3), 0.5)), legend=LEGENDS["intensity"], note=note)
 
 
 def build_straightened(
@@ -106,11 +86,11 @@ def build_straightened(
     """
     return Content(
         items=(
-            Cloud("/sweep", points_m, _scan_colors(scan, "time")),
+            Cloud("/sweep", points_m, scan_colors(scan, "time")),
             Axes("/lidar", np.eye(3), np.zeros(3), 0.5),
             Axes("/imu", R_lidar_imu, p_lidar_imu, 0.3),
         ),
-        legend="The sweep that turned fastest, with the estimate's motion taken out. " + _LEGENDS["time"],
+        legend="The sweep that turned fastest, with the estimate's motion taken out. " + LEGENDS["time"],
     )
 
 
@@ -151,28 +131,8 @@ def _sheet(place: int, patch: EditedPatch) -> Sheet | None:
     )
 
 
-def _map_cloud(recording: Recording, solved: Solved, color_by: ColorBy, limit: int) -> Cloud:
-    places = spread(len(recording.scans), MAP_SCANS)
-    each = max(1, limit // max(1, len(places)))
-    scans = [thinned_scan(recording.scans[place], each) for place in places]
-    moved = [api.map_points(scan, solved.trajectory) for scan in scans]
-    rgb = [_colors(scan, points, solved, color_by) for scan, points in zip(scans, moved, strict=True)]
-    return Cloud("/map", np.concatenate(moved), np.concatenate(rgb))
-
-
-def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: ColorBy) -> Colors:
-    if color_by in {"time", "intensity"}:
-        return _scan_colors(scan, color_by)
-    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
-    if color_by == "plane":
-        owner, _ = nearest_plane(points_map, normals, offsets_m, gate_m=PLANE_GATE_M)
-        return palette.by_label(owner, solved.colors)
-    _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
-    return palette.diverging(dist_m, RESIDUAL_HALF_M)
-
-
-def _scan_colors(scan: Scan, color_by: ColorBy) -> Colors:
+def scan_colors(scan: Scan, color_by: ColorBy) -> Colors:
+    """(N, 3) colours by what a scan itself says: time in the sweep, or intensity."""
     if len(scan.points) == 0:
         return palette.uniform(0, palette.NO_PLANE)
     if color_by == "time":
@@ -181,13 +141,3 @@ def _scan_colors(scan: Scan, color_by: ColorBy) -> Colors:
     intensity = scan.points["intensity"].astype(np.float32)
     low, high = np.percentile(intensity, [2, 98])
     return palette.sequential(intensity, float(low), float(high))
-
-
-def _motion(recording: Recording, place: int, trajectory: Trajectory) -> tuple[Item, ...]:
-    path = trajectory.p_map_lidar[thinned(len(trajectory.p_map_lidar), 2000)].astype(np.float32)
-    scan_s = (recording.scans[place].stamp_ns - trajectory.epoch_ns) * 1e-9
-    knot = int(np.abs(trajectory.times_s - scan_s).argmin())
-    return (
-        Line("/motion", path, palette.NO_PLANE),
-        Axes("/sensor", trajectory.R_map_lidar[knot], trajectory.p_map_lidar[knot], 0.4),
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,15 +10,18 @@ import numpy as np
 from app.errors import ApiError
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
-from app.scene.build import build_planes, build_scan, build_straightened, build_unsolved, empty
+from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty
+from app.scene.converge import build_converging
+from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Content
-from app.scene.nudge import nudged, wall_blur
+from app.scene.nudge import nudged, wall_blur, with_old
 from app.scene.sources import SceneSources, Shelf
 from app.scene.straighten import fastest_scan, straighten
+from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
 from app.storage.records import RecordingRecord
 from calib_core.events import IterationEvent
-from calib_core.types import FloatArray, Recording
+from calib_core.types import FloatArray, Recording, Trajectory
 
 NOT_READ = "The recording has not been read yet."
 
@@ -30,6 +34,14 @@ class Composed:
     view: View
 
 
+@dataclass(frozen=True)
+class Costs:
+    """What the walls say of a nudge and of the old extrinsic; None where there is none."""
+
+    nudge: WallBlur | None = None
+    old: WallBlur | None = None
+
+
 class Composer:
     """Builds the scene of a view."""
 
@@ -39,13 +51,14 @@ class Composer:
         self._jobs = jobs
         self._limit = displayed_points
         self._fastest: Shelf[int] = Shelf()
+        self._costs: Shelf[WallBlur] = Shelf(kept=64)
 
-    def compose(self, record: RecordingRecord, state: ViewState) -> Composed:
-        """The scene of the view."""
+    def compose(self, record: RecordingRecord, state: ViewState, camera: Camera | None = None) -> Composed:
+        """The scene of the view. camera: for the wipe, where the browser looks from."""
         recording = self._sources.recording(record)
         n_scans = 0 if recording is None else len(recording.scans)
         state = state.model_copy(update={"scan": max(0, min(state.scan, n_scans - 1))})
-        blur: WallBlur | None = None
+        costs = Costs()
         if state.mode == "planes":
             content = self._planes_scene(record, recording, state)
         elif recording is None or n_scans == 0:
@@ -53,20 +66,26 @@ class Composer:
         elif state.mode == "solve":
             content = self._solve_scene(record, recording, state)
         else:
-            content, blur = self._inspect_scene(record, recording, state)
-        return Composed(content, _view(record, recording, state, content, blur))
+            content, costs = self._inspect_scene(record, recording, state, camera)
+        return Composed(content, _view(record, recording, state, content, costs))
 
     def _planes_scene(self, record: RecordingRecord, recording: Recording | None, state: ViewState) -> Content:
         try:
             proposals, history = self._planes.current(record.id)
         except ApiError as error:
+            first = self._sources.first_cloud(record)
+            if first is not None:
+                return build_first(first, limit=self._limit, note="The first scans; their planes are being looked for.")
             if recording is None or len(recording.scans) == 0:
                 return empty(str(error))
             return build_unsolved(recording, state.scan, color_by="intensity", limit=self._limit, note=str(error))
         return build_planes(proposals, history.current, limit=self._limit)
 
     def _solve_scene(self, record: RecordingRecord, recording: Recording, state: ViewState) -> Content:
+        """The sweeps straightened by the estimate of the moment, as it says where they were; else by the gyroscope."""
         step = self._latest_step(record, state)
+        if step is not None and step.sweeps:
+            return build_converging(recording, step, limit=self._limit)
         matrix: FloatArray = np.eye(4) if step is None else np.array(step.matrix)
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
         scan = recording.scans[place]
@@ -86,23 +105,43 @@ class Composer:
         return None
 
     def _inspect_scene(
-        self, record: RecordingRecord, recording: Recording, state: ViewState
-    ) -> tuple[Content, WallBlur | None]:
+        self, record: RecordingRecord, recording: Recording, state: ViewState, camera: Camera | None
+    ) -> tuple[Content, Costs]:
         found = self._sources.solved(record, state.job_id)
         if found is None:
             note = "There is no answer yet: the scan as published."
-            return build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note), None
-        solved, blur = found.solved, None
-        if state.nudge is not None:
-            wrong = nudged(solved.trajectory, solved.T_imu_lidar, state.nudge)
-            blur = wall_blur(recording, solved, wrong)
-            solved = replace(solved, trajectory=wrong)
-        content = build_scan(recording, state.scan, solved, show=state.show, color_by=state.color_by, limit=self._limit)
-        return content, blur
+            content = build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note)
+            return content, Costs()
+        motions = _motions(found.solved, state)
+        look = Look(
+            place=state.scan,
+            show=state.show,
+            against=state.against,
+            extent=state.extent,
+            color_by=state.color_by,
+            wipe=state.wipe,
+            limit=self._limit,
+        )
+        costs = Costs(
+            nudge=None if state.nudge is None else self._cost(found.job_id, recording, found.solved, motions.shown),
+            old=None if motions.old is None else self._cost(found.job_id, recording, found.solved, motions.old),
+        )
+        return build_inspection(recording, look, motions, camera), costs
+
+    def _cost(self, job_id: str, recording: Recording, solved: Solved, wrong: Trajectory) -> WallBlur:
+        """What a wrong motion costs, worked out once: a slider through the scans does not change it."""
+        mark = zlib.crc32(wrong.times_s.tobytes() + wrong.R_map_lidar.tobytes() + wrong.p_map_lidar.tobytes())
+        return self._costs.get(f"{job_id}{mark}", lambda: wall_blur(recording, solved, wrong))
+
+
+def _motions(solved: Solved, state: ViewState) -> Motions:
+    nudge = state.nudge
+    shown = solved.trajectory if nudge is None else nudged(solved.trajectory, solved.T_imu_lidar, nudge)
+    return Motions(solved, shown, None if state.old is None else with_old(solved, state.old))
 
 
 def _view(
-    record: RecordingRecord, recording: Recording | None, state: ViewState, content: Content, blur: WallBlur | None
+    record: RecordingRecord, recording: Recording | None, state: ViewState, content: Content, costs: Costs
 ) -> View:
     scans = () if recording is None else recording.scans
     scan_t_s = (scans[state.scan].stamp_ns - scans[0].stamp_ns) * 1e-9 if len(scans) > 0 else None
@@ -113,6 +152,7 @@ def _view(
         scan_t_s=scan_t_s,
         points_shown=content.points_shown,
         legend=content.legend,
-        blur=blur,
+        blur=costs.nudge,
+        old_blur=costs.old,
         note=content.note,
     )

@@ -1,4 +1,8 @@
-"""The open scenes: one viser server per recording that is looked at, shared by all browsers, closed when idle."""
+"""The open scenes: one viser server per recording that is looked at, shared by all browsers, closed when idle.
+
+Every recording has a lock of its own, so that a slow scene of one keeps nobody waiting who looks at another. No thread
+ever holds two of them.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from pydantic import ValidationError
 
 from app.errors import ApiError, NotFound
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene
 from app.scene.compose import Composed, Composer
 from app.scene.picking import pick
+from app.scene.throttle import Throttle
 from app.schemas.planes import Grow, Toggle
 from app.schemas.view import ChangeView, View, ViewState
 from app.settings import AppSettings
@@ -32,12 +38,23 @@ SWEEP_INTERVAL_S = 15.0
 
 @dataclass
 class OpenScene:
-    """A recording's viser server, when it was last of use, and how many browsers are connected to it."""
+    """A recording's viser server, when it was last of use, and how many browsers are connected to it.
+
+    live: shows a running solve's steps.   cut: cuts the clouds of a wipe anew when a camera has moved.
+    """
 
     shown: ShownScene
     used_at_s: float
+    live: Throttle
+    cut: Throttle
     watchers: int = 0
     pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
+
+    def close(self) -> None:
+        """Stop its server and what would still come."""
+        self.live.stop()
+        self.cut.stop()
+        self.shown.close()
 
 
 class SceneHub:
@@ -60,9 +77,9 @@ class SceneHub:
         self._planes = planes
         self._composer = composer
         self._settings = settings
-        self._lock = threading.RLock()
+        self._registry = threading.Lock()
+        self._locks: dict[str, threading.RLock] = {}
         self._open: dict[str, OpenScene] = {}
-        self._live_at_s: dict[str, float] = {}
         self._closed = threading.Event()
         self.on_view: Callable[[str, View], None] = lambda _, __: None
 
@@ -77,7 +94,7 @@ class SceneHub:
     def change_view(self, recording_id: str, change: ChangeView) -> View:
         """What is shown after the change."""
         record = self._record(recording_id)
-        with self._lock:
+        with self._lock_of(recording_id):
             before = self._state(recording_id)
             wished = {name: getattr(change, name) for name in change.model_fields_set}
             state = before.model_copy(update=wished)
@@ -92,39 +109,39 @@ class SceneHub:
         return composed.view
 
     def refresh(self, recording_id: str) -> None:
-        """Show again: something the scene is made of has changed."""
-        with self._lock:
+        """Show again: something the scene is made of has changed. What is said beside the scene changes with it."""
+        with self._lock_of(recording_id):
             record = self._recordings.find(recording_id)
-            if record is not None and recording_id in self._open:
-                self._show(recording_id, self._compose(record))
+            if record is None or recording_id not in self._open:
+                return
+            composed = self._compose(record)
+            self._show(recording_id, composed)
+        self.on_view(recording_id, composed.view)
 
     def refresh_live(self, recording_id: str) -> None:
         """The same for a running solve: only when somebody looks, and not too often."""
-        now_s = time.monotonic()
-        with self._lock:
-            scene = self._open.get(recording_id)
-            if scene is None or now_s - self._live_at_s.get(recording_id, 0.0) < LIVE_INTERVAL_S:
-                return
-            self._live_at_s[recording_id] = now_s
-        if scene.watchers > 0 and self._state(recording_id).mode == "solve":
-            self.refresh(recording_id)
+        scene = self._open.get(recording_id)
+        if scene is not None and scene.watchers > 0:
+            scene.live.request()
 
     def port(self, recording_id: str) -> int:
         """Where the recording's viser server listens; started if need be."""
         record = self._record(recording_id)
-        with self._lock:
+        if recording_id not in self._open:
+            self._make_room()
+        with self._lock_of(recording_id):
             scene = self._open.get(recording_id)
             if scene is None:
-                self._make_room()
-                scene = OpenScene(self._new_scene(recording_id), time.monotonic())
-                self._open[recording_id] = scene
+                scene = self._new_scene(recording_id)
+                with self._registry:
+                    self._open[recording_id] = scene
                 self._show(recording_id, self._compose(record))
             scene.used_at_s = time.monotonic()
             return scene.shown.port
 
     def watcher_came(self, recording_id: str, change: int) -> None:
         """A browser connected to the scene (+1) or left it (-1)."""
-        with self._lock:
+        with self._lock_of(recording_id):
             scene = self._open.get(recording_id)
             if scene is not None:
                 scene.watchers = max(0, scene.watchers + change)
@@ -138,30 +155,33 @@ class SceneHub:
     def export_html(self, recording_id: str) -> str:
         """The scene as one self-contained page to share."""
         self.port(recording_id)
-        with self._lock:
+        with self._lock_of(recording_id):
             return self._open[recording_id].shown.export_html()
 
     def close_scene(self, recording_id: str) -> None:
         """Stop the recording's viser server."""
-        with self._lock:
-            scene = self._open.pop(recording_id, None)
-        if scene is not None:
-            scene.shown.close()
+        with self._lock_of(recording_id):
+            with self._registry:
+                scene = self._open.pop(recording_id, None)
+            if scene is not None:
+                scene.close()
 
     def close(self) -> None:
         """Stop all."""
         self._closed.set()
-        for recording_id in list(self._open):
+        for recording_id in self._names():
             self.close_scene(recording_id)
 
     def close_idle(self, now_s: float) -> None:
         """Stop the scenes that nobody has looked at for the time allowed."""
-        with self._lock:
-            for recording_id, scene in list(self._open.items()):
-                if scene.watchers > 0:
-                    scene.used_at_s = now_s
-                elif now_s - scene.used_at_s > self._settings.scene_idle_s:
-                    self.close_scene(recording_id)
+        for recording_id in self._names():
+            scene = self._open.get(recording_id)
+            if scene is None:
+                continue
+            if scene.watchers > 0:
+                scene.used_at_s = now_s
+            elif now_s - scene.used_at_s > self._settings.scene_idle_s:
+                self.close_scene(recording_id)
 
     def click_patch(self, recording_id: str, patch: int) -> None:
         """A sheet was clicked: confirm or drop it, unless clicks grow planes now."""
@@ -172,8 +192,7 @@ class SceneHub:
     def click_ray(self, recording_id: str, origin_m: FloatArray, direction: FloatArray, *, modified: bool) -> None:
         """The canvas was clicked: grow a plane where the ray meets the cloud, if clicks do that now."""
         state = self._state(recording_id)
-        with self._lock:
-            scene = self._open.get(recording_id)
+        scene = self._open.get(recording_id)
         if scene is None or state.mode != "planes" or not (modified or state.click == "grow"):
             return
         seed_m = pick(scene.pickable_m, origin_m, direction)
@@ -186,12 +205,25 @@ class SceneHub:
         except ApiError as error:
             _LOG.info("click in the scene of %s: %s", recording_id, error)
 
+    def _lock_of(self, recording_id: str) -> threading.RLock:
+        with self._registry:
+            return self._locks.setdefault(recording_id, threading.RLock())
+
+    def _names(self) -> list[str]:
+        with self._registry:
+            return list(self._open)
+
     def _state(self, recording_id: str) -> ViewState:
         text = self._documents.read(recording_id, DOCUMENT)
-        return ViewState() if text is None else ViewState.model_validate_json(text)
+        try:
+            return ViewState() if text is None else ViewState.model_validate_json(text)
+        except ValidationError:  # kept by an older version
+            return ViewState()
 
     def _compose(self, record: RecordingRecord) -> Composed:
-        return self._composer.compose(record, self._state(record.id))
+        scene = self._open.get(record.id)
+        camera = None if scene is None else scene.shown.camera
+        return self._composer.compose(record, self._state(record.id), camera)
 
     def _show(self, recording_id: str, composed: Composed) -> None:
         scene = self._open.get(recording_id)
@@ -199,24 +231,38 @@ class SceneHub:
             scene.pickable_m = composed.content.pickable_m
             scene.shown.show(composed.content, dark=composed.view.dark)
 
+    def _show_if(self, recording_id: str, *, mode: str, show: str | None = None) -> None:
+        state = self._state(recording_id)
+        if state.mode == mode and show in {None, state.show} and not self._closed.is_set():
+            self.refresh(recording_id)
+
     def _record(self, recording_id: str) -> RecordingRecord:
         record = self._recordings.find(recording_id)
         if record is None:
             raise NotFound("recording.not_found", "The recording has been deleted.")
         return record
 
-    def _new_scene(self, recording_id: str) -> ShownScene:
-        return ShownScene(
+    def _new_scene(self, recording_id: str) -> OpenScene:
+        cut = Throttle(lambda: self._show_if(recording_id, mode="inspect", show="wipe"), LIVE_INTERVAL_S)
+        live = Throttle(lambda: self._show_if(recording_id, mode="solve"), LIVE_INTERVAL_S)
+        shown = ShownScene(
             on_patch=lambda patch: self.click_patch(recording_id, patch),
             on_ray=lambda origin_m, direction, modified: self.click_ray(
                 recording_id, origin_m, direction, modified=modified
             ),
+            on_camera=cut.request,
         )
+        return OpenScene(shown, time.monotonic(), live, cut)
 
     def _make_room(self) -> None:
-        while len(self._open) >= self._settings.max_scenes:
-            idle = [name for name, scene in self._open.items() if scene.watchers == 0] or list(self._open)
-            self.close_scene(min(idle, key=lambda name: self._open[name].used_at_s))
+        """Close scenes nobody watches first, then the one longest out of use; before any lock is held."""
+        while len(names := self._names()) >= self._settings.max_scenes:
+            idle = [name for name in names if self.watchers(name) == 0] or names
+            self.close_scene(min(idle, key=self._used_at_s))
+
+    def _used_at_s(self, recording_id: str) -> float:
+        scene = self._open.get(recording_id)
+        return 0.0 if scene is None else scene.used_at_s
 
     def _sweep(self) -> None:
         while not self._closed.wait(SWEEP_INTERVAL_S):

@@ -36,11 +36,12 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Line:
-    """A polyline. xyz: (K, 3)."""
+    """A polyline. xyz: (K, 3).   width_px: on the screen."""
 
     path: str
     xyz: Float32Array
     rgb: Rgb
+    width_px: float = 1.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,11 +72,13 @@ class Content:
 
     legend: what the colours mean, with units.   note: why it is empty or other than asked.
     pickable_m: (N, 3) source points a click in the canvas may mean, map frame; empty where clicks mean nothing.
+    aim: cameras look at the whole anew when this changes; "" leaves them where they are.
     """
 
     items: tuple[Item, ...]
     legend: str
     note: str = ""
+    aim: str = ""
     pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
 
     @property
@@ -91,8 +94,8 @@ def fingerprint(item: Item) -> int:
             return zlib.crc32(rgb.tobytes(), zlib.crc32(np.ascontiguousarray(xyz).tobytes(), hash(size_m) & 0xFFFF))
         case Sheet(vertices=vertices, faces=faces, rgb=rgb, opacity=opacity, patch=patch):
             return hash((vertices.tobytes(), faces.tobytes(), rgb, opacity, patch))
-        case Line(xyz=xyz, rgb=rgb):
-            return hash((xyz.tobytes(), rgb))
+        case Line(xyz=xyz, rgb=rgb, width_px=width_px):
+            return hash((xyz.tobytes(), rgb, width_px))
         case Axes(R_scene_frame=rotation, p_scene_frame=position, length_m=length_m):
             return hash((rotation.tobytes(), position.tobytes(), length_m))
         case Label(text=text, position=position):

@@ -1,12 +1,13 @@
-"""A deliberate error of the answer, and what it does to the walls.
+"""Another extrinsic than the answer's, on purpose or from before, and what it does to the walls.
 
 The motion was solved as the lidar's. It is the IMU that really moved along its own path, so with another extrinsic the
 lidar's path follows from the IMU's:
 
     T_map_imu(t)    = T_map_lidar(t) T_imu_lidar^-1
-    T'_imu_lidar    = [R_c Exp(r), p_c + dp]                      the contract's perturbation
     T'_map_lidar(t) = C T_map_imu(t - dt) T'_imu_lidar            a later clock looks at an earlier IMU
     C                 keeps the first valid pose where it was, so that the map stays the map
+
+A nudge is such an extrinsic: T'_imu_lidar = [R_c Exp(r), p_c + dp], the contract's perturbation.
 """
 
 from __future__ import annotations
@@ -18,36 +19,54 @@ from scipy.spatial.transform import Rotation
 
 from app.results.thickness import GATE_M, nearest_plane, spread
 from app.scene.build import Solved, thinned_scan
-from app.schemas.view import Nudge, WallBlur
+from app.schemas.view import Nudge, OldExtrinsic, WallBlur
 from calib_core import api
 from calib_core.types import FloatArray, Recording, Trajectory
 
-#: Scans and points that the cost of a nudge is measured on: enough for two digits, quick enough for a slider.
+#: Scans and points that the cost of a wrong extrinsic is measured on: enough for two digits, quick enough for a slider.
 BLUR_SCANS = 20
 BLUR_POINTS = 1500
 
 
 def nudged(trajectory: Trajectory, T_imu_lidar: FloatArray, nudge: Nudge) -> Trajectory:
     """The lidar's motion if the answer were off by the nudge.   T_imu_lidar: (4, 4)."""
-    R_c, p_c = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
     turn = Rotation.from_rotvec(np.radians([nudge.rx_deg, nudge.ry_deg, nudge.rz_deg])).as_matrix()
-    R_wrong, p_wrong = R_c @ turn, p_c + np.array([nudge.tx_m, nudge.ty_m, nudge.tz_m])
+    T_wrong = np.eye(4)
+    T_wrong[:3, :3] = T_imu_lidar[:3, :3] @ turn
+    T_wrong[:3, 3] = T_imu_lidar[:3, 3] + np.array([nudge.tx_m, nudge.ty_m, nudge.tz_m])
+    return with_extrinsic(trajectory, T_imu_lidar, T_wrong, later_s=nudge.dt_s)
+
+
+def with_old(solved: Solved, old: OldExtrinsic) -> Trajectory:
+    """The lidar's motion if the old extrinsic were true; without a time offset of its own it borrows the answer's."""
+    T_old = np.eye(4)
+    T_old[:3, :3] = Rotation.from_quat(old.quaternion_xyzw).as_matrix()
+    T_old[:3, 3] = old.translation_m
+    later_s = 0.0 if old.time_offset_s is None else old.time_offset_s - solved.time_offset_s
+    return with_extrinsic(solved.trajectory, solved.T_imu_lidar, T_old, later_s=later_s)
+
+
+def with_extrinsic(
+    trajectory: Trajectory, T_imu_lidar: FloatArray, T_other: FloatArray, *, later_s: float
+) -> Trajectory:
+    """The lidar's motion with `T_other` in place of `T_imu_lidar`, both (4, 4), and the IMU's clock so much later."""
+    R_c, p_c = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
     R_map_imu = trajectory.R_map_lidar @ R_c.T
     p_map_imu = trajectory.p_map_lidar - R_map_imu @ p_c
-    R_new = R_map_imu @ R_wrong
-    p_new = R_map_imu @ p_wrong + p_map_imu
+    R_new = R_map_imu @ T_other[:3, :3]
+    p_new = R_map_imu @ T_other[:3, 3] + p_map_imu
     first = int(np.argmax(trajectory.valid))
     C = trajectory.R_map_lidar[first] @ R_new[first].T
     return replace(
         trajectory,
-        times_s=trajectory.times_s + nudge.dt_s,
+        times_s=trajectory.times_s + later_s,
         R_map_lidar=C @ R_new,
         p_map_lidar=(p_new - p_new[first]) @ C.T + trajectory.p_map_lidar[first],
     )
 
 
 def wall_blur(recording: Recording, solved: Solved, wrong: Trajectory) -> WallBlur:
-    """Spread of the same points about their planes, as solved and nudged."""
+    """Spread of the same points about their planes, as solved and with another motion."""
     normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
     right_m: list[FloatArray] = []

@@ -26,6 +26,8 @@ PLANE_HUES: tuple[Rgb, ...] = (
 NO_PLANE: Rgb = (140, 140, 145)
 RAW: Rgb = (213, 94, 0)
 DESKEWED: Rgb = (0, 114, 178)
+OLD: Rgb = (204, 121, 167)
+PATH: Rgb = (0, 158, 115)
 
 _SEQUENTIAL = np.array(
     [(20, 30, 100), (60, 90, 140), (120, 125, 125), (190, 165, 85), (253, 231, 55)], dtype=np.float64

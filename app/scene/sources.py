@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -10,17 +11,18 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from app.arrays.first_cloud import first_cloud_file, read_first_cloud
 from app.arrays.recording import has_recording, read_recording
 from app.arrays.trajectory import read_trajectory
 from app.errors import ApiError
 from app.jobs.functions import recording_arrays
+from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
-from app.planes.service import PlaneService
 from app.scene.build import Solved
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core.result import CalibrationResult
-from calib_core.types import FloatArray, Recording
+from calib_core.types import FloatArray, PointArray, Recording
 
 Kept = TypeVar("Kept")
 
@@ -29,21 +31,30 @@ KEPT = 8
 
 
 class Shelf(Generic[Kept]):
-    """The last few things made, by name."""
+    """The last few things made, by name. Making one keeps nobody waiting who wants another."""
 
-    def __init__(self) -> None:
+    def __init__(self, kept: int = KEPT) -> None:
+        self._most = kept
         self._lock = threading.Lock()
         self._kept: OrderedDict[str, Kept] = OrderedDict()
+        self._making: dict[str, threading.Lock] = {}
 
     def get(self, name: str, make: Callable[[], Kept]) -> Kept:
         """The thing of that name, made if it is not there."""
         with self._lock:
-            if name not in self._kept:
-                self._kept[name] = make()
-                while len(self._kept) > KEPT:
+            making = self._making.setdefault(name, threading.Lock())
+        with making:
+            with self._lock:
+                if name in self._kept:
+                    self._kept.move_to_end(name)
+                    return self._kept[name]
+            made = make()
+            with self._lock:
+                self._kept[name] = made
+                while len(self._kept) > self._most:
                     self._kept.popitem(last=False)
-            self._kept.move_to_end(name)
-            return self._kept[name]
+                self._making.pop(name, None)
+            return made
 
 
 @dataclass(frozen=True)
@@ -57,10 +68,9 @@ class SolvedJob:
 class SceneSources:
     """Loads what a recording's scene shows."""
 
-    def __init__(self, files: DataFolder, jobs: JobService, planes: PlaneService) -> None:
+    def __init__(self, files: DataFolder, jobs: JobService) -> None:
         self._files = files
         self._jobs = jobs
-        self._planes = planes
         self._recordings: Shelf[Recording] = Shelf()
         self._solved: Shelf[Solved] = Shelf()
 
@@ -72,31 +82,37 @@ class SceneSources:
             return None
         return self._recordings.get(str(folder), lambda: read_recording(folder)) if has_recording(folder) else None
 
+    def first_cloud(self, record: RecordingRecord) -> PointArray | None:
+        """What was seen first of the recording, (N,) points; None until then."""
+        try:
+            return read_first_cloud(first_cloud_file(self._files.cache(record)))
+        except ApiError:
+            return None
+
     def solved(self, record: RecordingRecord, job_id: str | None) -> SolvedJob | None:
         """What the named solve left, or the latest with an answer; None where there is none."""
         for job in self._jobs.records_of(record.id):
             if job.kind != "solve" or job.state != "done" or (job_id is not None and job.id != job_id):
                 continue
             if (self._files.job(job.id) / "trajectory.npz").is_file():
-                return SolvedJob(job.id, self._solved.get(job.id, lambda job=job: self._load(record, job)))  # type: ignore[misc]
+                return SolvedJob(job.id, self._solved.get(job.id, lambda job=job: self._load(job)))  # type: ignore[misc]
         return None
 
-    def _load(self, record: RecordingRecord, job: JobRecord) -> Solved:
+    def _load(self, job: JobRecord) -> Solved:
         folder = self._files.job(job.id)
         result = CalibrationResult.model_validate_json((folder / "result.json").read_text(encoding="utf-8"))
         matrix: FloatArray = np.eye(4) if result.T_imu_lidar is None else np.array(result.T_imu_lidar.matrix)
         return Solved(
             trajectory=read_trajectory(folder / "trajectory.npz"),
             planes=result.quality.planes,
-            colors=self._colors(record.id, [plane.name for plane in result.quality.planes]),
+            colors=self._colors(job, [plane.name for plane in result.quality.planes]),
             T_imu_lidar=matrix,
+            time_offset_s=result.time_offset_s or 0.0,
         )
 
-    def _colors(self, recording_id: str, names: list[str]) -> list[int]:
-        """Palette places: a plane keeps the colour it had when it was confirmed."""
-        try:
-            _, history = self._planes.current(recording_id)
-        except ApiError:
-            return list(range(len(names)))
-        known = {patch.name: patch.color for patch in history.current.patches}
-        return [known.get(name, place) for place, name in enumerate(names)]
+    def _colors(self, job: JobRecord, names: list[str]) -> list[int]:
+        """Palette places: a plane keeps the colour it had when the solve was asked for; one found later gets the next."""
+        ordered = StoredRequest.model_validate_json(job.request_json).planes or ()
+        known = {plane.name: plane.color for plane in ordered if plane.color is not None}
+        fresh = itertools.count(max(known.values(), default=-1) + 1)
+        return [known[name] if name in known else next(fresh) for name in names]

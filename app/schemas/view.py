@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from app.schemas.common import RecordId, WireModel
 from app.schemas.jobs import Job
 
 Mode = Literal["planes", "solve", "inspect"]
-Show = Literal["raw", "deskewed", "both", "map"]
+Show = Literal["raw", "deskewed", "old", "both", "side", "wipe"]
+Against = Literal["raw", "old"]
+Extent = Literal["scan", "map"]
 ColorBy = Literal["plane", "time", "residual", "intensity"]
 Click = Literal["toggle", "grow"]
 
@@ -27,34 +30,62 @@ class Nudge(WireModel):
     dt_s: float = Field(default=0.0, ge=-0.5, le=0.5)
 
 
+class OldExtrinsic(WireModel):
+    """An extrinsic the user had before, T_imu_lidar in the contract's signs, to be looked at beside the answer."""
+
+    translation_m: tuple[float, float, float] = Field(description="the lidar's origin in the IMU's frame")
+    quaternion_xyzw: tuple[float, float, float, float] = Field(description="of unit length, to two digits")
+    time_offset_s: float | None = Field(default=None, description="None: the answer's own is kept")
+
+    @field_validator("quaternion_xyzw")
+    @classmethod
+    def _of_unit_length(cls, quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        length = math.hypot(*quaternion)
+        if not abs(length - 1.0) < 1e-2:
+            raise ValueError(f"expected a unit quaternion, found one of length {length:.4g}")
+        x, y, z, w = (part / length for part in quaternion)
+        return x, y, z, w
+
+
 class ViewState(WireModel):
     """The wish: what to show. Survives restarts."""
 
     mode: Mode = "planes"
     job_id: RecordId | None = Field(default=None, description="whose result; None: the latest that has one")
     scan: int = Field(default=0, ge=0, description="position among the recording's scans")
-    show: Show = "deskewed"
+    show: Show = Field(
+        default="deskewed",
+        description="one cloud; `both`: two in one place; `side`: beside each other; `wipe`: cut by an upright line",
+    )
+    against: Against = Field(default="raw", description="what `both` and `wipe` compare the de-skewed cloud with")
+    wipe: float = Field(default=0.5, ge=0, le=1, description="where the line of `wipe` is, share of the canvas's width")
+    extent: Extent = Field(default="scan", description="one scan, or the map accumulated from many")
     color_by: ColorBy = "plane"
     nudge: Nudge | None = None
+    old: OldExtrinsic | None = None
     click: Click = Field(default="toggle", description="what a click on the canvas does in mode planes")
     dark: bool = False
 
 
 class ChangeView(WireModel):
-    """Fields left out stay as they are; `nudge: null` takes the nudge away."""
+    """Fields left out stay as they are; `nudge: null` takes the nudge away, `old: null` the old extrinsic."""
 
     mode: Mode = "planes"
     job_id: RecordId | None = None
     scan: int = Field(default=0, ge=0)
     show: Show = "deskewed"
+    against: Against = "raw"
+    wipe: float = Field(default=0.5, ge=0, le=1)
+    extent: Extent = "scan"
     color_by: ColorBy = "plane"
     nudge: Nudge | None = None
+    old: OldExtrinsic | None = None
     click: Click = "toggle"
     dark: bool = False
 
 
 class WallBlur(WireModel):
-    """Root mean square distance of the same points to their planes: the answer as solved, and nudged."""
+    """Root mean square distance of the same points to their planes: the answer as solved, and made wrong."""
 
     solved_rms_m: float
     nudged_rms_m: float
@@ -69,6 +100,7 @@ class View(ViewState):
     points_shown: int
     legend: str = Field(description="what the colours mean, with units")
     blur: WallBlur | None = Field(default=None, description="the cost of being wrong; only with a nudge")
+    old_blur: WallBlur | None = Field(default=None, description="the same of the old extrinsic, where one is given")
     note: str = Field(default="", description="why the scene is empty or shows something else than asked; '' if not")
 
 

@@ -187,7 +187,8 @@ def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
     words = "calibrate room.bag --quiet --lidar-topic /l --imu-topic /i --start-s 2 --end-s 30 --point-time-field t"
     words += " --point-time-unit ns --point-time-reference header-last --synthesise-point-time --accelerometer-unit g"
     words += " --gyroscope-unit deg_s --stamps receive --range-min-m 1 --range-max-m 50 --method paper --gravity 9.81"
-    words += " --exclude 2:3 --exclude 12.5:14 --prior tz=-0.3+-0.01 --prior rx=0+-1deg --fix-time-offset --fix-planes --bias-model constant"
+    words += " --exclude 2:3 --exclude 12.5:14"
+    words += " --prior tz=-0.3+-0.01 --prior rx=0+-1deg --fix-time-offset --fix-planes --bias-model constant"
     words += f" --random-seed 7 --max-rounds 3 --imu-noise mti-3 --planes {planes} --initial-guess {guess}"
     assert cli.run(words.split()) == 0
     assert library.asked.reading.model_dump(exclude_defaults=True) == {

@@ -10,7 +10,7 @@ from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
 from app.scene import palette
 from app.scene.apply import quat_wxyz
-from app.scene.build import Solved, build_planes, build_scan, build_unsolved, thinned
+from app.scene.build import Solved, build_planes, thinned
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick
@@ -39,36 +39,6 @@ def test_planes_scene_has_a_clickable_sheet_per_patch_and_colours_by_patch():
         assert (rgb[proposals.cloud_patch == k] == palette.plane_rgb(k)).all()
     assert (rgb[proposals.cloud_patch == -1] == palette.NO_PLANE).all()
     assert cloud_of(build_planes(proposals, planes, limit=1000), "/cloud").xyz.shape == (1000, 3)
-
-
-def test_deskewed_points_lie_where_the_room_was_and_raw_ones_do_not():
-    """Oracle: the room points the scan was made from. Mutation: swapping raw and de-skewed."""
-    _, seen = world.make_scan(5)
-    content = build_scan(RECORDING, 5, SOLVED, show="both", color_by="plane", limit=100_000)
-    deskewed, raw = cloud_of(content, "/deskewed").xyz, cloud_of(content, "/raw").xyz
-    assert deskewed.dtype == np.float32
-    np.testing.assert_allclose(deskewed, seen, atol=1e-3)
-    assert np.linalg.norm(raw - seen, axis=1).max() > 0.2
-    R, p = world.poses([5 * world.PERIOD_S])
-    np.testing.assert_allclose(raw, RECORDING.scans[5].points["xyz"] @ R[0].T + p[0], atol=1e-3)
-
-
-def test_the_map_accumulates_scans_on_the_walls():
-    """Mutation: forgetting each scan's own pose spreads the map by decimetres."""
-    content = build_scan(RECORDING, 0, SOLVED, show="map", color_by="residual", limit=3000)
-    xyz = cloud_of(content, "/map").xyz
-    assert len(xyz) == 3000
-    nearest_m = np.abs(np.abs(xyz) - world.HALF_M).min(axis=1)
-    assert nearest_m.max() < 2e-3
-
-
-@pytest.mark.parametrize("color_by", ["plane", "time", "residual", "intensity"])
-def test_every_colouring_says_what_it_means_and_keeps_the_limit(color_by):
-    """Mutation: a missing legend."""
-    content = build_scan(RECORDING, 3, SOLVED, show="raw", color_by=color_by, limit=1000)
-    assert content.points_shown == 1000
-    assert content.legend.endswith(".")
-    assert build_unsolved(RECORDING, 3, color_by=color_by, limit=1000, note="x.").points_shown == 1000
 
 
 def test_thinning_is_spread_evenly_and_repeatable():

@@ -1,0 +1,79 @@
+"""What a running solve believes, as a cloud: a dozen sweeps where the estimate of the moment puts them.
+
+Every step of the solve says where the lidar was at a few instants of these sweeps, and where the planes are. The walls
+are as thick as that estimate is wrong; they thin out as it converges, and more sweeps come in as it is carried through
+the recording.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.results.thickness import nearest_plane, rigid_map_points
+from app.scene import palette
+from app.scene.build import thinned_scan
+from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
+from app.scene.items import Axes, Cloud, Content, Label
+from calib_core import api
+from calib_core.events import IterationEvent, SweepMotion
+from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
+
+#: Walls are taken as what lies this near to a plane when the thickness in the caption is worked out.
+WALL_GATE_M = 0.10
+
+
+def build_converging(recording: Recording, step: IterationEvent, *, limit: int) -> Content:
+    """The sweeps of a step, coloured by their distance to the nearest plane, and both sensors' frames."""
+    by_stamp = {scan.stamp_ns: scan for scan in recording.scans}
+    seen = [(by_stamp[sweep.stamp_ns], sweep) for sweep in step.sweeps if sweep.stamp_ns in by_stamp]
+    each = max(1, limit // max(1, len(seen)))
+    pairs = [(thinned_scan(scan, each), motion_of(sweep)) for scan, sweep in seen if len(scan.points) > 0]
+    if not pairs:
+        return Content(items=(), legend="", note="This step says nothing of the sweeps yet.")
+    moved = np.concatenate([api.map_points(scan, motion) for scan, motion in pairs])
+    rigid = np.concatenate([rigid_map_points(scan, motion) for scan, motion in pairs])
+    normals = np.array([plane.normal for plane in step.planes], dtype=np.float64).reshape(-1, 3)
+    offsets_m = np.array([plane.offset_m for plane in step.planes], dtype=np.float64)
+    _, dist_m = nearest_plane(moved, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
+    after_m, before_m = _thickness(moved, rigid, normals, offsets_m)
+    first = pairs[0][1]
+    matrix = np.array(step.matrix)
+    R_lidar, p_lidar = first.R_map_lidar[0], first.p_map_lidar[0]
+    R_imu = R_lidar @ matrix[:3, :3].T
+    p_imu = p_lidar - R_imu @ matrix[:3, 3]
+    return Content(
+        items=(
+            Cloud("/sweeps", moved, palette.diverging(dist_m, RESIDUAL_HALF_M)),
+            Axes("/lidar", R_lidar, p_lidar, 0.45),
+            Axes("/imu", R_imu, p_imu, 0.3),
+            Label("/names/lidar", "lidar", p_lidar),
+            Label("/names/imu", "IMU", p_imu),
+        ),
+        legend=f"{len(pairs)} sweeps where this estimate puts them: walls {after_m * 1e3:.1f} mm thick, "
+        f"{before_m * 1e3:.1f} mm with the motion left in. Colour: distance to the nearest plane, blue -50 mm, "
+        "white 0, orange +50 mm; grey: none near.",
+    )
+
+
+def motion_of(sweep: SweepMotion) -> Trajectory:
+    """The lidar's motion through one sweep, constant twist between the instants that are told."""
+    return Trajectory(
+        epoch_ns=sweep.stamp_ns,
+        times_s=np.array(sweep.offset_s, dtype=np.float64),
+        R_map_lidar=np.asarray(Rotation.from_quat(np.array(sweep.quaternion_xyzw)).as_matrix(), dtype=np.float64),
+        p_map_lidar=np.array(sweep.position_m, dtype=np.float64),
+        valid=np.ones(len(sweep.offset_s), dtype=np.bool_),
+    )
+
+
+def _thickness(
+    moved: Float32Array, rigid: Float32Array, normals: FloatArray, offsets_m: FloatArray
+) -> tuple[float, float]:
+    """Spread [m] of the same points about their planes: straightened, and with each sweep as one rigid body."""
+    owner, after_m = nearest_plane(moved, normals, offsets_m, gate_m=WALL_GATE_M)
+    chosen = owner >= 0
+    if not chosen.any():
+        return 0.0, 0.0
+    before_m = np.einsum("ij,ij->i", rigid[chosen], normals[owner[chosen]]) + offsets_m[owner[chosen]]
+    return float(np.sqrt(np.mean(after_m[chosen] ** 2))), float(np.sqrt(np.mean(before_m**2)))

@@ -1,0 +1,193 @@
+"""The scene of the inspection: raw, de-skewed and old clouds, in one place, side by side or cut by a wipe.
+
+raw        the sweep as one rigid body at its first point's pose: what is seen without unsweep
+deskewed   every point moved by the pose at its own time, with the answer, or with a nudged one
+old        the same with the extrinsic the user had before
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from app.results.thickness import nearest_plane, rigid_map_points, spread
+from app.scene import palette
+from app.scene.build import LEGENDS, Solved, scan_colors, thinned, thinned_scan
+from app.scene.items import Axes, Cloud, Content, Item, Label, Line
+from app.scene.palette import Colors
+from app.scene.wipe import Camera, left_of
+from app.schemas.view import Against, ColorBy, Extent, Show
+from calib_core import api
+from calib_core.types import BoolArray, Float32Array, FloatArray, Recording, Scan, Trajectory
+
+Source = Literal["raw", "deskewed", "old"]
+
+#: Colours: how far from a plane a point still takes its colour, and where the residual's scale ends.
+PLANE_GATE_M = 0.10
+RESIDUAL_GATE_M = 0.30
+RESIDUAL_HALF_M = 0.05
+#: Scans accumulated in the map.
+MAP_SCANS = 60
+#: Clouds beside each other stand this much of their own breadth apart, along this direction of the map.
+SIDE_STEP = 1.12
+SIDE_DIRECTION = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
+
+TITLES: dict[Source, str] = {"raw": "As published", "deskewed": "De-skewed", "old": "Old extrinsic"}
+ONE_COLOR: dict[Source, palette.Rgb] = {
+    "raw": palette.RAW,
+    "deskewed": palette.DESKEWED,
+    "old": palette.OLD,
+}
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is wanted of the view, and how much can be drawn."""
+
+    place: int
+    show: Show
+    against: Against
+    extent: Extent
+    color_by: ColorBy
+    wipe: float
+    limit: int
+
+
+@dataclass(frozen=True)
+class Motions:
+    """The answer, what is shown as de-skewed (nudged, perhaps), and the old extrinsic's motion."""
+
+    solved: Solved
+    shown: Trajectory
+    old: Trajectory | None
+
+
+def build_inspection(recording: Recording, look: Look, motions: Motions, camera: Camera | None) -> Content:
+    """The clouds that are asked for, with the path and both sensors' frames."""
+    sources = _sources(look, motions)
+    each = look.limit // len(sources)
+    one_color = look.show == "both"
+    parts = [_cloud(recording, look, motions, source, each, one_color=one_color) for source in sources]
+    if look.show == "wipe" and camera is not None:
+        keep: list[Callable[[BoolArray], BoolArray]] = [lambda left: left, lambda left: ~left]
+        parts = [
+            _kept(part, chosen(left_of(part.xyz, camera, look.wipe))) for part, chosen in zip(parts, keep, strict=True)
+        ]
+    shifts = [np.zeros(3) for _ in parts]
+    labels: list[Item] = []
+    if look.show == "side":
+        shifts = _shifts(parts)
+        parts = [_moved(part, shift) for part, shift in zip(parts, shifts, strict=True)]
+        labels = [_title(part, source) for part, source in zip(parts, sources, strict=True)]
+    stand = shifts[sources.index("deskewed")] if "deskewed" in sources else shifts[-1]
+    frames = _motion(recording, look, motions, stand)
+    return Content(
+        items=(*parts, *labels, *frames),
+        legend=_legend(look, sources),
+        aim=f"{look.show == 'side'}-{len(sources)}",
+    )
+
+
+def _sources(look: Look, motions: Motions) -> tuple[Source, ...]:
+    """Left to right. Without an old extrinsic, what asks for it shows the raw cloud."""
+    against: Source = "old" if look.against == "old" and motions.old is not None else "raw"
+    match look.show:
+        case "raw" | "deskewed":
+            return (look.show,)
+        case "old":
+            return ("old" if motions.old is not None else "raw",)
+        case "side":
+            return ("raw", "deskewed") if motions.old is None else ("raw", "old", "deskewed")
+        case "both" | "wipe":
+            return (against, "deskewed")
+
+
+def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, limit: int, *, one_color: bool) -> Cloud:
+    places = [look.place] if look.extent == "scan" else spread(len(recording.scans), MAP_SCANS)
+    each = max(1, limit // len(places))
+    scans = [thinned_scan(recording.scans[place], each) for place in places]
+    points = [_points(scan, motions, source) for scan in scans]
+    if one_color:
+        rgb = palette.uniform(sum(len(part) for part in points), ONE_COLOR[source])
+    else:
+        pairs = zip(scans, points, strict=True)
+        rgb = np.concatenate([_colors(scan, part, motions.solved, look.color_by) for scan, part in pairs])
+    return Cloud(f"/{source}", np.concatenate(points), rgb)
+
+
+def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:
+    if source == "raw":
+        return rigid_map_points(scan, motions.solved.trajectory)
+    trajectory = motions.old if source == "old" and motions.old is not None else motions.shown
+    return api.map_points(scan, trajectory)
+
+
+def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: ColorBy) -> Colors:
+    if color_by in {"time", "intensity"}:
+        return scan_colors(scan, color_by)
+    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
+    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
+    if color_by == "plane":
+        owner, _ = nearest_plane(points_map, normals, offsets_m, gate_m=PLANE_GATE_M)
+        return palette.by_label(owner, solved.colors)
+    _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
+    return palette.diverging(dist_m, RESIDUAL_HALF_M)
+
+
+def _kept(cloud: Cloud, chosen: BoolArray) -> Cloud:
+    return Cloud(cloud.path, cloud.xyz[chosen], cloud.rgb[chosen], cloud.size_m)
+
+
+def _moved(cloud: Cloud, shift_m: FloatArray) -> Cloud:
+    return Cloud(cloud.path, (cloud.xyz + shift_m).astype(np.float32), cloud.rgb, cloud.size_m)
+
+
+def _shifts(parts: list[Cloud]) -> list[FloatArray]:
+    """Where clouds beside each other go: evenly spaced about where one alone would be."""
+    along_m = parts[-1].xyz @ SIDE_DIRECTION if len(parts[-1].xyz) else np.zeros(1)
+    low, high = np.percentile(along_m, [2, 98])
+    step_m = SIDE_STEP * max(1.0, float(high - low))
+    return [(place - (len(parts) - 1) / 2) * step_m * SIDE_DIRECTION for place in range(len(parts))]
+
+
+def _title(cloud: Cloud, source: Source) -> Label:
+    if len(cloud.xyz) == 0:
+        return Label(f"/titles/{source}", TITLES[source], np.zeros(3))
+    low, high = np.percentile(cloud.xyz, [2, 98], axis=0)
+    above = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 0.4])
+    return Label(f"/titles/{source}", TITLES[source], above.astype(np.float64))
+
+
+def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArray) -> tuple[Item, ...]:
+    """The way the lidar took, the part behind it brighter, and both sensors' axes at the scan's time."""
+    trajectory, T_imu_lidar = motions.shown, motions.solved.T_imu_lidar
+    path = (trajectory.p_map_lidar + stand).astype(np.float32)
+    scan_s = (recording.scans[look.place].stamp_ns - trajectory.epoch_ns) * 1e-9
+    knot = int(np.abs(trajectory.times_s - scan_s).argmin())
+    R_map_lidar, p_map_lidar = trajectory.R_map_lidar[knot], trajectory.p_map_lidar[knot] + stand
+    R_map_imu = R_map_lidar @ T_imu_lidar[:3, :3].T
+    p_map_imu = p_map_lidar - R_map_imu @ T_imu_lidar[:3, 3]
+    items: list[Item] = [Line("/path/whole", path[thinned(len(path), 2000)], palette.NO_PLANE)]
+    if knot > 0:
+        behind = path[: knot + 1]
+        items.append(Line("/path/behind", behind[thinned(len(behind), 2000)], palette.PATH, width_px=3.0))
+    return (
+        *items,
+        Axes("/lidar", R_map_lidar, p_map_lidar, 0.45),
+        Axes("/imu", R_map_imu, p_map_imu, 0.3),
+        Label("/names/lidar", "lidar", p_map_lidar),
+        Label("/names/imu", "IMU", p_map_imu),
+    )
+
+
+def _legend(look: Look, sources: tuple[Source, ...]) -> str:
+    if look.show == "both":
+        other = "orange: as published" if sources[0] == "raw" else "magenta: old extrinsic"
+        return f"{other[0].upper()}{other[1:]}; blue: de-skewed."
+    if look.show == "wipe":
+        left = TITLES[sources[0]].lower()
+        return f"Left of the line: {left}; right: de-skewed. {LEGENDS[look.color_by]}"
+    return LEGENDS[look.color_by]
