@@ -18,6 +18,7 @@ import numpy as np
 
 from calib_core.errors import PointTimeError
 from calib_core.readers.cloud import RawCloud, StructArray
+from calib_core.readers.point_window import reference_shift, sweep_edges
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
 
@@ -42,7 +43,6 @@ _OTHER_NAMES = frozenset(
 _MIN_ORDER = 0.6
 _RATIO_GOOD = (0.5, 1.15)
 _RATIO_POSSIBLE = (0.05, 1.4)
-_SAME_EPOCH_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ def detect_point_time(
     found.sort(key=lambda h: -h.score)
     if not found:
         raise PointTimeError(_no_hypothesis_text(topic, samples, period_s, help_text))
-    return _timing(found, sampled, period_s, settings, topic)
+    return _timing(found, sampled, returns, period_s, settings, topic)
 
 
 def _no_hypothesis_text(topic: str, samples: Sequence[_FieldSample], period_s: float, help_text: str) -> str:
@@ -216,6 +216,7 @@ def _no_hypothesis_text(topic: str, samples: Sequence[_FieldSample], period_s: f
 def _timing(
     found: Sequence[_Hypothesis],
     clouds: Sequence[RawCloud],
+    returns: Sequence[IntArray],
     period_s: float,
     settings: ReadSettings,
     topic: str,
@@ -232,8 +233,16 @@ def _timing(
     if not absolute:
         natural = "header-last" if abs(np.nanmedian(high)) < abs(np.nanmedian(low)) else "header-first"
     reference = settings.point_time_reference or natural
-    own_clock = settings.stamps == "header"
-    timing, extra = _windowed(best, reference, natural, clouds, low, high, period_s, own_clock=own_clock)
+    if reference == "absolute" and not absolute:
+        raise PointTimeError(
+            f"The point times on {topic} (field {best.sample.name!r}) begin anew with every scan, so they cannot be"
+            " absolute; leave --point-time-reference out, or give header-first or header-last."
+        )
+    values = [raw_times(cloud.points, best.sample.name)[rows] for cloud, rows in zip(clouds, returns, strict=True)]
+    edges = sweep_edges(clouds, values, scale, (low, high), period_s=period_s, absolute=absolute)
+    shift_ns, extra = reference_shift(edges, settings.point_time_reference, own_clock=settings.stamps == "header")
+    timing = PointTiming(best.sample.name, best.unit, "absolute" if absolute else reference, *edges.window_ns, shift_ns)
+    begin_ns, end_ns = edges.after_header_ns()
     confidence = max(0.0, min(1.0, best.score - 0.5 * runner_up * (found[-1] is not best)))
     if len(clouds) < 49:
         confidence = min(confidence, 0.5 + len(clouds) / 100)
@@ -244,12 +253,8 @@ def _timing(
         Evidence("share of forward steps", round(best.sample.order, 3)),
         Evidence("score", round(best.score, 3)),
         Evidence("next best score", round(runner_up, 3)),
-        Evidence(
-            "first point after header", round(float(np.nanmedian(low - _header_base(clouds, absolute))) * 1e-9, 6), "s"
-        ),
-        Evidence(
-            "last point after header", round(float(np.nanmedian(high - _header_base(clouds, absolute))) * 1e-9, 6), "s"
-        ),
+        Evidence("first point after header", round(begin_ns * 1e-9, 6), "s"),
+        Evidence("last point after header", round(end_ns * 1e-9, 6), "s"),
     )
     text = f"Point times on {topic} are field {best.sample.name!r} in {best.unit}, {_REFERENCE_TEXT[reference]}."
     finding = Finding(
@@ -278,67 +283,3 @@ _REFERENCE_TEXT: dict[Reference, str] = {
     "header-last": "counted from the header, which is the last point's time",
     "absolute": "absolute",
 }
-
-
-def _header_base(clouds: Sequence[RawCloud], absolute: bool) -> FloatArray:
-    return np.array([cloud.header_ns if absolute else 0 for cloud in clouds], np.float64)
-
-
-def _windowed(
-    best: _Hypothesis,
-    reference: Reference,
-    natural: Reference,
-    clouds: Sequence[RawCloud],
-    low: FloatArray,
-    high: FloatArray,
-    period_s: float,
-    *,
-    own_clock: bool,
-) -> tuple[PointTiming, tuple[Finding, ...]]:
-    """The timing with its garbage window and shift. own_clock: absolute times near the headers stay as they are."""
-    margin = 0.06e9 * period_s
-    first, last = float(np.nanmedian(low)), float(np.nanmedian(high))
-    span = (last - first) / 0.98
-    if reference == "absolute":
-        offsets = np.array([c.header_ns for c in clouds], np.float64) - low
-        apart_s = float(np.nanmedian(offsets)) * 1e-9
-        timing = PointTiming(best.sample.name, best.unit, reference, -1.1 * span - margin, 1.1 * span + margin)
-        if own_clock and abs(apart_s) <= _SAME_EPOCH_S:
-            return timing, ()
-        shift_ns = _exact_shift_ns(best.sample, best.unit, clouds)
-        shifted = PointTiming(timing.field, timing.unit, reference, timing.low_ns, timing.high_ns, shift_ns)
-        return shifted, (_epoch_finding(apart_s, offsets),)
-    shift = 0.0
-    if natural not in {reference, "absolute"}:
-        # The values count from the other end: move the sweep so that the header is where the user says.
-        shift = -first if reference == "header-first" else -last
-    edge = 0.012 * span
-    return (
-        PointTiming(best.sample.name, best.unit, reference, first - edge - margin, last + edge + margin, round(shift)),
-        (),
-    )
-
-
-def _exact_shift_ns(sample: _FieldSample, unit: Unit, clouds: Sequence[RawCloud]) -> int:
-    """Median of header minus first point, in integers: epochs may be 1e18 ns apart."""
-    shifts: list[int] = []
-    for cloud, first in zip(clouds, sample.q01, strict=True):
-        if math.isfinite(first):
-            whole = math.floor(first)
-            scale = int(NS_PER_UNIT[unit])
-            shifts.append(cloud.header_ns - whole * scale - round((first - whole) * scale))
-    return sorted(shifts)[len(shifts) // 2]
-
-
-def _epoch_finding(apart_s: float, offsets: FloatArray) -> Finding:
-    spread_s = float(np.nanmax(offsets) - np.nanmin(offsets)) * 1e-9
-    return Finding(
-        code="points.epoch",
-        level="warning",
-        text=f"Point times and headers count from different instants, {apart_s:.3f} s apart.",
-        evidence=(Evidence("header minus first point", apart_s, "s"), Evidence("its spread", spread_s, "s")),
-        confidence=1.0,
-        consequence="point times are moved into the headers' epoch by one constant, so that a jittering"
-        " header moves nothing",
-        override="--point-time-reference header-first",
-    )

@@ -102,7 +102,7 @@ def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, rang
     """The returns inside the range whose time lies inside the sweep: the one place where points are masked."""
     points = cloud.points
     columns = _scratch.columns(points.size)
-    for column, axis in zip(columns, "xyz", strict=False):
+    for column, axis in zip((columns.x, columns.y, columns.z), "xyz", strict=True):
         np.copyto(column, points[axis], casting="unsafe")
     base_ns = _relative_ns(points, timing, cloud.header_ns, columns.times_ns)
     nearest_m2 = max(np.float32(range_min_m) ** 2, np.finfo(np.float32).tiny)
@@ -145,7 +145,7 @@ def _optional(points: StructArray, names: Sequence[str]) -> NDArray[np.generic] 
 
 def _octets(points: PointArray) -> memoryview:
     """The records' own bytes, not copied."""
-    return memoryview(np.ascontiguousarray(points).view(np.uint8))
+    return np.ascontiguousarray(points).view(np.uint8).data
 
 
 class StoredScans(Sequence[Scan]):

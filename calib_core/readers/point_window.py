@@ -1,0 +1,137 @@
+"""Where a sweep begins and ends by its point times: the window outside of which times are garbage, and what must be
+added to all of them so that the header is what the user says it is, or the epochs meet.
+
+The detection knows quantiles of the points that returned. A sweep may begin or end where little returns (its operator
+stands there, or the sky): the window therefore reaches at least one scan period from either end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.readers.cloud import RawCloud
+from calib_core.types import Evidence, Finding, FloatArray, IntArray
+
+#: Headers and point times further apart than this count from different instants.
+_SAME_EPOCH_S = 10.0
+_MARGIN = 0.06
+#: Values that begin (or end) this near the header, in scan periods, already count from it as asked.
+_AT_HEADER = 0.05
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class SweepEdges:
+    """First and last time of each sampled scan, of the points inside the window, by their own values.
+
+    window_ns: allowed times after the header, or around the scan's own middle where `absolute`.
+    first_ns, last_ns: (K,) integer nanoseconds from where the values count.   header_ns: (K,) of the same scans.
+    """
+
+    absolute: bool
+    period_s: float
+    window_ns: tuple[float, float]
+    header_ns: IntArray
+    first_ns: IntArray
+    last_ns: IntArray
+
+    def after_header_ns(self) -> tuple[int, int]:
+        """When a sweep begins and ends after its header.
+
+        Headers may jitter against absolute times: the median. Relative times jitter with them, and a sweep whose edge
+        did not return says nothing of the edge: the outer tenth.
+        """
+        if not self.first_ns.size:
+            return 0, 0
+        base: IntArray = self.header_ns if self.absolute else np.zeros_like(self.header_ns)
+        rank = 0.5 if self.absolute else 0.1
+        first, last = np.sort(self.first_ns - base), np.sort(self.last_ns - base)
+        return int(first[round(rank * (first.size - 1))]), int(last[round((1.0 - rank) * (last.size - 1))])
+
+
+def sweep_edges(
+    clouds: Sequence[RawCloud],
+    values: Sequence[IntArray | FloatArray],
+    ns_per_unit: float,
+    quantiles_ns: tuple[FloatArray, FloatArray],
+    *,
+    period_s: float,
+    absolute: bool,
+) -> SweepEdges:
+    """The edges of the sampled scans. values: each scan's, of points with a return.   quantiles_ns: (K,) 1 and 99 %."""
+    low, high = quantiles_ns
+    window = _window_ns(low, high, period_s * NS_PER_S, absolute=absolute)
+    headers: list[int] = []
+    firsts: list[int] = []
+    lasts: list[int] = []
+    for cloud, own, near, far in zip(clouds, values, low, high, strict=True):
+        if not math.isfinite(near):
+            continue
+        middle = 0.5 * (near + far) if absolute else 0.0
+        after = own * ns_per_unit - middle
+        inside = own[(after >= window[0]) & (after <= window[1])]
+        if inside.size:
+            headers.append(cloud.header_ns)
+            firsts.append(_whole_ns(inside.min(), ns_per_unit))
+            lasts.append(_whole_ns(inside.max(), ns_per_unit))
+    return SweepEdges(absolute, period_s, window, *(np.array(column, np.int64) for column in (headers, firsts, lasts)))
+
+
+def _window_ns(low: FloatArray, high: FloatArray, period_ns: float, *, absolute: bool) -> tuple[float, float]:
+    first, last = float(np.nanmedian(low)), float(np.nanmedian(high))
+    span = float(np.nanmedian(high - low)) / 0.98
+    margin = _MARGIN * period_ns
+    if absolute:
+        reach = max(1.1 * span, period_ns) + margin
+        return -reach, reach
+    edge = 0.012 * span
+    return min(first - edge, last - period_ns) - margin, max(last + edge, first + period_ns) + margin
+
+
+def _whole_ns(value: np.generic, ns_per_unit: float) -> int:
+    """A value in integer nanoseconds; epochs may be 1e18 ns apart, where a float knows only a quarter of a microsecond."""
+    number = value.item()
+    whole = math.floor(number)
+    scale = int(ns_per_unit)
+    return whole * scale + round((number - whole) * scale)
+
+
+def reference_shift(edges: SweepEdges, asked: str | None, *, own_clock: bool) -> tuple[int, tuple[Finding, ...]]:
+    """Nanoseconds to add to every point time.
+
+    asked: what the user says the header is, None where nobody did.   own_clock: absolute times near the headers stay
+    as they are.
+    """
+    if not edges.first_ns.size:
+        return 0, ()
+    begin_ns, end_ns = edges.after_header_ns()
+    near_ns = _AT_HEADER * edges.period_s * NS_PER_S
+    if asked == "header-first":
+        return (0 if abs(begin_ns) <= near_ns and not edges.absolute else -begin_ns), ()
+    if asked == "header-last":
+        return (0 if abs(end_ns) <= near_ns and not edges.absolute else -end_ns), ()
+    if not edges.absolute or (own_clock and abs(begin_ns) <= _SAME_EPOCH_S * NS_PER_S):
+        return 0, ()
+    return -begin_ns, (_epoch_finding(edges),)
+
+
+def _epoch_finding(edges: SweepEdges) -> Finding:
+    apart_ns = edges.header_ns - edges.first_ns
+    apart_s = float(np.median(apart_ns)) / NS_PER_S
+    return Finding(
+        code="points.epoch",
+        level="warning",
+        text=f"Point times and headers count from different instants, {apart_s:.3f} s apart.",
+        evidence=(
+            Evidence("header minus first point", apart_s, "s"),
+            Evidence("its spread", float(np.ptp(apart_ns)) / NS_PER_S, "s"),
+        ),
+        confidence=1.0,
+        consequence="point times are moved into the headers' epoch by one constant, so that a jittering"
+        " header moves nothing",
+        override="--point-time-reference header-last",
+    )
