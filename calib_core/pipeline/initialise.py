@@ -1,8 +1,10 @@
 """Start values without any guess: time offset, rotation, then gravity, lever arm and accelerometer bias.
 
-1. Time offset: the norm of the angular rate is the same in any frame. The gyro's, averaged over a sweep, is correlated
-   with the lidar's at every lag the two recordings allow; the best lags go on to 2.
-2. Rotation: omega_imu = R_c omega_lidar + b, in closed form (Kabsch), for each lag; the lag is refined on the residual of
+1. Time offset: how far a body turns in a given time is the same in any frame. The gyro's turns are correlated with the
+   lidar's at every lag the two recordings allow; the best lags go on to 2. The lidar's turns are taken within its sweeps
+   or between scans one or three apart, whichever agrees best: the first follows the quickest motion, the last is the
+   least noisy, and a sweep that sees its planes for a moment only says nothing by itself.
+2. Rotation: turn_imu = R_c turn_lidar + b T, in closed form (Kabsch), for each lag; the lag is refined on the residual of
    that fit. Where all turning is about one axis, the turn about it stays open and is settled in 3.
 3. With the lidar's orientation and position known at every scan, p_imu = p_lidar - R_world_imu p_c, so
 
@@ -23,7 +25,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import fftconvolve
 from scipy.sparse.linalg import spsolve
 
-from calib_core.geometry import exp, mean_rotation, nearest_rotation
+from calib_core.geometry import exp, log, mean_rotation, nearest_rotation
 from calib_core.pipeline.track import ScanMotion
 from calib_core.types import FloatArray, IntArray
 
@@ -85,38 +87,73 @@ class LinearStart:
     rms: float
 
 
-class GyroAverage:
-    """Mean angular rate over any interval, from the running integral. Times on the IMU's clock [s]."""
+@dataclass(frozen=True)
+class Turns:
+    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second."""
 
-    def __init__(self, stamps_s: FloatArray, values: FloatArray) -> None:
+    start_s: FloatArray
+    end_s: FloatArray
+    rate_rad_s: FloatArray
+
+
+def turns_of(track: LidarTrack) -> list[Turns]:
+    """Turns within the sweeps, and between scans one and three apart."""
+    out = [Turns(track.start_s, track.start_s + track.sweep_s, track.omega_rad_s)]
+    period = float(np.median(np.diff(track.start_s))) if len(track.start_s) > 1 else 0.0
+    for apart in (1, 3):
+        if len(track.start_s) <= apart:
+            continue
+        T = track.start_s[apart:] - track.start_s[:-apart]
+        rate = log(np.swapaxes(track.R[:-apart], 1, 2) @ track.R[apart:]) / T[:, None]
+        whole = (apart + 0.5) * period > T
+        out.append(Turns(track.start_s[:-apart][whole], track.start_s[apart:][whole], rate[whole]))
+    return out
+
+
+class GyroTurns:
+    """How far the gyro turned over any span, from its running product of rotations. Times on the IMU's clock [s]."""
+
+    def __init__(self, stamps_s: FloatArray, gyro_rad_s: FloatArray) -> None:
         self._t = stamps_s
-        steps = np.diff(stamps_s)[:, None] * 0.5 * (values[1:] + values[:-1])
-        self._integral = np.vstack([np.zeros(values.shape[1]), np.cumsum(steps, axis=0)])
+        self._gyro = gyro_rad_s
+        steps = exp(np.diff(stamps_s)[:, None] * 0.5 * (gyro_rad_s[1:] + gyro_rad_s[:-1]))
+        self._R = np.concatenate([np.eye(3)[None], _running_product(steps)])
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Orientation at instants within the recording, from its first sample: (N, 3, 3). The rate is linear between samples."""
+        k = np.clip(np.searchsorted(self._t, t_s, side="right") - 1, 0, len(self._t) - 2)
+        tau = (t_s - self._t[k])[:, None]
+        slope = (self._gyro[k + 1] - self._gyro[k]) / (self._t[k + 1] - self._t[k])[:, None]
+        return self._R[k] @ exp(self._gyro[k] * tau + 0.5 * slope * tau**2)
 
     def over(self, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
-        """(N, 3) means; NaN where the interval leaves the recording."""
-        out = np.empty((len(start_s), self._integral.shape[1]))
-        for axis in range(out.shape[1]):
-            column = self._integral[:, axis]
-            out[:, axis] = np.interp(end_s, self._t, column) - np.interp(start_s, self._t, column)
-        out /= (end_s - start_s)[:, None]
+        """(N, 3) rotation vectors per second; NaN where the span leaves the recording."""
+        out = log(np.swapaxes(self.at(start_s), 1, 2) @ self.at(end_s)) / (end_s - start_s)[:, None]
         out[(start_s < self._t[0]) | (end_s > self._t[-1])] = np.nan
         return out
 
 
-def candidate_lags(
-    track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray, *, count: int = 6
-) -> list[tuple[float, float]]:
-    """The lags (seconds to add to IMU stamps) at which the rates' norms agree best, with their correlations, best first."""
-    t0, t1 = track.start_s[0], track.start_s[-1] + track.sweep_s[-1]
+def _running_product(steps: FloatArray) -> FloatArray:
+    """steps[0] steps[1] ... steps[i] for every i, (N, 3, 3), in log2 N passes over all of them."""
+    product = steps.copy()
+    reach = 1
+    while reach < len(product):
+        product[reach:] = product[:-reach] @ product[reach:]
+        reach *= 2
+    return product
+
+
+def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: int = 6) -> list[tuple[float, float]]:
+    """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first."""
+    t0, t1 = turns.start_s[0], turns.end_s[-1]
     lidar_t = np.arange(t0, t1, 1 / _GRID_HZ)
-    norms = np.linalg.norm(track.omega_rad_s, axis=1)
-    # A few sweeps in which the track leapt would outweigh all others in a correlation.
+    norms = np.linalg.norm(turns.rate_rad_s, axis=1)
+    # A few spans in which the track leapt would outweigh all others in a correlation.
     norms = np.minimum(norms, 2.0 * np.percentile(norms, 90.0))
-    lidar = np.interp(lidar_t, track.start_s + track.sweep_s / 2, norms)
+    lidar = np.interp(lidar_t, 0.5 * (turns.start_s + turns.end_s), norms)
     imu_t = np.arange(imu_s[0], imu_s[-1], 1 / _GRID_HZ)
-    width = float(np.median(track.sweep_s))
-    mean = GyroAverage(imu_s, gyro_rad_s).over(imu_t - width / 2, imu_t + width / 2)
+    width = float(np.median(turns.end_s - turns.start_s))
+    mean = gyro.over(imu_t - width / 2, imu_t + width / 2)
     imu = np.linalg.norm(mean, axis=1)
     valid = np.isfinite(imu)
     imu = np.where(valid, imu, 0.0)
@@ -152,11 +189,13 @@ def _masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tup
 
 def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[RotationStart]:
     """Time offset and rotation, best first; more than one where several lags explain the motion about as well."""
-    average = GyroAverage(imu_s, gyro_rad_s)
+    gyro = GyroTurns(imu_s, gyro_rad_s)
+    kinds = [(turns, candidate_lags(turns, gyro, imu_s)) for turns in turns_of(track)]
+    turns, lags = max(kinds, key=lambda kind: kind[1][0][1] if kind[1] else -np.inf)
     starts = []
-    for lag, correlation in candidate_lags(track, imu_s, gyro_rad_s):
+    for lag, correlation in lags:
         offsets = lag + np.arange(-0.06, 0.0601, 0.005)
-        fits = [_fit_rotation(track, average, o, correlation) for o in offsets]
+        fits = [_fit_rotation(turns, gyro, o, correlation) for o in offsets]
         values = np.array([f.residual if f is not None else np.inf for f in fits])
         k = int(np.argmin(values))
         if not np.isfinite(values[k]):
@@ -166,19 +205,19 @@ def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray)
             left, mid, right = values[k - 1 : k + 2] ** 2
             bend = left - 2 * mid + right
             offset += 0.005 * 0.5 * (left - right) / bend if bend > 0 else 0.0
-        refined = _fit_rotation(track, average, float(offset), correlation)
+        refined = _fit_rotation(turns, gyro, float(offset), correlation)
         if refined is not None:
             starts.append(refined)
     return sorted(starts, key=lambda s: s.residual)
 
 
-def _fit_rotation(track: LidarTrack, average: GyroAverage, offset_s: float, correlation: float) -> RotationStart | None:
-    """Kabsch on the two rate streams at one lag, reweighted twice against outliers."""
-    imu = average.over(track.start_s - offset_s, track.start_s + track.sweep_s - offset_s)
+def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: float) -> RotationStart | None:
+    """Kabsch on the two streams of turns at one lag, reweighted against outliers."""
+    imu = gyro.over(turns.start_s - offset_s, turns.end_s - offset_s)
     use = np.isfinite(imu[:, 0])
     if use.sum() < 10:
         return None
-    a, b = track.omega_rad_s[use], imu[use]
+    a, b = turns.rate_rad_s[use], imu[use]
     weight = np.ones(len(a))
     R, bias, singular = np.eye(3), np.zeros(3), np.zeros(3)
     residual = np.zeros_like(a)

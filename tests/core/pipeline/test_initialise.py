@@ -10,13 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.geometry import exp, log
 from calib_core.pipeline.initialise import (
-    GyroAverage,
+    GyroTurns,
     LidarTrack,
     _double_integral,
     candidate_lags,
     linear_start,
     rotation_start,
     turns_about,
+    turns_of,
 )
 from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth
 from calib_core.simulate.motions import HINGE, ONE_AXIS, PAPER_FAST
@@ -79,7 +80,8 @@ def test_offset_and_rotation_of_any_mounting_at_any_lag(seed: int, offset_s: flo
 def test_candidates_hold_the_true_lag_among_few_and_apart() -> None:
     """Fails when a found peak is not blanked out: six times the same lag."""
     truth = _truth(SCENARIO)
-    lags = candidate_lags(_tracked(truth, 5.0, 25.0), *_imu(truth, 0.0, 30.0, -4.3)[:2])
+    stamps, gyro, _ = _imu(truth, 0.0, 30.0, -4.3)
+    lags = candidate_lags(turns_of(_tracked(truth, 5.0, 25.0))[0], GyroTurns(stamps, gyro), stamps)
     values = np.array([lag for lag, _ in lags])
     assert abs(values[0] + 4.3) < 0.03
     assert np.diff(np.sort(values)).min() > 0.2
@@ -99,6 +101,7 @@ def test_outlying_sweeps_do_not_turn_the_rotation() -> None:
     truth = _truth(SCENARIO)
     track = _tracked(truth, 5.0, 25.0)
     track.omega_rad_s[40:100:3] += [0.5, -0.7, 0.6]
+    track.R[40:100:3] = track.R[40:100:3] @ exp(np.array([0.05, -0.07, 0.06]))
     stamps, gyro, _ = _imu(truth, 4.0, 26.0, 0.01)
     start = rotation_start(track, stamps, gyro)[0]
     assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 0.3
@@ -168,14 +171,33 @@ def test_double_integrals_of_lines_and_parabolas() -> None:
     np.testing.assert_allclose(P, np.column_stack([(b - a) ** 2 / 2, slope_part]), atol=1e-12)
 
 
-def test_averages_are_those_of_the_integral_and_nothing_beyond_it() -> None:
-    """Fails when an interval that leaves the recording is cut short instead of refused."""
+def test_a_sweep_too_short_to_show_its_rate_leaves_the_turns_between_scans() -> None:
+    """Fails when only the turns within sweeps are looked at: the rotation is then 20 deg off, the offset 30 ms.
+
+    What a narrow view makes of the paper's motion: half a radian a second of noise within the sweep, half a degree on
+    the poses.
+    """
+    truth = _truth(SCENARIOS["paper-normal"])
+    rng = np.random.default_rng(5)
+    track = _tracked(truth, 0.0, 5.0, noise=0.5)
+    track = replace(track, R=track.R @ exp(np.radians(0.3) * rng.normal(size=(len(track.R), 3))))
+    stamps, gyro, _ = _imu(truth, -1.0, 7.0, 0.004)
+    start = rotation_start(track, stamps, gyro)[0]
+    assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 3.0
+    assert abs(start.time_offset_s - 0.004) < 6e-3
+
+
+def test_gyro_turns_are_the_products_of_scipys_rotations_and_nothing_beyond_the_recording() -> None:
+    """Fails when a span that leaves the recording is cut short instead of refused, or the running product is reversed.
+
+    Two turns about fixed axes, one after the other: their product is known in closed form.
+    """
     t = np.linspace(0.0, 2.0, 401)
-    average = GyroAverage(t, np.column_stack([np.sin(3 * t), t]))
+    rate = np.where(t[:, None] < 1.0, [0.0, 0.0, 0.8], [0.6, 0.0, 0.0])
     start, end = np.array([0.1, 0.5, 1.95, -0.1]), np.array([0.4, 1.7, 2.05, 0.3])
-    expected = np.column_stack([(np.cos(3 * start) - np.cos(3 * end)) / 3 / (end - start), 0.5 * (start + end)])
-    expected[2:] = np.nan
-    np.testing.assert_allclose(average.over(start, end), expected, atol=1e-4)
+    both = Rotation.from_rotvec([0.0, 0.0, 0.4]) * Rotation.from_rotvec([0.42, 0.0, 0.0])
+    expected = np.array([[0.0, 0.0, 0.8], both.as_rotvec() / 1.2, [np.nan] * 3, [np.nan] * 3])
+    np.testing.assert_allclose(GyroTurns(t, rate).over(start, end), expected, atol=3e-3)
 
 
 def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
