@@ -11,6 +11,7 @@ from fastapi.sse import ServerSentEvent
 
 from app.jobs.journal import Journal
 from app.schemas.view import (
+    ClickRefused,
     JobChanged,
     PlanesChanged,
     RecordingChanged,
@@ -19,7 +20,7 @@ from app.schemas.view import (
     ViewChanged,
 )
 
-AnyChange = PlanesChanged | JobChanged | ViewChanged | RecordingChanged
+AnyChange = PlanesChanged | JobChanged | ViewChanged | RecordingChanged | ClickRefused
 
 #: Messages kept for those who come back; who was away longer fetches everything again.
 KEPT_MESSAGES = 256

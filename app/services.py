@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+from app.errors import Conflict, facts_of
 from app.feed import RecordingFeed
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
@@ -13,12 +14,14 @@ from app.recordings.service import RecordingService
 from app.results.service import ResultService
 from app.scene.compose import Composer
 from app.scene.hub import SceneHub
+from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.recordings import Sample, ServerFacts
-from app.schemas.view import PlanesChanged, RecordingChanged, ViewChanged
+from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
 from app.settings import AppSettings
 from app.storage.database import check_database, open_database
 from app.storage.files import SUFFIXES, DataFolder
+from app.storage.records import JobRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from app.workflow import Workflow
 from calib_core import __version__, api
@@ -55,8 +58,9 @@ class Services:
         self.planes = PlaneService(recording_store, documents, self.files)
         self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, settings=settings)
         self.results = ResultService(self.files, self.jobs)
+        self.sources = SceneSources(self.files, self.jobs)
         composer = Composer(
-            SceneSources(self.files, self.jobs),
+            self.sources,
             self.planes,
             self.jobs,
             displayed_points=settings.displayed_points,
@@ -99,6 +103,14 @@ class Services:
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
 
+    def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
+        """A solve's answer as one 3D page; Conflict where it has none."""
+        record = self.recordings.get(job.recording_id)
+        found, recording = self.sources.solved(record, job.id), self.sources.recording(record)
+        if found is None or recording is None or len(recording.scans) == 0:
+            raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
+        return shared_page(recording, found.solved, limit=self.settings.displayed_points, dark=dark)
+
     def _connect(self) -> None:
         """Tie services together that do not know each other."""
         self.jobs.looks_of = self.planes.looks
@@ -119,4 +131,7 @@ class Services:
         self.planes.on_changed = planes_changed
         self.recordings.on_deleted = recording_deleted
         self.recordings.on_changed = lambda recording_id: self.feed.tell(recording_id, RecordingChanged())
+        self.scenes.on_refused = lambda recording_id, error: self.feed.tell(
+            recording_id, ClickRefused(error=facts_of(error)[1])
+        )
         self.scenes.on_view = lambda recording_id, view: self.feed.tell(recording_id, ViewChanged(view=view))

@@ -12,12 +12,14 @@ import viser
 from numpy.typing import NDArray
 
 from app.scene.items import Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
+from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
 from calib_core.types import FloatArray
 
 OnPatch = Callable[[int], None]
 OnRay = Callable[[FloatArray, FloatArray, bool], None]
 OnCamera = Callable[[], None]
+OnBox = Callable[[FloatArray], None]
 
 #: Where a camera stands that looks at the whole: this direction from the middle, this far for each metre of its breadth.
 AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
@@ -45,15 +47,33 @@ def rotation_matrix(wxyz: NDArray[np.float64]) -> FloatArray:
     return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
 
 
+def camera_of(camera: viser.CameraHandle) -> Camera:
+    """Where a browser looks from, as viser tells it."""
+    return Camera(
+        R_scene_camera=rotation_matrix(camera.wxyz),
+        p_scene_camera=np.array(camera.position, dtype=np.float64),
+        fov_rad=float(camera.fov),
+        aspect=float(camera.aspect),
+    )
+
+
 class ShownScene:
     """One viser server and what it shows.
 
     on_patch: called with a patch's place when its sheet is clicked; on_ray: with origin (3,) and direction (3,) of any
     click, in scene coordinates, and whether Ctrl or Alt was held. A plain click on a sheet calls both. on_camera: after a
-    browser's camera has moved. All from viser's threads.
+    browser's camera has moved. on_box: with the half-spaces (4, 4) of a rectangle dragged with Shift held, or, while
+    `drag_boxes` is on, with any drag. All from viser's threads.
     """
 
-    def __init__(self, *, on_patch: OnPatch, on_ray: OnRay, on_camera: OnCamera = lambda: None) -> None:
+    def __init__(
+        self,
+        *,
+        on_patch: OnPatch,
+        on_ray: OnRay,
+        on_camera: OnCamera = lambda: None,
+        on_box: OnBox = lambda _: None,
+    ) -> None:
         with contextlib.redirect_stdout(io.StringIO()):  # it greets whoever starts it
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self._on_patch = on_patch
@@ -70,13 +90,17 @@ class ShownScene:
         self._server.scene.on_click(modifier="cmd/ctrl")(clicked)
         self._server.scene.on_click(modifier="alt")(clicked)
 
+        def boxed(event: viser.SceneRectSelectEvent) -> None:
+            sides = frustum_sides(camera_of(event.client.camera), event.screen_min, event.screen_max)
+            if sides is not None:
+                on_box(sides)
+
+        self._boxed = boxed
+        self._drags_boxes = False
+        self._server.scene.on_rect_select(modifier="shift")(boxed)
+
         def moved(camera: viser.CameraHandle) -> None:
-            self._camera = Camera(
-                R_scene_camera=rotation_matrix(camera.wxyz),
-                p_scene_camera=np.array(camera.position, dtype=np.float64),
-                fov_rad=float(camera.fov),
-                aspect=float(camera.aspect),
-            )
+            self._camera = camera_of(camera)
             on_camera()
 
         def connected(client: viser.ClientHandle) -> None:
@@ -111,6 +135,16 @@ class ShownScene:
                 if known is None or known[0] != mark:
                     self._handles[path] = (mark, item, self._put(item, known))
         self._server.flush()
+
+    def drag_boxes(self, on: bool) -> None:
+        """Let a plain drag draw a rectangle instead of turning the view, or turn it again."""
+        if on == self._drags_boxes:
+            return
+        self._drags_boxes = on
+        self._server.scene.remove_rect_select_callback(self._boxed)
+        if on:
+            self._server.scene.on_rect_select()(self._boxed)
+        self._server.scene.on_rect_select(modifier="shift")(self._boxed)
 
     def export_html(self) -> str:
         """The scene as one self-contained page."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.planes.geometry import labels
+from app.planes.geometry import labels, within_region
 from app.planes.state import EditedPatch, PlaneSet
 from app.scene import palette
 from app.scene.items import Axes, Cloud, Content, Item, Label, Sheet
@@ -19,6 +19,9 @@ from calib_core.types import Float32Array, FloatArray, PlaneProposals, PointArra
 
 CONFIRMED_OPACITY = 0.40
 DROPPED_OPACITY = 0.10
+TARGET_OPACITY = 0.75
+#: Of the points outside a box every so many-th is drawn.
+OUTSIDE_STRIDE = 6
 
 #: What the colours mean.
 LEGENDS: dict[ColorBy, str] = {
@@ -40,10 +43,18 @@ class Solved:
     time_offset_s: float = 0.0
 
 
-def build_planes(proposals: PlaneProposals, planes: PlaneSet, *, limit: int) -> Content:
-    """The static cloud coloured by patch, a sheet per patch to click, and the lidar's axes."""
+def build_planes(
+    proposals: PlaneProposals, planes: PlaneSet, *, limit: int, restricting: bool = False, target: int | None = None
+) -> Content:
+    """The static cloud coloured by patch, a sheet per patch to click, and the lidar's axes.
+
+    restricting: boxes are drawn now.   target: the patch that the next box is for.
+    """
     owner = labels(proposals, planes)
     shown = thinned(len(proposals.cloud_m), limit)
+    if planes.region:  # what a box has left out stays as a trace
+        inside = within_region(proposals.cloud_m[shown], planes.region)
+        shown = np.concatenate([shown[inside], shown[~inside][::OUTSIDE_STRIDE]])
     rgb = palette.by_label(owner[shown], [patch.color for patch in planes.patches])
     items: list[Item] = [
         Cloud("/cloud", proposals.cloud_m[shown], rgb),
@@ -51,13 +62,17 @@ def build_planes(proposals: PlaneProposals, planes: PlaneSet, *, limit: int) -> 
     ]
     for place, patch in enumerate(planes.patches):
         sheet = _sheet(place, patch)
+        if sheet is not None and place == target:
+            sheet = replace(sheet, opacity=TARGET_OPACITY)
         if sheet is not None:
             items.append(sheet)
             items.append(Label(f"/names/{place}", patch.name, sheet.vertices[0].astype(np.float64)))
     return Content(
         items=tuple(items),
-        legend="Colour: the plane; a confirmed plane is filled, a dropped one faint. Click a plane to change it.",
-        pickable_m=proposals.cloud_m,
+        legend="Colour: the plane; a confirmed plane is filled, a dropped one faint."
+        + ("" if restricting else " Click a plane to change it."),
+        # What lies outside a box makes no plane, so it is no place to click either.
+        pickable_m=proposals.cloud_m[within_region(proposals.cloud_m, planes.region)],
     )
 
 

@@ -79,7 +79,13 @@ class Composer:
             if recording is None or len(recording.scans) == 0:
                 return empty(str(error))
             return build_unsolved(recording, state.scan, color_by="intensity", limit=self._limit, note=str(error))
-        return build_planes(proposals, history.current, limit=self._limit)
+        return build_planes(
+            proposals,
+            history.current,
+            limit=self._limit,
+            restricting=state.click == "restrict",
+            target=state.target,
+        )
 
     def _solve_scene(self, record: RecordingRecord, recording: Recording, state: ViewState) -> Content:
         """The sweeps straightened by the estimate of the moment, as it says where they were; else by the gyroscope."""

@@ -6,7 +6,6 @@ ever holds two of them.
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -21,14 +20,12 @@ from app.scene.apply import ShownScene
 from app.scene.compose import Composed, Composer
 from app.scene.picking import pick
 from app.scene.throttle import Throttle
-from app.schemas.planes import Grow, Toggle
+from app.schemas.planes import Grow, Restrict, Side, Toggle
 from app.schemas.view import ChangeView, View, ViewState
 from app.settings import AppSettings
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core.types import Float32Array, FloatArray
-
-_LOG = logging.getLogger("unsweep")
 
 DOCUMENT = "view"
 #: Live updates of a converging cloud: more than this a browser without a graphics card cannot draw.
@@ -60,7 +57,7 @@ class OpenScene:
 class SceneHub:
     """Views and their scenes. Thread-safe.
 
-    on_view: called when a view has changed.
+    on_view: called when a view has changed.   on_refused: called when what was clicked or drawn cannot be done.
     """
 
     def __init__(
@@ -82,6 +79,7 @@ class SceneHub:
         self._open: dict[str, OpenScene] = {}
         self._closed = threading.Event()
         self.on_view: Callable[[str, View], None] = lambda _, __: None
+        self.on_refused: Callable[[str, ApiError], None] = lambda _, __: None
 
     def start(self) -> None:
         """Begin closing idle scenes."""
@@ -100,6 +98,8 @@ class SceneHub:
             state = before.model_copy(update=wished)
             if "mode" in wished and state.mode != before.mode and "click" not in wished:
                 state = state.model_copy(update={"click": "toggle"})
+            if state.click != "restrict":
+                state = state.model_copy(update={"target": None})
             if state != before:
                 self._documents.write(recording_id, DOCUMENT, state.model_dump_json())
             composed = self._compose(record)
@@ -184,10 +184,21 @@ class SceneHub:
                 self.close_scene(recording_id)
 
     def click_patch(self, recording_id: str, patch: int) -> None:
-        """A sheet was clicked: confirm or drop it, unless clicks grow planes now."""
+        """A sheet was clicked: confirm or drop it, or let the next box be its own, or nothing where clicks grow planes."""
         state = self._state(recording_id)
         if state.mode == "planes" and state.click == "toggle":
             self._edit(recording_id, Toggle(op="toggle", index=patch))
+        if state.mode == "planes" and state.click == "restrict":
+            self.change_view(recording_id, ChangeView(target=None if state.target == patch else patch))
+
+    def draw_box(self, recording_id: str, sides: FloatArray) -> None:
+        """A rectangle was dragged: what lies outside makes no plane, or is no part of the plane chosen before."""
+        state = self._state(recording_id)
+        if state.mode != "planes":
+            return
+        box = [Side(normal=side[:3].tolist(), offset_m=float(side[3])) for side in sides]
+        if self._edit(recording_id, Restrict(op="restrict", sides=box, index=state.target)):
+            self.change_view(recording_id, ChangeView(target=None))
 
     def click_ray(self, recording_id: str, origin_m: FloatArray, direction: FloatArray, *, modified: bool) -> None:
         """The canvas was clicked: grow a plane where the ray meets the cloud, if clicks do that now."""
@@ -199,11 +210,14 @@ class SceneHub:
         if seed_m is not None:
             self._edit(recording_id, Grow(op="grow", seed_m=seed_m.tolist()))
 
-    def _edit(self, recording_id: str, operation: Toggle | Grow) -> None:
+    def _edit(self, recording_id: str, operation: Toggle | Grow | Restrict) -> bool:
+        """Whether the operation could be done; if not, those who look are told why."""
         try:
             self._planes.apply(recording_id, operation)
         except ApiError as error:
-            _LOG.info("click in the scene of %s: %s", recording_id, error)
+            self.on_refused(recording_id, error)
+            return False
+        return True
 
     def _lock_of(self, recording_id: str) -> threading.RLock:
         with self._registry:
@@ -229,6 +243,7 @@ class SceneHub:
         scene = self._open.get(recording_id)
         if scene is not None:
             scene.pickable_m = composed.content.pickable_m
+            scene.shown.drag_boxes(composed.view.mode == "planes" and composed.view.click == "restrict")
             scene.shown.show(composed.content, dark=composed.view.dark)
 
     def _show_if(self, recording_id: str, *, mode: str, show: str | None = None) -> None:
@@ -251,6 +266,7 @@ class SceneHub:
                 recording_id, origin_m, direction, modified=modified
             ),
             on_camera=cut.request,
+            on_box=lambda sides: self.draw_box(recording_id, sides),
         )
         return OpenScene(shown, time.monotonic(), live, cut)
 

@@ -13,6 +13,13 @@ from app.errors import Unavailable
 HIDE_PANEL = "<style>[data-testid^='floating-panel'],.mantine-Notifications-root{display:none!important}</style>"
 
 
+#: A file dragged over the canvas is the page's, which covers it then; else the browser would open the file instead.
+FORWARD_DRAGS = (
+    "<script>addEventListener('dragenter',e=>parent.dispatchEvent("
+    "new DragEvent('dragenter',{dataTransfer:e.dataTransfer})))</script>"
+)
+
+
 @cache
 def scene_page() -> str:
     """The page's HTML."""
@@ -21,4 +28,4 @@ def scene_page() -> str:
         html = path.read_text(encoding="utf-8")
     except OSError as error:
         raise Unavailable("scene.no_page", f"The 3D view's page is not at {path}; install viser again.") from error
-    return html.replace("</head>", HIDE_PANEL + "</head>", 1)
+    return html.replace("</head>", HIDE_PANEL + FORWARD_DRAGS + "</head>", 1)

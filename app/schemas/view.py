@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from app.schemas.common import RecordId, WireModel
+from app.schemas.common import ErrorFacts, RecordId, WireModel
 from app.schemas.jobs import Job
 
 Mode = Literal["planes", "solve", "inspect"]
@@ -15,7 +15,7 @@ Show = Literal["raw", "deskewed", "old", "both", "side", "wipe"]
 Against = Literal["raw", "old"]
 Extent = Literal["scan", "map"]
 ColorBy = Literal["plane", "time", "residual", "intensity"]
-Click = Literal["toggle", "grow"]
+Click = Literal["toggle", "grow", "restrict"]
 
 
 class Nudge(WireModel):
@@ -63,7 +63,12 @@ class ViewState(WireModel):
     color_by: ColorBy = "plane"
     nudge: Nudge | None = None
     old: OldExtrinsic | None = None
-    click: Click = Field(default="toggle", description="what a click on the canvas does in mode planes")
+    click: Click = Field(
+        default="toggle",
+        description="what the mouse does on the canvas in mode planes: a click confirms or drops a plane, or grows one; "
+        "`restrict`: a drag draws a box, a click chooses the plane it is for",
+    )
+    target: int | None = Field(default=None, ge=0, description="the patch that the next box restricts; None: all")
     dark: bool = False
 
 
@@ -81,6 +86,7 @@ class ChangeView(WireModel):
     nudge: Nudge | None = None
     old: OldExtrinsic | None = None
     click: Click = "toggle"
+    target: int | None = Field(default=None, ge=0)
     dark: bool = False
 
 
@@ -132,6 +138,13 @@ class RecordingChanged(WireModel):
     deleted: bool = False
 
 
+class ClickRefused(WireModel):
+    """What somebody clicked or drew in the scene could not be done."""
+
+    event: Literal["click-refused"] = "click-refused"
+    error: ErrorFacts
+
+
 class Resync(WireModel):
     """Messages were missed (a restart, a long pause): fetch everything again."""
 
@@ -139,5 +152,5 @@ class Resync(WireModel):
 
 
 RecordingMessage = Annotated[
-    PlanesChanged | JobChanged | ViewChanged | RecordingChanged | Resync, Field(discriminator="event")
+    PlanesChanged | JobChanged | ViewChanged | RecordingChanged | ClickRefused | Resync, Field(discriminator="event")
 ]

@@ -197,3 +197,62 @@ def test_the_scene_can_be_shared_as_one_page(shared_live, solved):
     page = shared_live.http.get(f"/api/recordings/{solved[0]}/scene.html")
     assert "attachment" in page.headers["content-disposition"]
     assert len(page.content) > 500_000
+
+
+def test_a_box_drawn_in_the_scene_restricts_and_is_undone(shared_live):
+    """A box for one chosen plane, then for all; what cannot be done is told to those who look, not swallowed.
+
+    Oracle: areas and names over HTTP. Fails with the target ignored; with the refusal logged only.
+    """
+    recording_id = shared_live.ready()
+    hub = shared_live.services.scenes
+    url = f"/api/recordings/{recording_id}/planes"
+    hub.port(recording_id)
+    first = shared_live.http.get(url).json()
+    shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"mode": "planes", "click": "restrict"})
+    hub.click_patch(recording_id, 2)
+    assert shared_live.http.get(f"/api/recordings/{recording_id}/view").json()["target"] == 2
+    assert shared_live.http.get(url).json() == first  # a click chooses here, it drops nothing
+    hub.draw_box(recording_id, np.array([[0.0, 0.0, 1.0, 0.0]]))
+    one = shared_live.http.get(url).json()
+    assert [patch["restricted"] for patch in one["patches"]] == [False, False, True, False, False, False]
+    assert one["patches"][2]["n_points"] < 0.7 * first["patches"][2]["n_points"]
+    assert shared_live.http.get(f"/api/recordings/{recording_id}/view").json()["target"] is None
+    hub.draw_box(recording_id, np.array([[0.0, 0.0, -1.0, 1.0]]))
+    everything = shared_live.http.get(url).json()
+    assert everything["restricted"]
+    assert "ceiling" not in [patch["name"] for patch in everything["patches"]]
+    edit(shared_live, recording_id, op="undo")
+    assert edit(shared_live, recording_id, op="undo").json()["patches"] == first["patches"]
+    told = []
+    watching = threading.Thread(
+        target=lambda: told.extend(
+            shared_live.events(
+                f"/api/recordings/{recording_id}/events", until=lambda message: message["event"] == "click-refused"
+            )
+        )
+    )
+    watching.start()
+    feed = shared_live.services.feed
+    shared_live.wait(lambda: feed._journals.get(recording_id) is not None and feed._journals[recording_id]._followers)
+    hub.draw_box(recording_id, np.array([[0.0, 0.0, 1.0, -90.0]]))
+    watching.join(20)
+    assert told[-1][1]["error"]["code"] == "planes.box_empty"
+
+
+def test_a_run_knows_its_planes_by_todays_names(shared_live):
+    """Renamed after the solve, a plane keeps its colour and is called by its new name; the document keeps the old one.
+
+    Oracle: the planes' own list. Fails with looks found by name (the renamed one falls back to another colour).
+    """
+    recording_id = shared_live.ready()
+    before = shared_live.http.get(f"/api/recordings/{recording_id}/planes").json()["patches"]
+    job_id = shared_live.start(recording_id)
+    shared_live.finish(job_id)
+    edit(shared_live, recording_id, op="drop", index=0)
+    edit(shared_live, recording_id, op="rename", index=3, name="wall A")
+    looks = shared_live.job(job_id)["planes"]
+    assert [look["name"] for look in looks] == [patch["name"] for patch in before if patch["confirmed"]]
+    assert [look["color"] for look in looks] == [patch["color"] for patch in before if patch["confirmed"]]
+    assert looks[3]["title"] == "wall A"
+    assert [look["title"] for look in looks[:3]] == [look["name"] for look in looks[:3]]

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.planes.geometry import within_region
 from app.scene.region import frustum_sides
+from app.scene.wipe import Camera
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -18,7 +19,8 @@ def test_points_inside_are_those_that_project_into_the_rectangle(seed):
     low, high = np.sort(rng.uniform(0.05, 0.95, (2, 2)), axis=0)
     fov_y_rad, aspect = 1.1, 1.7
     points = rng.uniform(-8, 8, (5000, 3)).astype(np.float32)
-    sides = frustum_sides(camera_m, rotation, fov_y_rad=fov_y_rad, aspect=aspect, low=tuple(low), high=tuple(high))
+    camera = Camera(R_scene_camera=rotation, p_scene_camera=camera_m, fov_rad=fov_y_rad, aspect=aspect)
+    sides = frustum_sides(camera, tuple(low), tuple(high))
     seen = (points.astype(np.float64) - camera_m) @ rotation
     focal = 0.5 / np.tan(fov_y_rad / 2)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -31,5 +33,5 @@ def test_points_inside_are_those_that_project_into_the_rectangle(seed):
 
 def test_a_slipped_click_is_no_rectangle():
     """Fails without the least size: a click in this mode would cut the planes to nothing."""
-    line = frustum_sides(np.zeros(3), np.eye(3), fov_y_rad=1.0, aspect=1.0, low=(0.5, 0.2), high=(0.505, 0.9))
-    assert line is None
+    camera = Camera(R_scene_camera=np.eye(3), p_scene_camera=np.zeros(3), fov_rad=1.0, aspect=1.0)
+    assert frustum_sides(camera, (0.5, 0.2), (0.505, 0.9)) is None
