@@ -54,6 +54,7 @@ __all__ = [
     "read_result",
     "scenarios",
     "simulate",
+    "without_spans",
 ]
 
 
@@ -170,6 +171,13 @@ def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     from calib_core.pipeline import deskew
 
     return deskew.map_points(scan, trajectory)
+
+
+def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) -> Recording:
+    """The recording without the scans that touch a span, as a solve with `excluded_spans_s` sees it."""
+    from calib_core.pipeline import exclude
+
+    return exclude.without_spans(recording, spans_s)
 
 
 def export(result: CalibrationResult, name: str) -> str:

@@ -6,7 +6,9 @@ from fastapi import APIRouter, Response
 from fastapi.responses import HTMLResponse, PlainTextResponse
 
 from app.deps import JobDep, RecordingDep, ServicesDep
-from app.schemas.results import Runs, Thickness
+from app.results.extrinsic_text import parse_extrinsic
+from app.schemas.results import Command, ExtrinsicText, Runs, ScanQuality, Thickness
+from app.schemas.view import OldExtrinsic
 from calib_core.result import CalibrationResult
 
 router = APIRouter(prefix="/api", tags=["results"])
@@ -34,6 +36,32 @@ def export_result(services: ServicesDep, job: JobDep, format_name: str) -> str:
 def read_thickness(services: ServicesDep, job: JobDep) -> Thickness:
     """Wall thickness per plane before and after. 409 where the job gave no answer."""
     return services.results.thickness(job)
+
+
+@router.get("/results/{job_id}/scans")
+def read_scans(services: ServicesDep, job: JobDep) -> ScanQuality:
+    """How well each scan agrees with the planes, to find a bad one. 409 where the job gave no answer."""
+    return services.results.scans(job)
+
+
+@router.get("/results/{job_id}/command")
+def read_command(services: ServicesDep, job: JobDep) -> Command:
+    """The same calibration on the command line, and the files it needs."""
+    return services.results.command(job, services.recordings.get(job.recording_id))
+
+
+@router.get("/results/{job_id}/scene.html", response_class=HTMLResponse)
+def download_map(services: ServicesDep, job: JobDep, *, dark: bool = False) -> HTMLResponse:
+    """The de-skewed map, the path and both sensors' frames as one self-contained 3D page to share."""
+    page = services.shared_scene(job, dark=dark)
+    headers = {"Content-Disposition": f'attachment; filename="scene-{job.id[:8]}.html"'}
+    return HTMLResponse(page, headers=headers)
+
+
+@router.post("/extrinsic")
+def read_extrinsic(wish: ExtrinsicText) -> OldExtrinsic:
+    """An extrinsic from a result, a matrix, or a position and a quaternion, as the view takes it."""
+    return parse_extrinsic(wish.text, wish.direction)
 
 
 @router.get("/results/{job_id}/report", response_class=HTMLResponse)

@@ -3,7 +3,7 @@
 simulate   a sample recording            -> the recording's source
 inspect    the doctor's report           -> {job}/report.json
 planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
-solve      calibrate                     -> {job}/result.json, trajectory.npz, thickness.json
+solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from app.arrays.recording import has_recording, read_recording, write_recording
 from app.arrays.trajectory import write_trajectory
 from app.jobs.head import propose_from_head
 from app.jobs.orders import Order, OrderedPlane
+from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import InitialGuess as WireGuess
@@ -48,7 +49,7 @@ def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Out
     """Run the ordered job; its outcome."""
     match order.kind:
         case "simulate":
-            return run_simulate(order, on_event)
+            return run_simulate(order, on_event, should_cancel)
         case "inspect":
             return run_inspect(order, on_event, should_cancel)
         case "planes":
@@ -57,11 +58,11 @@ def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Out
             return run_solve(order, on_event, should_cancel)
 
 
-def run_simulate(order: Order, on_event: OnEvent) -> SimulateOutcome:
+def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> SimulateOutcome:
     """Write the sample where uploads end up."""
     on_event(StageEvent(stage="write", fraction=0.0, text="simulating the sensors"))
     order.source.parent.mkdir(parents=True, exist_ok=True)
-    api.simulate(order.scenario, order.source, seed=SAMPLE_SEED)
+    api.simulate(order.scenario, order.source, seed=SAMPLE_SEED, on_event=on_event, should_cancel=should_cancel)
     return SimulateOutcome(size_bytes=tree_size(order.source))
 
 
@@ -107,8 +108,12 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     if calibration.trajectory is not None:
         on_event(StageEvent(stage="deskew", fraction=0.0, text="measuring the walls"))
         write_trajectory(order.folder / "trajectory.npz", calibration.trajectory)
-        walls = measure_thickness(recording, calibration.trajectory, calibration.result.quality.planes)
+        kept = api.without_spans(recording, order.request.settings.excluded_spans_s)
+        walls = measure_thickness(kept, calibration.trajectory, calibration.result.quality.planes)
         _write(order.folder / "thickness.json", walls.model_dump_json())
+        scans = measure_scans(recording, calibration.trajectory, calibration.result.quality.planes)
+        _write(order.folder / "scans.json", scans.model_dump_json())
+    _write(order.folder / "reading.json", order.read_settings.model_dump_json())
     _write(order.folder / "result.json", calibration.result.to_json())
     return solve_outcome(calibration.result)
 

@@ -9,14 +9,17 @@ from fastapi import Response
 
 from app.errors import BadRequest, Conflict
 from app.jobs.machine import SENTENCES
+from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
+from app.results.command import command_of
 from app.results.report import report_page
 from app.schemas.jobs import Job, SolveOutcome
-from app.schemas.results import AnswerDifference, Run, Runs, Thickness
+from app.schemas.results import AnswerDifference, Command, Run, Runs, ScanQuality, Thickness
 from app.storage.files import DataFolder
-from app.storage.records import JobRecord
+from app.storage.records import JobRecord, RecordingRecord
 from calib_core import api
 from calib_core.result import CalibrationResult
+from calib_core.settings import ReadSettings
 
 
 class ResultService:
@@ -50,6 +53,21 @@ class ResultService:
         if not path.is_file():
             raise Conflict("result.no_answer", "The solve was refused, so there is no motion to take out of the scans.")
         return Thickness.model_validate_json(path.read_text(encoding="utf-8"))
+
+    def scans(self, job: JobRecord) -> ScanQuality:
+        """How well each scan agrees with the planes."""
+        self._text(job)
+        path = self._files.job(job.id) / "scans.json"
+        if not path.is_file():
+            raise Conflict("result.no_scans", "This run did not measure its scans one by one; solve again to see them.")
+        return ScanQuality.model_validate_json(path.read_text(encoding="utf-8"))
+
+    def command(self, job: JobRecord, recording: RecordingRecord) -> Command:
+        """The same run on the command line."""
+        path = self._files.job(job.id) / "reading.json"
+        text = path.read_text(encoding="utf-8") if path.is_file() else recording.read_settings_json
+        reading = ReadSettings.model_validate_json(text)
+        return command_of(self.document(job), reading, StoredRequest.model_validate_json(job.request_json))
 
     def report_page(self, job: JobRecord) -> str:
         """The result as one page for people."""

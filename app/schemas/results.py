@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from app.schemas.common import RecordId, WireModel
@@ -26,6 +28,39 @@ class Thickness(WireModel):
     walls: list[WallThickness]
     before_rms_m: float = Field(description="over all walls")
     after_rms_m: float
+
+
+class ScanQuality(WireModel):
+    """How well each scan agrees with the planes, de-skewed; None where the motion does not reach."""
+
+    t_s: list[float] = Field(description="of each scan's first point, after the first scan's")
+    rms_m: list[float | None] = Field(description="spread about the nearest planes of the points within 0.3 m of one")
+    share: list[float | None] = Field(description="how many of the scan's points those are, 0..1")
+    points_each: int = Field(description="points looked at of each scan, at most")
+
+
+class CommandFile(WireModel):
+    """A file that the command reads."""
+
+    name: str = Field(examples=["planes.json"])
+    text: str
+
+
+class Command(WireModel):
+    """The same calibration on the command line."""
+
+    text: str = Field(examples=["unsweep calibrate room.bag --exclude=12.5:14 --output result.json"])
+    files: list[CommandFile] = Field(description="to be saved where the command is run")
+    notes: list[str] = Field(description="what the command cannot say")
+
+
+class ExtrinsicText(WireModel):
+    """An extrinsic as it was pasted or uploaded."""
+
+    text: str = Field(max_length=200_000)
+    direction: Literal["imu_lidar", "lidar_imu"] = Field(
+        default="imu_lidar", description="of bare numbers: imu_lidar takes lidar coordinates to the IMU's"
+    )
 
 
 class AnswerDifference(WireModel):

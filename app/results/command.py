@@ -1,0 +1,121 @@
+"""The command line that gives the same answer without a browser, and the files it needs.
+
+Only what differs from the defaults is said, except for the topics: they may have been a choice.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+from app.cli_options import LATITUDE_GRAVITY_STD_M_S2, PAPER_FIELD_OF_VIEW_DEG, PAPER_POINTS_PER_PLANE_PER_SCAN
+from app.jobs.orders import OrderedPlane, StoredRequest
+from app.schemas.jobs import InitialGuess
+from app.schemas.results import Command, CommandFile
+from calib_core.result import CalibrationResult
+from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, ReadSettings
+
+PLANES_FILE = "planes.json"
+GUESS_FILE = "guess.json"
+NOISE_FILE = "noise.json"
+
+
+def command_of(result: CalibrationResult, reading: ReadSettings, request: StoredRequest) -> Command:
+    """The command, and the files to save beside the recording."""
+    settings, files, notes = request.settings, [], []
+    provenance = result.provenance.recording
+    words = ["unsweep", "calibrate", provenance.name]
+    words += ["--lidar-topic", provenance.lidar_topic, "--imu-topic", provenance.imu_topic]
+    words += _reading_words(reading)
+    words += _solving_words(settings)
+    if request.planes is not None:
+        files.append(CommandFile(name=PLANES_FILE, text=_planes_text(request.planes)))
+        words += ["--planes", PLANES_FILE]
+    if request.initial_guess is not None:
+        files.append(CommandFile(name=GUESS_FILE, text=_guess_text(request.initial_guess)))
+        words += ["--initial-guess", GUESS_FILE]
+    if isinstance(settings.imu_noise, ImuNoise):
+        files.append(CommandFile(name=NOISE_FILE, text=settings.imu_noise.model_dump_json(indent=2) + "\n"))
+        words += ["--imu-noise", NOISE_FILE]
+    elif settings.imu_noise is not None:
+        words += ["--imu-noise", settings.imu_noise]
+    gravity = _gravity_word(settings.gravity)
+    if gravity is None:
+        notes.append("The command line has no option for this prior of gravity; it uses 9.807 +- 0.02 m/s2.")
+    elif gravity != "free":
+        words += ["--gravity", gravity]
+    words += ["--output", "result.json"]
+    return Command(text=shlex.join(words), files=files, notes=notes)
+
+
+def _reading_words(reading: ReadSettings) -> list[str]:
+    """One option for each field, by the field's own name; the topics are named already."""
+    words: list[str] = []
+    for name, value in reading.model_dump(exclude_defaults=True, exclude={"lidar_topic", "imu_topic"}).items():
+        option = "--" + name.replace("_", "-")
+        words += [option] if value is True else [option, f"{value:.10g}" if isinstance(value, float) else str(value)]
+    return words
+
+
+def _solving_words(settings: CalibrateSettings) -> list[str]:
+    defaults = CalibrateSettings()
+    paper = settings.method == "paper"
+    words = ["--method", "paper"] if paper else []
+    points, angle_deg = settings.points_per_plane_per_scan, settings.field_of_view_deg
+    if points != (PAPER_POINTS_PER_PLANE_PER_SCAN if paper else None):
+        words += ["--points-per-plane-per-scan", "all" if points is None else str(points)]
+    if angle_deg != (PAPER_FIELD_OF_VIEW_DEG if paper else None):
+        words += ["--field-of-view-deg", "180" if angle_deg is None else f"{angle_deg:.10g}"]
+    for start_s, end_s in settings.excluded_spans_s:
+        words.append(f"--exclude={start_s:.10g}:{end_s:.10g}")
+    for prior in settings.priors:
+        words.append(f"--prior={prior.axis}={prior.value!r}+-{prior.std!r}")
+    if not settings.estimate_time_offset:
+        words.append("--fix-time-offset")
+    if not settings.estimate_planes:
+        words.append("--fix-planes")
+    if settings.bias_model != defaults.bias_model:
+        words += ["--bias-model", settings.bias_model]
+    if settings.random_seed != defaults.random_seed:
+        words += ["--random-seed", str(settings.random_seed)]
+    if settings.max_rounds != defaults.max_rounds:
+        words += ["--max-rounds", str(settings.max_rounds)]
+    return words
+
+
+def _gravity_word(gravity: Gravity) -> str | None:
+    if gravity == Gravity():
+        return "free"
+    if gravity.std_m_s2 == 0.0 and 9.0 < gravity.magnitude_m_s2 < 10.0:
+        return repr(gravity.magnitude_m_s2)
+    if gravity.std_m_s2 == LATITUDE_GRAVITY_STD_M_S2:
+        latitude_deg = _latitude_deg(gravity.magnitude_m_s2)
+        return None if latitude_deg is None else f"latitude:{latitude_deg:.6f}"
+    return None
+
+
+def _latitude_deg(magnitude_m_s2: float) -> float | None:
+    """Where on the northern half gravity is so strong, by bisection of the closed formula."""
+    from app.cli_options import gravity_at_latitude_m_s2
+
+    low, high = 0.0, 90.0
+    if not gravity_at_latitude_m_s2(low) <= magnitude_m_s2 <= gravity_at_latitude_m_s2(high):
+        return None
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if gravity_at_latitude_m_s2(middle) < magnitude_m_s2 else (low, middle)
+    return low
+
+
+def _planes_text(planes: tuple[OrderedPlane, ...]) -> str:
+    entries = [{"name": p.name, "normal": list(p.normal), "offset_m": p.offset_m} for p in planes]
+    return json.dumps({"schema": "unsweep.planes/1", "planes": entries}, indent=2) + "\n"
+
+
+def _guess_text(guess: InitialGuess) -> str:
+    document: dict[str, object] = {}
+    if guess.matrix is not None:
+        document["T_imu_lidar"] = {"matrix": guess.matrix}
+    if guess.time_offset_s is not None:
+        document["time_offset_s"] = guess.time_offset_s
+    return json.dumps(document, indent=2) + "\n"

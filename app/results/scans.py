@@ -1,0 +1,61 @@
+"""How well each scan agrees with the planes: the plot on which a bad scan is found.
+
+rms_m    spread of the scan's points about their nearest planes, de-skewed, points within GATE_M only
+share    how many of its points those are
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.results.thickness import nearest_plane
+from app.schemas.results import ScanQuality
+from calib_core import api
+from calib_core.result import PlaneQuality
+from calib_core.types import PointArray, Recording, Scan, Trajectory
+
+#: Wider than a wall's thickness, so that a scan that is off by decimetres shows.
+GATE_M = 0.30
+#: Points looked at of each scan: a per cent of its spread, and a long recording stays quick.
+POINTS = 2000
+#: A scan may begin or end this long outside of the solved motion.
+OVERHANG_S = 0.02
+
+
+def measure_scans(recording: Recording, trajectory: Trajectory, planes: Sequence[PlaneQuality]) -> ScanQuality:
+    """Spread and share of every scan; None where the motion does not reach."""
+    normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
+    offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
+    first_ns = recording.scans[0].stamp_ns if len(recording.scans) else 0
+    t_s: list[float] = []
+    rms_m: list[float | None] = []
+    share: list[float | None] = []
+    for scan in recording.scans:
+        t_s.append(round((scan.stamp_ns - first_ns) * 1e-9, 6))
+        some = _sample(scan)
+        if len(some.points) == 0 or not _covered(some, trajectory):
+            rms_m.append(None)
+            share.append(None)
+            continue
+        owner, dist_m = nearest_plane(api.map_points(some, trajectory), normals, offsets_m, gate_m=GATE_M)
+        on = owner >= 0
+        rms_m.append(float(np.sqrt(np.mean(np.square(dist_m[on], dtype=np.float64)))) if on.any() else None)
+        share.append(float(on.mean()))
+    return ScanQuality(t_s=t_s, rms_m=rms_m, share=share, points_each=POINTS)
+
+
+def _sample(scan: Scan) -> Scan:
+    if len(scan.points) <= POINTS:
+        return scan
+    chosen = np.linspace(0, len(scan.points) - 1, POINTS).astype(np.int64)
+    points: PointArray = scan.points[chosen]
+    return Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=points)
+
+
+def _covered(scan: Scan, trajectory: Trajectory) -> bool:
+    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    end_s = start_s + float(scan.points["offset_ns"].max()) * 1e-9
+    times_s = trajectory.times_s
+    return bool(start_s >= times_s[0] - OVERHANG_S and end_s <= times_s[-1] + OVERHANG_S)

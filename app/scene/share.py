@@ -1,0 +1,20 @@
+"""An answer as one self-contained 3D page: the map it makes, the way the lidar took, both sensors' frames."""
+
+from __future__ import annotations
+
+from app.scene.apply import ShownScene
+from app.scene.build import Solved
+from app.scene.inspect import Look, Motions, build_inspection
+from calib_core.types import Recording
+
+
+def shared_page(recording: Recording, solved: Solved, *, limit: int, dark: bool) -> str:
+    """The page. It needs no server: it can be sent to anybody."""
+    look = Look(place=0, show="deskewed", against="raw", extent="map", color_by="plane", wipe=0.5, limit=limit)
+    content = build_inspection(recording, look, Motions(solved, solved.trajectory, None), None)
+    shown = ShownScene(on_patch=lambda _: None, on_ray=lambda _, __, ___: None)
+    try:
+        shown.show(content, dark=dark)
+        return shown.export_html()
+    finally:
+        shown.close()
