@@ -119,6 +119,25 @@ def test_a_tape_measure_fills_in_but_does_not_hide_what_the_data_lack() -> None:
         assert np.sqrt(known.covariance[5, 5]) == pytest.approx(0.001, rel=0.01)
 
 
+def test_a_trace_of_an_undetermined_direction_leaves_the_rotation_as_well_known_as_it_is() -> None:
+    """Fails when `undetermined` returns the bare eigenvectors: rz would pass for known to 0.2 deg only.
+
+    Noise in the motion mixes 0.0002 deg a 10 mm into a lever arm that nothing determines; 0.02 deg is what is known.
+    """
+    way = np.array([0.0, 0.0, 2e-4, 0.0, 0.6, 0.8, 0.0])
+    way /= np.linalg.norm(way)
+    others = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 3, 4, 6]]]))[0]
+    known = _assess(np.array([30.0, *[GOOD] * 6]), others)
+    std = np.sqrt(np.diag(known.covariance)) / UNITS
+    assert std[2] == pytest.approx(GOOD, rel=0.01)
+    assert std[5] == pytest.approx(800.0, rel=0.01)
+    mixed = np.array([0.0, 0.0, 2e-2, 0.0, 0.6, 0.8, 0.0])
+    others[:, 0] = mixed / np.linalg.norm(mixed)
+    others = np.linalg.qr(others)[0]
+    known = _assess(np.array([30.0, *[GOOD] * 6]), others)
+    assert np.sqrt(known.covariance[2, 2]) / UNITS[2] > 15.0, "a real part stays one"
+
+
 def test_inflation_multiplies_every_spread() -> None:
     """Fails when variances are multiplied by the factor instead of its square."""
     plain, inflated = _assess(_all(GOOD)), _assess(_all(GOOD), inflation=3.0)
