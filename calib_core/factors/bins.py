@@ -28,6 +28,8 @@ from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
+#: A gate's extra width in standard deviations of what it makes room for.
+_GATE_STDS = 4.0
 _UPPER = np.triu_indices(5)
 
 
@@ -51,13 +53,15 @@ class Gate:
     """Which points count. sigmas: of the distance noise; extra_m: added for the uncertainty of the poses.
 
     margin_m: points whose hit is this near another plane are ambiguous.   robust_sigmas: scale of the redescending weight.
+    min_cosine: of the incidence.   extra_of_plane_m: (P,) instead of extra_m; below zero a plane takes no points.
     """
 
     sigmas: float = 4.0
     extra_m: float = 0.0
     margin_m: float = 0.08
     robust_sigmas: float = 8.0
-    min_cosine: float = 0.05
+    min_cosine: float = 0.1
+    extra_of_plane_m: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,12 +149,17 @@ def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
 def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> tuple[BoolArray, FloatArray]:
     """Which points count and with what weight [1/m^2]: (N,), (N,)."""
     std = noise.distance_std_m(hits.cosine)
-    keep = (hits.plane >= 0) & (np.abs(hits.d) < gate.sigmas * std + gate.extra_m) & (hits.ambiguous_m > gate.margin_m)
+    extra = np.full(1, gate.extra_m) if gate.extra_of_plane_m is None else gate.extra_of_plane_m[hits.plane]
+    keep = (hits.plane >= 0) & (np.abs(hits.d) < gate.sigmas * std + extra) & (hits.ambiguous_m > gate.margin_m)
+    keep &= extra >= 0
     if extents is not None:
         keep &= extents.contain(hits.plane, cells_of(hits, extents.normals))
-    scale = gate.robust_sigmas * std + gate.extra_m
+    # What widens the gate is an error of the motion, and counts as noise: a clutter point at grazing incidence, let in by
+    # it, would otherwise outweigh a wall.
+    spread = np.maximum(extra, 0.0)
+    scale = gate.robust_sigmas * std + spread
     robust = np.maximum(1.0 - (hits.d / scale) ** 2, 0.0) ** 2
-    return keep, robust / std**2
+    return keep, robust / (std**2 + (spread / _GATE_STDS) ** 2)
 
 
 def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> MicroBins:

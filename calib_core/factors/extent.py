@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -35,6 +36,15 @@ class PlaneExtents:
         return float(self.inside[plane].sum()) * CELL_M**2
 
 
+def reach_around(extents: PlaneExtents, reach_m: float) -> PlaneExtents:
+    """The extents with every cell within a reach of them, so that a plane may go on a little beyond what was seen of it."""
+    cells = max(1, round(reach_m / CELL_M))
+    inside = np.zeros_like(extents.inside)
+    for plane, row, column in np.argwhere(extents.inside):
+        inside[plane, max(row - cells, 0) : row + cells + 1, max(column - cells, 0) : column + cells + 1] = True
+    return PlaneExtents(extents.normals, inside)
+
+
 @dataclass
 class ExtentSurvey:
     """Counts of returns on and beside every plane, cell by cell, gathered scan by scan. on, beside: (P, rows, columns)."""
@@ -56,9 +66,29 @@ class ExtentSurvey:
         self.on += np.bincount(flat[on_plane], minlength=size).reshape(shape)
         self.beside += np.bincount(flat[~on_plane], minlength=size).reshape(shape)
 
-    def finish(self, *, least: int = 8, share: float = 0.75) -> PlaneExtents:
-        """The cells with at least `least` returns of which `share` lie on the plane."""
+    def finish(self, *, least: int = 8, share: float = 0.75, island: float = 0.02) -> PlaneExtents:
+        """The cells with at least `least` returns of which `share` lie on the plane, without islands.
+
+        An island is a patch, apart from the others, with less than this share of the plane's returns: where a pot stands on
+        the ground, its foot lies on the ground's plane too, and nothing but its foot is seen there.
+        """
         inside = (self.on >= least) & (self.on >= share * (self.on + self.beside))
         inside[:, [0, -1], :] = False
         inside[:, :, [0, -1]] = False
+        for plane in range(len(inside)):
+            inside[plane] = _without_islands(inside[plane], self.on[plane], island)
         return PlaneExtents(self.normals, inside)
+
+
+def _without_islands(inside: BoolArray, on: IntArray, share: float) -> BoolArray:
+    """The cells in patches of at least this share of all returns. Cells two apart belong together: rings leave gaps."""
+    rows, columns = np.nonzero(inside)
+    if len(rows) == 0:
+        return inside
+    box = slice(max(rows.min() - 3, 0), rows.max() + 4), slice(max(columns.min() - 3, 0), columns.max() + 4)
+    cells = inside[box]
+    patch, count = ndimage.label(ndimage.binary_dilation(cells, np.ones((3, 3)), iterations=1), np.ones((3, 3)))
+    returns = np.bincount(patch[cells], on[box][cells], count + 1)
+    out = np.zeros_like(inside)
+    out[box] = cells & (returns >= share * returns.sum())[patch]
+    return out

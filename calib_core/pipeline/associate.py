@@ -46,6 +46,10 @@ class Micro:
     scatter: FloatArray
     count: IntArray
 
+    def part(self, some: BoolArray) -> Micro:
+        """Those of a mask (B,)."""
+        return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
+
 
 @dataclass(frozen=True)
 class View:
@@ -105,17 +109,25 @@ class View:
         self.lay_out([position])
         return self.poses[position]
 
-    def strays(self, position: int, count: int, away_m: float) -> FloatArray:
-        """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
+    def cloud(self, position: int, count: int) -> tuple[FloatArray, IntArray]:
+        """About so many points of a scan, straightened, in the frame of the solve: (M, 3), and their places in it: (M,)."""
         scan = self.scans[position]
         stride = max(1, len(scan.points) // count)
         points = scan.points[::stride]
-        hits = self.hits(position, Gate(), stride)
         poses = self.slice_poses(position)
-        free = poses.usable[hits.slice_index] & ((hits.plane < 0) | (np.abs(hits.d) > away_m))
-        index = hits.slice_index[free]
-        xyz = points["xyz"][free].astype(np.float64)
-        return np.asarray(np.einsum("nij,nj->ni", poses.R[index], xyz) + poses.p[index])
+        index = (points["offset_ns"] * 1e-9 / SLICE_S).astype(np.int64)
+        usable = poses.usable[index]
+        index = index[usable]
+        xyz = points["xyz"][usable].astype(np.float64)
+        there = (poses.R[index] @ xyz[..., None])[..., 0] + poses.p[index]
+        return there, np.flatnonzero(usable) * stride
+
+    def strays(self, position: int, count: int, away_m: float) -> FloatArray:
+        """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
+        cloud, place = self.cloud(position, count)
+        hits = self.hits(position, Gate(), max(1, len(self.scans[position].points) // count))
+        free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
+        return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
 
     def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""
@@ -150,13 +162,18 @@ def associate(
         return collapse(hits, keep, weight, n_planes)
 
     parts = view.over_scans(positions, one)
-    starts = view.clocks.scan_s[list(positions)]
+    return micro_of(view, list(zip(positions, parts, strict=True)))
+
+
+def micro_of(view: View, parts: Sequence[tuple[int, MicroBins]]) -> Micro:
+    """The micro-bins of several scans in one row. parts: scan position and its bins."""
+    start_s = view.clocks.scan_s
     return Micro(
-        time_s=np.concatenate([t + (part.slice_index + 0.5) * SLICE_S for t, part in zip(starts, parts, strict=True)]),
-        scan=np.concatenate([np.full(len(part.count), i) for i, part in zip(positions, parts, strict=True)]),
-        plane=np.concatenate([part.plane for part in parts]),
-        scatter=np.concatenate([part.scatter for part in parts]),
-        count=np.concatenate([part.count for part in parts]),
+        time_s=np.concatenate([start_s[i] + (part.slice_index + 0.5) * SLICE_S for i, part in parts]),
+        scan=np.concatenate([np.full(len(part.count), i) for i, part in parts]),
+        plane=np.concatenate([part.plane for _, part in parts]),
+        scatter=np.concatenate([part.scatter for _, part in parts]),
+        count=np.concatenate([part.count for _, part in parts]),
     )
 
 

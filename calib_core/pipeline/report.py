@@ -106,6 +106,22 @@ def iteration_event(
     )
 
 
+def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> float:
+    """How far a solve has moved points across the gates they passed: 95th percentile over the bins.
+
+    Of the change of a bin's mean distance, in standard deviations of a single point.
+    """
+    scatter = problem.bins.scatter
+    if len(scatter) == 0:
+        return 0.0
+    weight = np.maximum(scatter[:, 3, 3], 1e-30)
+    moved = (
+        np.einsum("bi,bi->b", scatter[:, 3, :], problem.planes_seen(after)[0] - problem.planes_seen(before)[0]) / weight
+    )
+    point_std = np.sqrt(problem.bins.count / weight)
+    return float(np.percentile(np.abs(moved) / point_std, 95.0))
+
+
 def misfit(problem: JointProblem, estimate: Estimate) -> float:
     """Mean square, in standard deviations, of the bins' mean distances: about 1 or less where the model explains the data.
 

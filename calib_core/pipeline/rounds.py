@@ -15,34 +15,35 @@ import numpy as np
 from calib_core.errors import Cancelled
 from calib_core.factors.bins import Gate, LidarNoise
 from calib_core.factors.extent import PlaneExtents
-from calib_core.factors.knots import KnotStates
-from calib_core.geometry import exp
-from calib_core.imu.links import Links, UpsampledImu, preintegrate
+from calib_core.imu.links import UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import Context
+from calib_core.pipeline.extend import extend
 from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.motion import Motion
 from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
 from calib_core.pipeline.priors import Held, Priors
-from calib_core.pipeline.report import iteration_event, plane_chi2
+from calib_core.pipeline.report import iteration_event, moved_in_gate, plane_chi2
 from calib_core.pipeline.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
-from calib_core.planes.segment import SegmentSettings, determinacy, segment_planes
+from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import FloatArray
 
-_CHUNK_S = 0.3
-_WINDOW_S = 1.2
-#: The IMU alone carries a pose this long before its error outgrows what a gate can tell from clutter.
-_BLIND_LIMIT_S = 4.0
 #: Points a scan in the coarse rounds, and in the survey of the planes' extents; scans that tell the lidar's noise.
 _COARSE = 3000
 _SURVEY = 4000
 _NOISE_SCANS = 24
 #: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
 _COARSE_TOLERANCE = 0.05
-#: Hits this near another plane are ambiguous: eight times a usual range noise.
-_MARGIN_M = 0.12
+#: Points are gated anew where the solve has moved planes by more than this part of a point's own standard deviation:
+#: a gate laid about a wrong motion keeps those points that confirm it.
+_SETTLED = 0.3
+_SETTLING = 5
+#: Hits nearer to another plane than this are ambiguous, in standard deviations of the range: a point within half of it
+#: may be nearer to the wrong plane. And the least and the most of it.
+_MARGIN_SIGMAS = 6.0
+_MARGINS_M = (0.03, 0.3)
 
 
 @dataclass(frozen=True)
@@ -99,30 +100,35 @@ class Rounds:
         """Coarse to fine, to the fixed point."""
         # First the motion alone: which directions the data determine is judged before the calibration can wander off
         # along one that they do not.
-        self._associate(Gate(extra_m=0.12, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
-        problem, _ = self._solve(4, frozen=tuple(range(CALIBRATION)), tolerance=_COARSE_TOLERANCE)
-        self._hold(problem)
+        self.associate(Gate(extra_m=0.12, margin_m=self.margin_m), stride=self.coarse_stride())
+        problem, _ = self.solve_coarse(4, frozen=tuple(range(CALIBRATION)))
+        self.hold(problem)
         for extra in (0.12, 0.06):
-            self._associate(Gate(extra_m=extra, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
-            problem, _ = self._solve(10, tolerance=_COARSE_TOLERANCE)
-            self._hold(problem)
-        self.extend()
-        if self.may_add_planes and self._discover():
-            self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
-            self._solve(8, tolerance=_COARSE_TOLERANCE)
+            self.associate(Gate(extra_m=extra, margin_m=self.margin_m), stride=self.coarse_stride())
+            problem, _ = self.solve_coarse(10)
+            self.hold(problem)
+        if self.may_extend:
+            extend(self)
+        if self.may_add_planes and self.discover(self.positions):
+            self.associate(Gate(extra_m=0.05, margin_m=self.margin_m), stride=self.coarse_stride())
+            self.solve_coarse(8)
         if self.may_add_planes:
-            self._cull()
-        gate = Gate(extra_m=0.02, margin_m=_MARGIN_M)
-        self._learn(gate)
-        self._associate(replace(gate, extra_m=0.01), stride=self._stride(_COARSE))
-        self._solve(10, tolerance=_COARSE_TOLERANCE)
-        gate = Gate(margin_m=_MARGIN_M)
-        self._learn(gate)
-        self._associate(gate, stride=1)
-        problem = self.problem()
-        for _ in range(self.ctx.settings.max_rounds):
-            problem, minimum = self._solve(15)
-            if minimum.first_decrease < 1e-3 and minimum.outcome is not Outcome.SINGULAR:
+            self.cull()
+        gate = Gate(extra_m=0.02, margin_m=self.margin_m)
+        self.learn(gate)
+        for _ in range(_SETTLING):
+            self.associate(replace(gate, extra_m=0.01), stride=self.coarse_stride())
+            before = self.estimate
+            problem, _ = self.solve_coarse(10)
+            if moved_in_gate(problem, before, self.estimate) < _SETTLED:
+                break
+        gate = Gate(margin_m=self.margin_m)
+        self.learn(gate)
+        for _ in range(_SETTLING):
+            self.associate(gate, stride=1)
+            before = self.estimate
+            problem = self._to_fixed_point()
+            if moved_in_gate(problem, before, self.estimate) < _SETTLED:
                 break
         assert self.micro is not None
         assert self.minimum is not None
@@ -138,6 +144,20 @@ class Rounds:
             tuple(self.names),
             self.number,
         )
+
+    def _to_fixed_point(self) -> JointProblem:
+        """Solve, preintegrate about the new biases, solve again, until nothing changes."""
+        problem = self.problem()
+        for _ in range(self.ctx.settings.max_rounds):
+            problem, minimum = self.solve(15)
+            if minimum.first_decrease < 1e-3 and minimum.outcome is not Outcome.SINGULAR:
+                break
+        return problem
+
+    @property
+    def margin_m(self) -> float:
+        """Hits this near to another plane do not count."""
+        return float(np.clip(_MARGIN_SIGMAS * self.lidar_noise.range_std_m, *_MARGINS_M))
 
     def problem(self, bins: Bins | None = None) -> JointProblem:
         """The joint problem over the knots estimated so far, linked about the present biases."""
@@ -163,14 +183,14 @@ class Rounds:
             frozen.extend(range(start, start + 3 * len(self.estimate.normals)))
         return tuple(frozen)
 
-    def _motion(self) -> Motion:
+    def motion(self) -> Motion:
         """The motion that the present estimate describes."""
         e = self.estimate
         nodes = self.nodes.part(self.first, self.last)
         readings = self.readings.part(self.first, self.last)
         return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
 
-    def _view(self, motion: Motion, estimate: Estimate) -> View:
+    def view(self, motion: Motion, estimate: Estimate) -> View:
         ctx = self.ctx
         return View(
             ctx.recording.scans,
@@ -181,7 +201,7 @@ class Rounds:
             ctx.threads,
         )
 
-    def _associate(self, gate: Gate, stride: int) -> None:
+    def associate(self, gate: Gate, stride: int) -> None:
         done = [0]
 
         def count(_: int) -> None:
@@ -189,12 +209,12 @@ class Rounds:
             if done[0] % 20 == 0:
                 self.ctx.stage("associate", done[0] / len(self.positions), f"round {self.number + 1}")
 
-        view = self._view(self._motion(), self.estimate)
+        view = self.view(self.motion(), self.estimate)
         self.micro = associate(view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count)
 
-    def _learn(self, gate: Gate) -> None:
+    def learn(self, gate: Gate) -> None:
         """How far each plane reaches and how noisy the lidar is."""
-        view = self._view(self._motion(), self.estimate)
+        view = self.view(self.motion(), self.estimate)
         self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY))
         step = max(1, len(self.positions) // _NOISE_SCANS)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
@@ -205,7 +225,15 @@ class Rounds:
         typical = np.median([len(self.ctx.recording.scans[i].points) for i in some])
         return max(1, int(typical // target))
 
-    def _solve(
+    def coarse_stride(self) -> int:
+        """Of the points in the coarse rounds."""
+        return self._stride(_COARSE)
+
+    def solve_coarse(self, iterations: int, frozen: tuple[int, ...] = ()) -> tuple[JointProblem, Minimum[Estimate]]:
+        """A solve that ends where the next step would be of no consequence to the next association."""
+        return self.solve(iterations, frozen, _COARSE_TOLERANCE)
+
+    def solve(
         self, iterations: int, frozen: tuple[int, ...] = (), tolerance: float = 1e-6
     ) -> tuple[JointProblem, Minimum[Estimate]]:
         """Preintegrate and gather about the present estimate, then descend. frozen: more shared columns to hold."""
@@ -226,11 +254,11 @@ class Rounds:
         self.estimate = self.minimum.estimate
         return problem, self.minimum
 
-    def _discover(self) -> bool:
+    def discover(self, positions: list[int]) -> bool:
         """Planes that the reference scan did not show, among the points that lie on none; whether any were found."""
-        view = self._view(self._motion(), self.estimate)
-        step = max(1, len(self.positions) // 60)
-        some = self.positions[::step]
+        view = self.view(self.motion(), self.estimate)
+        step = max(1, len(positions) // 60)
+        some = positions[::step]
         strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, 1500, 0.15)))
         eye = np.mean([view.slice_poses(i).p[0] for i in some], axis=0)
         if len(strays) < 1000:
@@ -256,7 +284,7 @@ class Rounds:
         self.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
         return True
 
-    def _cull(self) -> None:
+    def cull(self) -> None:
         """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined."""
         assert self.micro is not None
         problem = self.problem()
@@ -278,7 +306,7 @@ class Rounds:
         self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
         self.micro = None
 
-    def _hold(self, problem: JointProblem) -> None:
+    def hold(self, problem: JointProblem) -> None:
         """Hold the directions that the data do not determine: translation at zero, the others where they are.
 
         What was held is let go only when the data, judged with it held, say clearly more than noise could.
@@ -299,100 +327,3 @@ class Rounds:
             only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
             held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
         self.priors = replace(self.priors, held=tuple(held))
-
-    def extend(self) -> None:
-        """Carry the estimate over the rest of the recording, and solve jointly again each time its span has doubled."""
-        if not self.may_extend:
-            return
-        clocks = self.ctx.clocks
-        total = len(self.readings.knots_s)
-        chunk = max(2, round(_CHUNK_S / self.readings.spacing_s))
-        solved_span = self.last - self.first
-        blind_s = 0.0
-        while self.last < total:
-            end = min(self.last + chunk, total)
-            if total - end < chunk // 2:
-                end = total
-            span_s = (end - self.last) * self.readings.spacing_s
-            seen = self._extend_to(end, 0.05 + min(0.12, 0.02 * blind_s**2))
-            blind_s = 0.0 if seen else blind_s + span_s
-            if blind_s > _BLIND_LIMIT_S:
-                now = self.readings.knots_s[self.last - 1] + self.estimate.time_offset_s
-                self.ctx.say(
-                    "warning",
-                    "planes.lost",
-                    f"the planes were out of sight for more than {_BLIND_LIMIT_S:.0f} s, {now:.0f} s after the start: the rest "
-                    "of the recording is not used",
-                )
-                break
-            now = self.readings.knots_s[self.last - 1] + self.estimate.time_offset_s
-            known = set(self.positions)
-            ends = clocks.scan_s + 0.5 * clocks.sweep_s
-            self.positions += [int(i) for i in np.flatnonzero(ends < now) if i > max(known) and i not in known]
-            self.ctx.stage("associate", self.last / total, "carrying the estimate through the recording")
-            if self.last - self.first >= 2 * solved_span or self.last == total:
-                solved_span = self.last - self.first
-                self._associate(Gate(extra_m=0.05, margin_m=_MARGIN_M), stride=self._stride(_COARSE))
-                problem, _ = self._solve(6, tolerance=_COARSE_TOLERANCE)
-                self._hold(problem)
-
-    def _extend_to(self, end: int, extra_m: float) -> bool:
-        """Predict the knots up to `end`, then let the points there correct them. Whether they determine the pose."""
-        start = max(self.first, self.last - max(3, round(_WINDOW_S / self.readings.spacing_s)))
-        e = self.estimate
-        nodes, readings = self.nodes.part(start, end), self.readings.part(start, end)
-        bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
-        links = preintegrate(readings, bg, ba, self.ctx.noise.density)
-        known = self.last - start
-        states = _predicted(
-            e.states.part(start - self.first, self.last - self.first), links, readings, known, e.gravity
-        )
-        window = replace(e, states=states)
-        layout = 10 + 6 * len(nodes.times_s) + 3 * len(e.normals)
-        problem = JointProblem(
-            readings,
-            nodes,
-            links,
-            bg,
-            ba,
-            no_bins(e.time_offset_s),
-            self.priors,
-            0,
-            tuple(range(layout)),
-            hold_velocity=True,
-        )
-        low, high = readings.knots_s[0] + e.time_offset_s, readings.knots_s[-1] + e.time_offset_s
-        clocks = self.ctx.clocks
-        inside = np.flatnonzero((clocks.scan_s + clocks.sweep_s > low) & (clocks.scan_s < high))
-        seen = False
-        for extra in (extra_m, 0.04):
-            view = self._view(problem.motion(window), window)
-            gate = Gate(extra_m=extra, margin_m=_MARGIN_M)
-            micro = associate(view, [int(i) for i in inside], self.lidar_noise, gate, None, stride=6)
-            if len(micro.count) == 0:
-                break
-            problem = replace(problem, bins=gather(micro, problem.motion(window), window))
-            window = minimise(problem, window, max_iterations=6, tolerance=1e-3).estimate
-            fresh = micro.time_s > readings.knots_s[known - 1] + e.time_offset_s
-            per_plane = np.bincount(micro.plane[fresh], micro.count[fresh], len(e.normals))
-            strong = per_plane > 20
-            seen = bool(strong.sum() >= 3 and determinacy(e.normals[strong]) > 0.01)
-        keep = self.estimate.states.part(0, start - self.first)
-        self.estimate = replace(e, states=KnotStates.joined(keep, window.states))
-        self.last = end
-        return seen
-
-
-def _predicted(known: KnotStates, links: Links, readings: UpsampledImu, count: int, gravity: FloatArray) -> KnotStates:
-    """States continued over the links beyond the first `count` knots; where the IMU was silent, at constant velocity and rate."""
-    R, p, v = [*known.R], [*known.p], [*known.v]
-    h = links.h_s
-    for k in range(count - 1, len(links.DR)):
-        turn, Dv, Dp = links.DR[k], links.Dv[k], links.Dp[k]
-        if not readings.linked[k]:
-            turn = exp(readings.knot_gyro[k] * h)
-            Dv, Dp = -R[-1].T @ gravity * h, -R[-1].T @ gravity * (0.5 * h**2)
-        p.append(p[-1] + v[-1] * h + 0.5 * h**2 * gravity + R[-1] @ Dp)
-        v.append(v[-1] + h * gravity + R[-1] @ Dv)
-        R.append(R[-1] @ turn)
-    return KnotStates(np.array(R), np.array(p), np.array(v))

@@ -181,7 +181,7 @@ def test_field_of_view_keeps_azimuths() -> None:
 
 
 def test_selection_and_weights_point_by_point() -> None:
-    """Fails when `extra_m` is left out of the gate, or a margin is taken for a limit from above.
+    """Fails when `extra_m` is left out of the gate or of the weight, or a margin is taken for a limit from above.
 
     Twin: the rules of `Gate`, said once more in a loop.
     """
@@ -201,7 +201,7 @@ def test_selection_and_weights_point_by_point() -> None:
         assert without[i] == near
         assert keep[i] == (near and cells[i, 0] < HALF_CELLS)
         u = hits.d[i] / (6.0 * std + 0.01)
-        assert weight[i] == pytest.approx((1 - u**2) ** 2 / std**2 if abs(u) < 1 else 0.0)
+        assert weight[i] == pytest.approx((1 - u**2) ** 2 / (std**2 + 0.0025**2) if abs(u) < 1 else 0.0)
     assert 0 < keep.sum() < without.sum() < len(keep)
 
 

@@ -1,0 +1,56 @@
+"""How far the carried motion may have strayed in each direction since the planes that hold it were last seen.
+
+A small filter beside the estimate: position, velocity and a constant error of the acceleration (accelerometer bias,
+gravity and tilt together), in the map frame. Time lets it grow, a plane in view shrinks it along that plane's normal only.
+It decides how wide a gate has to be, plane by plane: along a corridor the position may be lost while the walls are not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.types import FloatArray
+
+_POSITION_STD_M = 0.02
+_VELOCITY_STD_M_S = 0.05
+#: What a chunk of points leaves of a plane's distance: the calibration's and the map's error, not the noise of points.
+_SEEN_STD_M = 0.015
+
+
+class Drift:
+    """Covariance (9, 9) of the errors of position [m], velocity [m/s] and acceleration [m/s2], map axes."""
+
+    def __init__(self, acceleration_cov: FloatArray, noise_m_s2_sqrt_hz: float) -> None:
+        """acceleration_cov: (3, 3).   noise_m_s2_sqrt_hz: white noise of the accelerometer."""
+        self._density2 = noise_m_s2_sqrt_hz**2
+        self._cov = np.zeros((9, 9))
+        self._cov[:3, :3] = np.eye(3) * _POSITION_STD_M**2
+        self._cov[3:6, 3:6] = np.eye(3) * _VELOCITY_STD_M_S**2
+        self._cov[6:, 6:] = acceleration_cov
+
+    def wait(self, span_s: float) -> None:
+        """Let time pass."""
+        t = span_s
+        F = np.eye(9)
+        F[:3, 3:6] = F[3:6, 6:] = np.eye(3) * t
+        F[:3, 6:] = np.eye(3) * (0.5 * t**2)
+        Q = np.zeros((9, 9))
+        Q[:3, :3], Q[3:6, 3:6] = np.eye(3) * (t**3 / 3), np.eye(3) * t
+        Q[:3, 3:6] = Q[3:6, :3] = np.eye(3) * (t**2 / 2)
+        self._cov = F @ self._cov @ F.T + Q * self._density2
+
+    def see(self, normals: FloatArray) -> None:
+        """Planes have come into view and corrected the motion. normals: (P, 3)."""
+        for n in normals:
+            along = self._cov[:, :3] @ n
+            gain = along / (n @ along[:3] + _SEEN_STD_M**2)
+            self._cov -= np.outer(gain, along)
+        self._cov = 0.5 * (self._cov + self._cov.T)
+
+    def along(self, normals: FloatArray) -> FloatArray:
+        """Standard deviation of the position along each normal (P, 3): (P,) [m]."""
+        return np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", normals, self._cov[:3, :3], normals), 0.0))
+
+    def farthest_m(self) -> float:
+        """Standard deviation of the position along its worst direction."""
+        return float(np.sqrt(np.linalg.eigvalsh(self._cov[:3, :3])[-1]))

@@ -1,0 +1,90 @@
+"""Whether the parts of a recording agree: the test of everything that the noise model leaves out.
+
+A scale factor of the IMU, a ring's own range error, a wall that is not flat: none is a state, each shows as parts of the
+recording that would each have the calibration somewhere else. The knots are cut into blocks at the joint estimate. With
+H the information of the shared unknowns and g_b the gradient of block b's own factors, its chain eliminated, the pull of
+a block on the calibration, all else shared (planes, gravity, biases) following, is
+
+    s_b = g_b[c] - H[c, o] H[o, o]^-1 g_b[o],      sum of s_b = 0 at the optimum,      cov(s_b) about C^-1 / B
+
+for C the stated covariance and B equal blocks. Their spread J = B / (B - 1) sum (s_b - mean)(s_b - mean)' is then C^-1, and
+trace(C J) / 7 is 1. The sum over blocks follows chi-square with 7 (B - 1) degrees of freedom; beyond its 99.9 % quantile
+the covariance is multiplied by the ratio, below it by nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from calib_core.imu.links import Links
+from calib_core.pipeline.joint import JointProblem
+from calib_core.pipeline.state import CALIBRATION, Estimate
+from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.types import FloatArray
+
+BLOCKS = 5
+_CONFIDENCE = 0.999
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """ratio: of the blocks' spread to what the stated covariance allows, 1 on average. limit: its 99.9 % quantile."""
+
+    ratio: float
+    limit: float
+
+    @property
+    def inflation(self) -> float:
+        """Factor on every standard deviation."""
+        return float(np.sqrt(self.ratio)) if self.ratio > self.limit else 1.0
+
+
+def repeatability(
+    problem: JointProblem, estimate: Estimate, information: FloatArray, covariance: FloatArray, *, blocks: int = BLOCKS
+) -> Repeatability:
+    """The blocks' spread against the stated covariance (7, 7) at the joint estimate. information: (S, S) of the shared."""
+    limit = float(chi2.ppf(_CONFIDENCE, CALIBRATION * (blocks - 1)) / (CALIBRATION * (blocks - 1)))
+    others = np.linalg.pinv(information[CALIBRATION:, CALIBRATION:], rcond=1e-15, hermitian=True)
+    follow = np.hstack([np.eye(CALIBRATION), -information[:CALIBRATION, CALIBRATION:] @ others])
+    edges = np.linspace(0, len(problem.readings.knots_s), blocks + 1).astype(int)
+    try:
+        pulls = np.array([follow @ _gradient(problem, estimate, a, b) for a, b in zip(edges, edges[1:], strict=False)])
+    except NotPositiveDefinite:
+        return Repeatability(1.0, limit)
+    away = pulls - pulls.mean(axis=0)
+    spread = away.T @ away * blocks / (blocks - 1)
+    return Repeatability(float(np.trace(covariance @ spread)) / CALIBRATION, limit)
+
+
+def _gradient(problem: JointProblem, estimate: Estimate, first: int, last: int) -> FloatArray:
+    """Of the shared unknowns (S,), from the factors within knots first..last (exclusive) alone, these knots eliminated."""
+    bins = problem.bins
+    mine = (bins.knot >= first) & (bins.knot < last)
+    part = replace(
+        problem,
+        readings=problem.readings.part(first, last),
+        nodes=problem.nodes.part(first, last),
+        links=_links(problem.links, first, last - 1),
+        links_gyro_bias=problem.links_gyro_bias[first : last - 1],
+        links_accel_bias=problem.links_accel_bias[first : last - 1],
+        bins=replace(
+            bins,
+            knot=bins.knot[mine] - first,
+            plane=bins.plane[mine],
+            scatter=bins.scatter[mine],
+            count=bins.count[mine],
+        ),
+        gauge_knot=0,
+        planes_hold_frame=True,
+    )
+    own = replace(estimate, states=estimate.states.part(first, last))
+    solution = solve_arrow(part.linearise(own))
+    return -(solution.information @ solution.step_shared)
+
+
+def _links(links: Links, first: int, last: int) -> Links:
+    """The links first..last (exclusive)."""
+    return Links(**{f.name: v if np.ndim(v := getattr(links, f.name)) == 0 else v[first:last] for f in fields(Links)})
