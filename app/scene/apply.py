@@ -23,7 +23,7 @@ OnBox = Callable[[FloatArray], None]
 
 #: Where a camera stands that looks at the whole: this direction from the middle, this far for each metre of its breadth.
 AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
-AIM_DISTANCE = 0.8
+AIM_DISTANCE = 0.58
 
 
 class _Removable(Protocol):
@@ -160,6 +160,7 @@ class ShownScene:
             case Cloud(path=path, xyz=xyz, rgb=rgb, size_m=size_m):
                 if known is not None and isinstance(known[2], viser.PointCloudHandle):
                     known[2].points, known[2].colors = xyz, rgb
+                    known[2].point_size = size_m
                     return cast(_Removable, known[2])
                 return cast(
                     _Removable,
