@@ -42,3 +42,6 @@ TWIN_AT_MOST = 1.5
 #: Of their own sigmas, on every parameter, for starts from anywhere; of the cost, against a start from the truth.
 START_SIGMAS = 5.0
 START_COST = 1e-6
+#: How many runs the figures are asked of; a recording without noise is the same for every seed.
+RUNS = 100
+STARTS_ASKED = {"any": 200, "minutes": 4, "epochs": 4}

@@ -213,11 +213,11 @@ def test_the_report_judges(tmp_path: Path) -> None:
         return next(cells for cells in lines if cells[0] == first and len(cells) == width)
 
     assert row_of("paper-normal", 9)[-2] == "yes"
-    assert row_of("handheld", 9)[-2] == "**no**"
+    assert row_of("handheld", 9)[-2] == "**no**, 20 of 100 runs"
     assert row_of("paper-normal", 13)[-1] == "yes"
-    assert row_of("imu-faults", 7)[-1] == "**no**"
+    assert row_of("imu-faults", 7)[-1] == "**no**, 30 of 100 runs"
     assert row_of("outliers", 7)[2:6] == ("30", "1.40 / 1.40 / 1.40", "<= 1.5", "31, 33")
-    assert row_of("any", 9)[2:] == ("3 of 4", "6.00", "3.0e-06", "1.0e-06", "3-4", "2, 4", "**no**")
+    assert row_of("any", 9)[2:] == ("3 of 4", "6.00", "3.0e-06", "1.0e-06", "3-4", "2, 4", "**no**, 4 of 200 runs")
     assert row_of("outliers", 4) == ("outliers", "refused", "planes.none", "31, 33")
     assert (tmp_path / "accuracy_nees.png").is_file()
     assert (tmp_path / "accuracy_errors.png").is_file()

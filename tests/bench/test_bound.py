@@ -139,10 +139,12 @@ def test_noise_has_the_variance_of_integrated_white_noise() -> None:
     noise = ImuNoise(2e-3, 3e-2, 0.0, 0.0)
     back = steps_back(np.tile(np.eye(3), (n, 1, 1)), np.tile(force, (n, 1)), h, COLUMNS)[:, :9, :9]
     disturbance = noise_back(np.tile(force, (n, 1)), h, noise, COLUMNS)
-    covariance = np.zeros((9, 9))
+    covariance, after_one = np.zeros((9, 9)), None
     for one, spread in zip(back, disturbance, strict=True):
         forward = np.linalg.inv(one)
         covariance = forward @ (covariance + spread @ spread.T) @ forward.T
+        after_one = covariance if after_one is None else after_one
+    assert after_one is not None
     A = np.array([[0, force[2], -force[1]], [-force[2], 0, force[0]], [force[1], -force[0], 0]])
     T, g2, f2 = n * h, noise.gyro**2, noise.accel**2
     expected = np.zeros((9, 9))
@@ -155,6 +157,9 @@ def test_noise_has_the_variance_of_integrated_white_noise() -> None:
     lower = np.tril(np.ones((9, 9), dtype=bool))
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((covariance - expected) / scale)[lower].max() < 5e-3
+    # Within a single step the cross terms with the turn are exact.
+    np.testing.assert_allclose(after_one[3:6, :3], g2 * h**2 / 2 * A, atol=1e-12 * g2 * h**2)
+    np.testing.assert_allclose(after_one[6:, :3], g2 * h**3 / 6 * A, atol=1e-12 * g2 * h**3)
 
 
 @pytest.mark.parametrize("walks", [False, True])
