@@ -88,7 +88,7 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     return Content(
         items=(*parts, *labels, *frames),
         legend=_legend(look, sources),
-        aim=f"{look.show == 'side'}-{len(sources)}",
+        aim=f"side of {len(sources)}" if look.show == "side" else "one",
     )
 
 

@@ -108,7 +108,7 @@ def point_size_m(xyz: Float32Array) -> float:
     if len(xyz) < 2:
         return 0.02
     low, high = np.percentile(xyz, [2, 98], axis=0)
-    return float(np.clip(0.33 * np.linalg.norm(high - low) / np.sqrt(len(xyz)), 0.015, 0.05))
+    return float(np.clip(0.26 * np.linalg.norm(high - low) / np.sqrt(len(xyz)), 0.015, 0.04))
 
 
 def fingerprint(item: Item) -> int:
