@@ -719,7 +719,10 @@ export interface components {
         ChangeRecording: {
             /** Accelerometer Unit */
             accelerometer_unit?: ("m_s2" | "g") | null;
-            /** End S */
+            /**
+             * End S
+             * @example 32
+             */
             end_s?: number | null;
             /** Gyroscope Unit */
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
@@ -744,6 +747,7 @@ export interface components {
             /**
              * Start S
              * @description seconds after the recording's start
+             * @example 2
              */
             start_s?: number | null;
             /** Synthesise Point Time */
@@ -788,6 +792,7 @@ export interface components {
             /**
              * Mode
              * @default planes
+             * @example inspect
              * @enum {string}
              */
             mode: "planes" | "solve" | "inspect";
@@ -796,6 +801,7 @@ export interface components {
             /**
              * Scan
              * @default 0
+             * @example 40
              */
             scan: number;
             /**
@@ -1239,6 +1245,11 @@ export interface components {
             /**
              * Seed M
              * @description map frame, metres
+             * @example [
+             *       3.2,
+             *       -0.4,
+             *       1.1
+             *     ]
              */
             seed_m: number[];
         };
@@ -1564,7 +1575,13 @@ export interface components {
              * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
              */
             expected_revision?: number | null;
-            /** Indices */
+            /**
+             * Indices
+             * @example [
+             *       0,
+             *       5
+             *     ]
+             */
             indices: number[];
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -1592,6 +1609,7 @@ export interface components {
             initial_guess?: components["schemas"]["InitialGuess"] | null;
             /**
              * Kind
+             * @example solve
              * @enum {string}
              */
             kind: "inspect" | "planes" | "solve";
@@ -1669,6 +1687,12 @@ export interface components {
             /**
              * Quaternion Xyzw
              * @description of unit length, to two digits
+             * @example [
+             *       0,
+             *       0,
+             *       0,
+             *       1
+             *     ]
              */
             quaternion_xyzw: [
                 number,
@@ -2171,7 +2195,10 @@ export interface components {
              * @description position in the list of patches at `expected_revision`
              */
             index: number;
-            /** Name */
+            /**
+             * Name
+             * @example wall A
+             */
             name: string;
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -2260,7 +2287,19 @@ export interface components {
              * @enum {string}
              */
             op: "restrict";
-            /** Sides */
+            /**
+             * Sides
+             * @example [
+             *       {
+             *         "normal": [
+             *           0,
+             *           0,
+             *           1
+             *         ],
+             *         "offset_m": 0.5
+             *       }
+             *     ]
+             */
             sides: components["schemas"]["Side"][];
         };
         /**

@@ -79,7 +79,8 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
           onChange={() => apply({ op: "toggle", index: patch.index })}
         />
       </td>
-      <td className={css.nameCell}>
+      <td>
+        <div className={css.nameCell}>
         <span className={css.swatch} style={{ background: patch.color }} />
         {renaming ? (
           <TextInput
@@ -108,6 +109,7 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
             <Icon name="box" size={12} />
           </span>
         )}
+        </div>
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>
