@@ -11,11 +11,14 @@ from app.examples import Schema
 
 _STYLE = """
 :root{color-scheme:light dark;--ink:#181c21;--dim:#4b5560;--line:#dfe3e8;--paper:#fff;--wash:#f6f7f9;--accent:#1f5cbf}
-@media(prefers-color-scheme:dark){:root{--ink:#e7eaee;--dim:#a9b3bf;--line:#2c333c;--paper:#101317;--wash:#171b20;--accent:#7fb0ff}}
+@media(prefers-color-scheme:dark){:root{--ink:#e7eaee;--dim:#a9b3bf;--line:#2c333c;--paper:#101317;--wash:#171b20;
+--accent:#7fb0ff}}
 body{margin:0;background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
 main,nav{max-width:60rem;margin:0 auto;padding:0 1.5rem}main{padding-bottom:4rem}
-h1{font-size:1.7rem;margin:2rem 0 .5rem}h2{margin:2.5rem 0 .25rem;font-size:1.25rem;border-top:1px solid var(--line);padding-top:1.2rem}
-h3{font:600 .95rem ui-monospace,monospace;margin:1.6rem 0 .2rem;overflow-wrap:anywhere}h3 b{display:inline-block;min-width:4.2rem;color:var(--accent)}
+h1{font-size:1.7rem;margin:2rem 0 .5rem}
+h2{margin:2.5rem 0 .25rem;font-size:1.25rem;border-top:1px solid var(--line);padding-top:1.2rem}
+h3{font:600 .95rem ui-monospace,monospace;margin:1.6rem 0 .2rem;overflow-wrap:anywhere}
+h3 b{display:inline-block;min-width:4.2rem;color:var(--accent)}
 a{color:var(--accent)}p{margin:.3rem 0}.dim,dd{color:var(--dim)}code,pre{font:.85rem ui-monospace,monospace}
 pre{background:var(--wash);border:1px solid var(--line);border-radius:6px;padding:.6rem .8rem;overflow:auto;max-height:22rem}
 dl{margin:.4rem 0;display:grid;grid-template-columns:max-content 1fr;gap:.1rem 1rem}dd{margin:0}
