@@ -48,7 +48,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
         version=__version__,
         lifespan=lifespan,
         openapi_url="/api/openapi.json",
-        docs_url="/api/docs",
+        docs_url=None,  # its page would load scripts from elsewhere; ours is in api/server.py
         redoc_url=None,
         generate_unique_id_function=operation_id,
     )

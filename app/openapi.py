@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import re
 import sys
+from typing import cast
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 
+from app.examples import ExampleMaker, Schema
 from app.schemas.common import ErrorBody
 
 TAGS = [
@@ -26,7 +28,11 @@ DESCRIPTION = """Everything the page does, by HTTP.
 
 Every answer with a status of 400 or above has one body: `{"error": {"code", "text", "details"}}`.
 Streams (`.../events`) are server-sent events whose `data` is one JSON message with an `event` field; they resume by
-`Last-Event-ID`. Units are in the names; frames and signs are those of the result document.
+`Last-Event-ID`. A job tells `stage`, `iteration`, `log` and `state`; a recording tells `planes-changed`,
+`job-changed`, `view-changed`, `recording-changed`, `click-refused` and `resync`.
+
+Units are in the names; frames and signs are those of the result document. A server that is not on loopback wants
+`Authorization: Bearer TOKEN`.
 """
 
 
@@ -53,8 +59,31 @@ def document(app: FastAPI) -> dict[str, object]:
             for operation in path.values():
                 operation["responses"].pop("422", None)
                 operation["responses"]["default"] = error
-        app.openapi_schema = _short_names(made)
+        app.openapi_schema = _with_examples(_short_names(made))
     return app.openapi_schema
+
+
+def _with_examples(made: dict[str, object]) -> dict[str, object]:
+    """The document with an example, or one for each kind, wherever JSON or an event goes over the wire."""
+    components = cast("dict[str, dict[str, Schema]]", made["components"])["schemas"]
+    maker = ExampleMaker(components)
+    for path in cast("dict[str, dict[str, Schema]]", made["paths"]).values():
+        for operation in path.values():
+            parts = [(cast(Schema, operation.get("requestBody", {})), True)]
+            parts += [(part, False) for part in cast("dict[str, Schema]", operation["responses"]).values()]
+            for part, sparse in parts:
+                for kind, media in cast("dict[str, Schema]", part.get("content", {})).items():
+                    schema = _event_schema(media) if kind == "text/event-stream" else media.get("schema")
+                    if kind in {"application/json", "text/event-stream"} and isinstance(schema, dict):
+                        named = maker.named(schema, sparse=sparse)
+                        media["examples"] = {name: {"value": value} for name, value in named.items()}
+    return made
+
+
+def _event_schema(media: Schema) -> Schema:
+    """The schema of an event's JSON, one of the event types."""
+    properties = cast("dict[str, Schema]", cast(Schema, media["itemSchema"])["properties"])
+    return cast(Schema, properties["data"]["contentSchema"])
 
 
 def _short_names(made: dict[str, object]) -> dict[str, object]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 from app.errors import Conflict, facts_of
-from app.errors import Conflict
 from app.feed import RecordingFeed
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
@@ -16,14 +15,12 @@ from app.results.service import ResultService
 from app.scene.compose import Composer
 from app.scene.hub import SceneHub
 from app.scene.share import shared_page
-from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.recordings import Sample, ServerFacts
 from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
 from app.settings import AppSettings
 from app.storage.database import check_database, open_database
 from app.storage.files import SUFFIXES, DataFolder
-from app.storage.records import JobRecord
 from app.storage.records import JobRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from app.workflow import Workflow
@@ -105,14 +102,6 @@ class Services:
             export_formats=list(api.export_names()),
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
-
-    def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
-        """A solve's answer as one 3D page; Conflict where it has none."""
-        record = self.recordings.get(job.recording_id)
-        found, recording = self.sources.solved(record, job.id), self.sources.recording(record)
-        if found is None or recording is None or len(recording.scans) == 0:
-            raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
-        return shared_page(recording, found.solved, limit=self.settings.displayed_points, dark=dark)
 
     def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
         """A solve's answer as one 3D page; Conflict where it has none."""

@@ -1,10 +1,14 @@
 """`python -m bench`: measure, judge, bless.
 
-    list                    what can be measured
-    run NAME... [--jobs N]  measure, show, write bench/results/NAME.json
-    gate [--jobs N]         measure the gated workloads; exit 1 where a ratio slipped
-    bless NAME...           measure and make the ratios the new baseline (commit it with a reason)
-    readme                  write the README's table from bench/results
+    list                                what can be measured
+    run [NAME...]                       measure, show, write bench/results/NAME.json
+    gate [NAME...]                      measure the gated workloads; exit 1 where a ratio slipped
+    bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
+    readme                              write the README's table from bench/results
+    bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
+    monte-carlo SCENARIO... [--seeds]   one row a run in bench/results/monte_carlo.csv; goes on where it was stopped
+    starts [--seeds] [--kinds]          from any start the same answer: bench/results/starts.csv; goes on, too
+    report                              bench/results/accuracy.md from these three
 
 The tables and figures of the paper, both methods side by side, are `python -m bench.paper`.
 """
@@ -15,41 +19,102 @@ import argparse
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
+from bench import accuracy, bounds, campaign, starts
 from bench.metrics import Metric, slips
 from bench.readme import README, table, with_table
-from bench.store import bless, read_baseline, write_results
+from bench.store import RESULTS, bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, metrics_of, runs_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one of the commands; its exit code."""
-    parser = argparse.ArgumentParser(prog="python -m bench", description="Measure, judge, bless.")
-    parser.add_argument("command", choices=("list", "run", "gate", "bless", "readme"))
-    parser.add_argument("names", nargs="*", metavar="NAME", help="workloads; all gated ones where none is named")
-    parser.add_argument("--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), help="processes (%(default)s)")
-    chosen = parser.parse_args(arguments)
-    unknown = [name for name in chosen.names if name not in WORKLOADS]
-    if unknown:
-        sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(WORKLOADS)}.\n")
-        return 2
+    chosen = _parser().parse_args(arguments)
     match chosen.command:
+        case "bound":
+            bounds.compute(chosen.names or bounds.BOUNDED, jobs=chosen.jobs, folder=chosen.folder)
+        case "monte-carlo":
+            label = chosen.label or campaign.version_label()
+            campaign.monte_carlo(chosen.names, chosen.seeds, jobs=chosen.jobs, label=label, folder=chosen.folder)
+        case "starts":
+            starts.campaign(
+                chosen.seeds,
+                scenario=chosen.scenario,
+                kinds=chosen.kinds,
+                jobs=chosen.jobs,
+                label=chosen.label or campaign.version_label(),
+                folder=chosen.folder,
+            )
+        case "report":
+            sys.stdout.write(f"{accuracy.write_report(chosen.folder, chosen.label)}\n")
         case "list":
             for workload in WORKLOADS.values():
                 sys.stdout.write(f"{workload.name:24}{workload.text} Seeds {workload.seeds}.\n")
         case "readme":
             README.write_text(with_table(README.read_text(encoding="utf-8"), table()), encoding="utf-8")
-        case "gate":
-            return _gate(_measure(chosen.names or _gated(), chosen.jobs))
-        case "bless":
-            bless(_measure(chosen.names or _gated(), chosen.jobs))
         case _:
-            _measure(chosen.names or _gated(), chosen.jobs)
+            return _workloads(chosen.command, chosen.names, chosen.jobs)
     return 0
 
 
-def _gated() -> list[str]:
-    return [workload.name for workload in WORKLOADS.values() if workload.is_gated]
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m bench", description="Measure, judge, bless.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name in ("list", "readme"):
+        commands.add_parser(name)
+    for name in ("run", "gate", "bless"):
+        command = commands.add_parser(name)
+        command.add_argument("names", nargs="*", metavar="NAME", help="workloads; all gated ones where none is named")
+        _add_jobs(command)
+    command = commands.add_parser("bound")
+    command.add_argument("names", nargs="*", metavar="SCENARIO", help=f"default: {' '.join(bounds.BOUNDED)}")
+    _add_jobs(command)
+    _add_folder(command)
+    command = commands.add_parser("monte-carlo")
+    command.add_argument("names", nargs="+", metavar="SCENARIO")
+    _add_campaign(command, "1-100")
+    command = commands.add_parser("starts")
+    command.add_argument("--scenario", default="paper-normal", help="(%(default)s)")
+    command.add_argument(
+        "--kinds", nargs="+", choices=starts.KINDS, default=["any"], help="how the clocks differ (%(default)s)"
+    )
+    _add_campaign(command, "1-200")
+    command = commands.add_parser("report")
+    command.add_argument("--label", help="the version to show; default: each scenario's latest")
+    _add_folder(command)
+    return parser
+
+
+def _add_jobs(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), help="processes (%(default)s)")
+
+
+def _add_folder(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--folder", type=Path, default=RESULTS, help="of the results (bench/results)")
+
+
+def _add_campaign(command: argparse.ArgumentParser, seeds: str) -> None:
+    command.add_argument(
+        "--seeds", type=campaign.seeds_of, default=campaign.seeds_of(seeds), help=f"such as 1-5,8 ({seeds})"
+    )
+    command.add_argument("--label", help="of the program's version; default: the commit")
+    _add_jobs(command)
+    _add_folder(command)
+
+
+def _workloads(command: str, names: Sequence[str], jobs: int) -> int:
+    unknown = [name for name in names if name not in WORKLOADS]
+    if unknown:
+        sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(WORKLOADS)}.\n")
+        return 2
+    gated = [workload.name for workload in WORKLOADS.values() if workload.is_gated]
+    measured = _measure(names or gated, jobs)
+    if command == "gate":
+        return _gate(measured)
+    if command == "bless":
+        bless(measured)
+    return 0
 
 
 def _measure(names: Iterable[str], jobs: int) -> list[Metric]:
@@ -61,7 +126,7 @@ def _measure(names: Iterable[str], jobs: int) -> list[Metric]:
         for run in runs_of(workload, jobs):
             sys.stderr.write(f"{name} seed {run.seed}: {run.status} in {run.solve_s:.1f} s\n")
             runs.append(run)
-        metrics = metrics_of(workload, runs)
+        metrics = metrics_of(workload, sorted(runs, key=lambda run: run.seed))
         for metric in metrics:
             sys.stdout.write(f"{metric.key:44}{metric.value:12.5g} {metric.unit}\n")
         write_results(name, metrics)

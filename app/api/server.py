@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import HTMLResponse
 
+from app.apidocs import render
 from app.deps import ServicesDep
 from app.schemas.recordings import FolderListing, Health, ServerFacts
 
@@ -24,6 +26,12 @@ def list_folder(
 ) -> FolderListing:
     """A folder of the server's own recordings, which open without an upload."""
     return services.folder.listing(path)
+
+
+@router.get("/api/docs", include_in_schema=False)
+def read_api_page(request: Request) -> HTMLResponse:
+    """The API's document as a page."""
+    return HTMLResponse(render(request.app.openapi()))
 
 
 @router.get("/healthz")

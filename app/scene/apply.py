@@ -21,9 +21,13 @@ OnRay = Callable[[FloatArray, FloatArray, bool], None]
 OnCamera = Callable[[], None]
 OnBox = Callable[[FloatArray], None]
 
-#: Where a camera stands that looks at the whole: this direction from the middle, this far for each metre of its breadth.
+#: Where a camera stands that looks at the whole: this direction from the middle, and this much farther than needed.
 AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
-AIM_DISTANCE = 0.8
+AIM_MARGIN = 1.06
+#: A canvas is taken to be so wide for its height until a browser tells.
+ASPECT = 1.6
+#: What is behind the clouds: nothing drawn may vanish into it, neither white nor dark blue.
+BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204, 210, 217)}
 
 
 class _Removable(Protocol):
@@ -55,6 +59,21 @@ def camera_of(camera: viser.CameraHandle) -> Camera:
         fov_rad=float(camera.fov),
         aspect=float(camera.aspect),
     )
+
+
+def whole_view(points_m: FloatArray, *, fov_rad: float, aspect: float) -> tuple[FloatArray, FloatArray]:
+    """A middle (3,) to look at and a place (3,) to look from, so that nearly all points (N, 3) are on the canvas."""
+    low, high = np.percentile(points_m, [2, 98], axis=0)
+    middle = (low + high) / 2
+    back = AIM_DIRECTION / np.linalg.norm(AIM_DIRECTION)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    up = np.cross(back, right)
+    seen = points_m - middle
+    half = np.tan(fov_rad / 2)
+    # A point fits when |x| <= (t - z) half aspect and |y| <= (t - z) half, t the camera's distance, z towards it.
+    needed_m = np.maximum(np.abs(seen @ right) / (half * aspect), np.abs(seen @ up) / half) + seen @ back
+    return middle, middle + AIM_MARGIN * max(1.0, float(np.percentile(needed_m, 99))) * back
 
 
 class ShownScene:
@@ -123,6 +142,7 @@ class ShownScene:
         if dark != self._dark:
             self._dark = dark
             self._server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
+            self._server.scene.set_background_image(np.full((1, 1, 3), BACKGROUNDS[dark], dtype=np.uint8), format="png")
         if self._aim == "" or content.aim not in {"", self._aim}:
             self._look_at_all(content)
         wanted = {item.path: item for item in content.items}
@@ -160,6 +180,7 @@ class ShownScene:
             case Cloud(path=path, xyz=xyz, rgb=rgb, size_m=size_m):
                 if known is not None and isinstance(known[2], viser.PointCloudHandle):
                     known[2].points, known[2].colors = xyz, rgb
+                    known[2].point_size = size_m
                     return cast(_Removable, known[2])
                 return cast(
                     _Removable,
@@ -213,13 +234,13 @@ class ShownScene:
         clouds = [item.xyz for item in content.items if isinstance(item, Cloud) and len(item.xyz) > 0]
         if not clouds:
             return
-        low, high = np.percentile(np.concatenate(clouds), [2, 98], axis=0)
-        middle, reach = (low + high) / 2, max(1.0, float(np.linalg.norm(high - low)))
-        away = middle + AIM_DISTANCE * reach * AIM_DIRECTION / np.linalg.norm(AIM_DIRECTION)
+        points = np.concatenate(clouds).astype(np.float64)
+        aspect = ASPECT if self._camera is None else self._camera.aspect
+        middle, away = whole_view(points, fov_rad=float(self._server.initial_camera.fov), aspect=aspect)
         self._server.initial_camera.look_at = middle
         self._server.initial_camera.position = away
         if self._aim != "":
             for client in self._server.get_clients().values():
                 with client.atomic():
                     client.camera.position, client.camera.look_at = away, middle
-        self._aim = content.aim or "first"
+        self._aim = content.aim or "one"

@@ -14,7 +14,7 @@ from app.results.thickness import nearest_plane, rigid_map_points
 from app.scene import palette
 from app.scene.build import thinned_scan
 from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
-from app.scene.items import Axes, Cloud, Content, Label
+from app.scene.items import Axes, Cloud, Content, breadth_m, frame_names, point_size_m
 from calib_core import api
 from calib_core.events import IterationEvent, SweepMotion
 from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
@@ -44,15 +44,13 @@ def build_converging(recording: Recording, step: IterationEvent, *, limit: int) 
     p_imu = p_lidar - R_imu @ matrix[:3, 3]
     return Content(
         items=(
-            Cloud("/sweeps", moved, palette.diverging(dist_m, RESIDUAL_HALF_M)),
+            Cloud("/sweeps", moved, palette.diverging(dist_m, RESIDUAL_HALF_M), point_size_m(moved)),
             Axes("/lidar", R_lidar, p_lidar, 0.45),
             Axes("/imu", R_imu, p_imu, 0.3),
-            Label("/names/lidar", "lidar", p_lidar),
-            Label("/names/imu", "IMU", p_imu),
+            *frame_names(p_lidar, p_imu, breadth_m([moved])),
         ),
-        legend=f"{len(pairs)} sweeps where this estimate puts them: walls {after_m * 1e3:.1f} mm thick, "
-        f"{before_m * 1e3:.1f} mm with the motion left in. Colour: distance to the nearest plane, blue -50 mm, "
-        "white 0, orange +50 mm; grey: none near.",
+        legend=f"{len(pairs)} sweeps as this estimate has them: walls {after_m * 1e3:.1f} mm thick "
+        f"({before_m * 1e3:.1f} mm with the motion left in). Colour: distance to plane, blue -50, white 0, orange +50 mm.",
     )
 
 

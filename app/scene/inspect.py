@@ -16,7 +16,7 @@ import numpy as np
 from app.results.thickness import nearest_plane, rigid_map_points, spread
 from app.scene import palette
 from app.scene.build import LEGENDS, Solved, scan_colors, thinned, thinned_scan
-from app.scene.items import Axes, Cloud, Content, Item, Label, Line
+from app.scene.items import Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.palette import Colors
 from app.scene.wipe import Camera, left_of
 from app.schemas.view import Against, ColorBy, Extent, Show
@@ -68,7 +68,8 @@ class Motions:
 def build_inspection(recording: Recording, look: Look, motions: Motions, camera: Camera | None) -> Content:
     """The clouds that are asked for, with the path and both sensors' frames."""
     sources = _sources(look, motions)
-    each = look.limit // len(sources)
+    # Of a wipe's two clouds about one half each is drawn.
+    each = look.limit if look.show == "wipe" else look.limit // len(sources)
     one_color = look.show == "both"
     parts = [_cloud(recording, look, motions, source, each, one_color=one_color) for source in sources]
     if look.show == "wipe" and camera is not None:
@@ -83,11 +84,11 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
         parts = [_moved(part, shift) for part, shift in zip(parts, shifts, strict=True)]
         labels = [_title(part, source) for part, source in zip(parts, sources, strict=True)]
     stand = shifts[sources.index("deskewed")] if "deskewed" in sources else shifts[-1]
-    frames = _motion(recording, look, motions, stand)
+    frames = _motion(recording, look, motions, stand, breadth_m([part.xyz for part in parts]))
     return Content(
         items=(*parts, *labels, *frames),
         legend=_legend(look, sources),
-        aim=f"{look.show == 'side'}-{len(sources)}",
+        aim=f"side of {len(sources)}" if look.show == "side" else "one",
     )
 
 
@@ -115,7 +116,8 @@ def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, l
     else:
         pairs = zip(scans, points, strict=True)
         rgb = np.concatenate([_colors(scan, part, motions.solved, look.color_by) for scan, part in pairs])
-    return Cloud(f"/{source}", np.concatenate(points), rgb)
+    xyz = np.concatenate(points)
+    return Cloud(f"/{source}", xyz, rgb, point_size_m(xyz))
 
 
 def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:
@@ -161,7 +163,7 @@ def _title(cloud: Cloud, source: Source) -> Label:
     return Label(f"/titles/{source}", TITLES[source], above.astype(np.float64))
 
 
-def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArray) -> tuple[Item, ...]:
+def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArray, breadth: float) -> tuple[Item, ...]:
     """The way the lidar took, the part behind it brighter, and both sensors' axes at the scan's time."""
     trajectory, T_imu_lidar = motions.shown, motions.solved.T_imu_lidar
     path = (trajectory.p_map_lidar + stand).astype(np.float32)
@@ -178,8 +180,7 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
         *items,
         Axes("/lidar", R_map_lidar, p_map_lidar, 0.45),
         Axes("/imu", R_map_imu, p_map_imu, 0.3),
-        Label("/names/lidar", "lidar", p_map_lidar),
-        Label("/names/imu", "IMU", p_map_imu),
+        *frame_names(p_map_lidar, p_map_imu, breadth),
     )
 
 

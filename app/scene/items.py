@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -85,6 +86,29 @@ class Content:
     def points_shown(self) -> int:
         """Points sent to the browser."""
         return sum(len(item.xyz) for item in self.items if isinstance(item, Cloud))
+
+
+def breadth_m(clouds: Sequence[Float32Array]) -> float:
+    """Diagonal of all clouds (N, 3) together, strays left out."""
+    joined = np.concatenate([np.zeros((0, 3), dtype=np.float32), *clouds])
+    if len(joined) == 0:
+        return 1.0
+    low, high = np.percentile(joined, [2, 98], axis=0)
+    return max(1.0, float(np.linalg.norm(high - low)))
+
+
+def frame_names(p_lidar: FloatArray, p_imu: FloatArray, breadth: float) -> tuple[Label, Label]:
+    """The sensors' names, the lidar's above and the IMU's below, as far apart as words need in a scene that broad."""
+    up = np.array([0.0, 0.0, 0.045 * breadth])
+    return Label("/names/lidar", "lidar", p_lidar + up), Label("/names/imu", "IMU", p_imu - up)
+
+
+def point_size_m(xyz: Float32Array) -> float:
+    """How large points (N, 3) are drawn so that surfaces close without hiding what is thin."""
+    if len(xyz) < 2:
+        return 0.02
+    low, high = np.percentile(xyz, [2, 98], axis=0)
+    return float(np.clip(0.26 * np.linalg.norm(high - low) / np.sqrt(len(xyz)), 0.015, 0.04))
 
 
 def fingerprint(item: Item) -> int:

@@ -66,7 +66,7 @@ class InitialGuess(WireModel):
 class NewJob(WireModel):
     """What to run. `settings` and `initial_guess` belong to a solve; its planes are those confirmed now."""
 
-    kind: Literal["inspect", "planes", "solve"]
+    kind: Literal["inspect", "planes", "solve"] = Field(examples=["solve"])
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
 

@@ -82,21 +82,21 @@ class Rename(_Operation):
 
     op: Literal["rename"]
     index: PatchIndex
-    name: str = Field(min_length=1, max_length=60)
+    name: str = Field(min_length=1, max_length=60, examples=["wall A"])
 
 
 class Merge(_Operation):
     """One patch out of two or more that lie in one plane; it takes the first one's place and name."""
 
     op: Literal["merge"]
-    indices: list[PatchIndex] = Field(min_length=2)
+    indices: list[PatchIndex] = Field(min_length=2, examples=[[0, 5]])
 
 
 class Grow(_Operation):
     """A new, confirmed patch around a point of the cloud."""
 
     op: Literal["grow"]
-    seed_m: Vector = Field(description="map frame, metres")
+    seed_m: Vector = Field(description="map frame, metres", examples=[[3.2, -0.4, 1.1]])
 
 
 class Side(WireModel):
@@ -115,7 +115,7 @@ class Restrict(_Operation):
     """
 
     op: Literal["restrict"]
-    sides: list[Side] = Field(min_length=1, max_length=12)
+    sides: list[Side] = Field(min_length=1, max_length=12, examples=[[{"normal": [0.0, 0.0, 1.0], "offset_m": 0.5}]])
     index: int | None = Field(default=None, ge=0, description="the patch to restrict; None: all, and what grows later")
 
 

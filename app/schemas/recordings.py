@@ -56,8 +56,8 @@ class ChangeRecording(WireModel):
     name: str | None = Field(default=None, min_length=1, max_length=200)
     lidar_topic: str | None = None
     imu_topic: str | None = None
-    start_s: float | None = Field(default=None, ge=0, description="seconds after the recording's start")
-    end_s: float | None = Field(default=None, gt=0)
+    start_s: float | None = Field(default=None, ge=0, description="seconds after the recording's start", examples=[2.0])
+    end_s: float | None = Field(default=None, gt=0, examples=[32.0])
     point_time_field: str | None = None
     point_time_unit: Literal["s", "ms", "us", "ns"] | None = None
     point_time_reference: Literal["header-first", "header-last", "absolute"] | None = None

@@ -34,7 +34,9 @@ class OldExtrinsic(WireModel):
     """An extrinsic the user had before, T_imu_lidar in the contract's signs, to be looked at beside the answer."""
 
     translation_m: tuple[float, float, float] = Field(description="the lidar's origin in the IMU's frame")
-    quaternion_xyzw: tuple[float, float, float, float] = Field(description="of unit length, to two digits")
+    quaternion_xyzw: tuple[float, float, float, float] = Field(
+        description="of unit length, to two digits", examples=[(0.0, 0.0, 0.0, 1.0)]
+    )
     time_offset_s: float | None = Field(default=None, description="None: the answer's own is kept")
 
     @field_validator("quaternion_xyzw")
@@ -75,9 +77,9 @@ class ViewState(WireModel):
 class ChangeView(WireModel):
     """Fields left out stay as they are; `nudge: null` takes the nudge away, `old: null` the old extrinsic."""
 
-    mode: Mode = "planes"
+    mode: Mode = Field(default="planes", examples=["inspect"])
     job_id: RecordId | None = None
-    scan: int = Field(default=0, ge=0)
+    scan: int = Field(default=0, ge=0, examples=[40])
     show: Show = "deskewed"
     against: Against = "raw"
     wipe: float = Field(default=0.5, ge=0, le=1)

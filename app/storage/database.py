@@ -31,7 +31,7 @@ from sqlalchemy import (
     update,
 )
 from sqlalchemy.engine.interfaces import DBAPIConnection
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from app.errors import Unavailable
@@ -113,7 +113,22 @@ NEWEST_VERSION = 1
 
 def open_database(url: str) -> Engine:
     """An engine on a database whose tables are those of this program."""
-    engine = create_engine(url, connect_args={"timeout": 30} if url.startswith("sqlite") else {})
+    try:
+        engine = create_engine(
+            url, connect_args={"timeout": 30} if url.startswith("sqlite") else {}, pool_pre_ping=True
+        )
+    except (ArgumentError, NoSuchModuleError) as error:
+        raise Unavailable(
+            "store.bad_url",
+            f"Expected a database address such as postgresql+psycopg://user@host/unsweep, found one that {_shortly(error)}; "
+            "correct UNSWEEP_DATABASE_URL.",
+        ) from error
+    except ModuleNotFoundError as error:
+        raise Unavailable(
+            "store.no_driver",
+            f"The database address needs the Python package {error.name}, which is not installed: for PostgreSQL write "
+            "postgresql+psycopg:// and install psycopg[binary].",
+        ) from error
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
     try:
@@ -155,6 +170,11 @@ def check_database(engine: Engine) -> None:
             connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
     except SQLAlchemyError as error:
         raise Unavailable("store.unusable", f"The record store does not answer: {_cause(error)}.") from error
+
+
+def _shortly(error: ArgumentError | NoSuchModuleError) -> str:
+    """Why an address is none; the address itself, which may hold a password, is not repeated."""
+    return "names an unknown kind of database" if isinstance(error, NoSuchModuleError) else "cannot be read"
 
 
 def _cause(error: SQLAlchemyError) -> str:

@@ -18,7 +18,7 @@ from app.settings import AppSettings
 from app.storage.records import RecordingRecord
 
 #: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
-SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar.gz", ".tgz")
+SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
 
 
 def suffix_of(name: str) -> str:
@@ -30,7 +30,7 @@ def suffix_of(name: str) -> str:
     raise BadRequest(
         "upload.suffix",
         f"A recording's name ends in one of {', '.join(SUFFIXES)}; {display_name(name)!r} does not: "
-        "rename the file, or put a ROS 2 folder into a .zip first.",
+        "choose a bag, or a bag's folder or archive.",
     )
 
 

@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.geometry import log, plane_axes
+from calib_core.pipeline.planemap import PlaneMap
 from calib_core.pipeline.track import ScanMotion, TrackSettings, register, sample_points
 from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
 from calib_core.settings import CalibrateSettings
@@ -59,16 +60,16 @@ def find_reference(
 def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) -> list[int]:
     """The reference scan and those after it during which the lidar did not move."""
     s = TrackSettings()
-    normals, offsets = np.array([p.normal for p in planes]), np.array([p.offset_m for p in planes])
+    known = PlaneMap.endless(planes)
     # Rates near zero are the hypothesis: left free they would take up the noise of the pose.
     tie = np.repeat([1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2], 3)
-    start = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, 0.0, 1.0)
+    start = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
     still = []
     for position in range(reference, min(reference + _STILL_SCANS, len(scans))):
         points, tau = sample_points(scans[position], s.points)
         if len(points) < 60:
             break
-        motion = register(points, tau, normals, offsets, start, tie=tie, settings=s, position=position)
+        motion = register(points, tau, known, start, tie=tie, settings=s, position=position).motion
         turned, moved = np.degrees(np.linalg.norm(log(motion.R))), np.linalg.norm(motion.p)
         if turned > _STILL_DEG or moved > _STILL_M:
             break

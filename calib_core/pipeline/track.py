@@ -7,20 +7,22 @@ For a point x at time tau after its scan's first point,
 
 and R, p, omega, v of one scan are found by iterated least squares with a redescending weight whose scale shrinks,
 tied to the previous scan by a loose continuity. Scans are followed outwards from a reference scan, forward and
-backward, until the planes are lost on either side.
+backward. On the way the planes' known parts spread and new planes join. A scan is trusted by what its points say: that
+they determine all six directions, and that enough of them lie on planes. One that is not is tried from other starts,
+then bridged; half a second of such scans ends the track.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.factors.kernels import register_kernel
+from calib_core.factors.kernels import register_kernel, straighten_kernel
 from calib_core.geometry import exp, log
-from calib_core.planes.segment import determinacy
-from calib_core.types import FloatArray, Plane, Scan
+from calib_core.pipeline.planemap import CELL_M, PlaneMap
+from calib_core.types import FloatArray, IntArray, Plane, Scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,8 @@ class ScanMotion:
     """One scan's motion in the map frame: pose of the lidar at the first point's time, and its velocities in the sweep.
 
     R, p: map <- lidar.   omega_rad_s: (3,) lidar axes.   v_m_s: (3,) map axes.   share: of the sampled points that lie on
-    a plane.   rms_m: of those.   determinacy: smallest eigenvalue of the mean n n^T over them.
+    a plane, 0 for a scan that was bridged.   rms_m: of those.   std_rad, std_m: 1 sigma of the pose along
+    the least determined direction, from the points alone, the sweep's velocities taken as known.
     """
 
     position: int
@@ -36,27 +39,55 @@ class ScanMotion:
     p: FloatArray
     omega_rad_s: FloatArray
     v_m_s: FloatArray
-    share: float
-    rms_m: float
-    determinacy: float
+    share: float = 1.0
+    rms_m: float = 0.0
+    std_rad: float = 0.0
+    std_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class TrackSettings:
-    """points: sampled from each scan.   scales_m: of the weight, iteration by iteration.   Tie: 1 sigma to the previous scan."""
+    """sample: points looked at in each scan.   points: of them in the least squares.   Tie: 1 sigma to the previous scan.
 
+    scales_m: of the weight, iteration by iteration.   plane_points: a plane counts for no more points than that in the
+    least squares, sure_points in the judgement of it, and not at all with fewer than least_points.
+    outside_m: what a point off the known part of its plane counts as further away.   trusted_*: a pose less certain than
+    that (1 sigma) does not count.   bridge_s: how long scans that tell no orientation are bridged.
+    coast_s: how long the position may be unknown in some direction; it goes on at a velocity that fades within damping_s.
+    """
+
+    sample: int = 5000
     points: int = 1500
     scales_m: tuple[float, ...] = (0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
+    wide_scales_m: tuple[float, ...] = (1.2, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
     inlier_m: float = 0.1
+    outside_m: float = 0.2
     tie_rotation_rad: float = 0.06
     tie_position_m: float = 0.05
-    tie_rate_rad_s: float = 1.5
-    tie_velocity_m_s: float = 0.6
+    tie_rate_rad_s: float = 1.2
+    tie_velocity_m_s: float = 0.4
+    fit_std_m: float = 0.06
     lidar_std_m: float = 0.03
+    plane_points: float = 150.0
+    sure_points: float = 9.0
+    least_points: int = 10
+    trusted_rad: float = 0.06
+    trusted_m: float = 0.1
+    trusted_rms: float = 1.7
+    rms_slack_m: float = 0.01
+    least_rms_m: float = 0.015
+    least_share: float = 0.15
     lost_share: float = 0.5
-    lost_determinacy: float = 0.02
-    jump_rotation_rad: float = 0.3
-    jump_position_m: float = 0.35
+    doubtful_share: float = 0.85
+    jump_rotation_rad: float = 0.6
+    jump_position_m: float = 0.6
+    bridge_s: float = 0.5
+    coast_s: float = 2.0
+    damping_s: float = 0.7
+    grow_share: float = 0.93
+    grow_turn_rad: float = 0.4
+    grow_points: int = 4000
+    grow_every: int = 5
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
@@ -64,55 +95,149 @@ def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
     n = len(scan.points)
     if n > count:
         # A golden-ratio stride visits rings and azimuths evenly whatever the interleaving of the packets.
-        pick = np.unique((np.arange(count) * 0.6180339887498949 % 1.0 * n).astype(np.int64))
+        pick = np.sort((np.arange(count) * 0.6180339887498949 % 1.0 * n).astype(np.int64))
+        pick = pick[np.diff(pick, prepend=-1) > 0]
         points = scan.points[pick]
     else:
         points = scan.points
     return points["xyz"].astype(np.float64), points["offset_ns"] * 1e-9
 
 
+@dataclass(frozen=True, slots=True)
+class Registered:
+    """A registration and what its points did. plane: (K,) index, -1 for none within reach.   blind: (3,) map, unit: the
+    direction of position that fewest points tell.
+    """
+
+    motion: ScanMotion
+    points_m: FloatArray
+    tau_s: FloatArray
+    plane: IntArray
+    blind: FloatArray
+
+
+class _Look:
+    """What one look of the points at the planes gives: distances, planes, and normal equations where asked for."""
+
+    def __init__(
+        self,
+        points_m: FloatArray,
+        tau_s: FloatArray,
+        planes: PlaneMap,
+        at: ScanMotion,
+        scale_m: float,
+        outside_m: float,
+        worth: FloatArray | None,
+    ) -> None:
+        n, size = len(points_m), 0 if worth is None else 12
+        upper, self.gradient = np.zeros((size, size)), np.zeros(size)
+        self.d, self.plane, self.inside = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
+        register_kernel(
+            points_m, tau_s, planes.normals, planes.offsets_m, planes.axes, planes.reach,
+            np.ones(0) if worth is None else worth, CELL_M, outside_m,
+            at.R, at.p, at.omega_rad_s, at.v_m_s, scale_m, upper, self.gradient, self.d, self.plane, self.inside,
+        )  # fmt: skip
+        self.hessian = upper + np.triu(upper, 1).T
+
+    def on(self, within_m: float) -> IntArray:
+        """The plane each point lies on, -1 for none: (N,)."""
+        return np.where(self.inside & (np.abs(self.d) < within_m), self.plane, -1)
+
+    def worth(self, n_planes: int, most: float, least: int, within_m: float) -> FloatArray:
+        """Factors that let no plane count for more than so many points: its own error stays however many it has. (P,)
+
+        Fewer than `least` points on a plane may be anything that happens to be there: they do not count at all.
+        """
+        on = self.on(within_m)
+        count = np.bincount(on[on >= 0], minlength=n_planes)
+        return np.where(count < least, 0.0, 1.0 / (1.0 + count / most))
+
+
 def register(
     points_m: FloatArray,
     tau_s: FloatArray,
-    normals: FloatArray,
-    offsets_m: FloatArray,
+    planes: PlaneMap,
     start: ScanMotion,
     *,
     tie: FloatArray,
     settings: TrackSettings,
     position: int,
-) -> ScanMotion:
+    scales_m: tuple[float, ...] | None = None,
+) -> Registered:
     """One scan registered to planes from a predicted motion.
 
-    points_m: (K, 3) lidar frame.   tau_s: (K,).   normals: (P, 3), offsets_m: (P,) map.   tie: (12,) information of the
-    predicted rotation, position, rate, velocity.
+    points_m: (K, 3) lidar frame.   tau_s: (K,).   tie: (12,) information of the predicted rotation, position, rate,
+    velocity. Of many points those of broad planes are thinned, so that a wall seen by a few still counts.
     """
-    R, p, omega, v = start.R, start.p, start.omega_rad_s, start.v_m_s
-    d = np.empty(len(points_m))
-    plane = np.empty(len(points_m), dtype=np.int64)
-    for scale in settings.scales_m:
-        upper, gradient = np.zeros((12, 12)), np.zeros(12)
-        register_kernel(points_m, tau_s, normals, offsets_m, R, p, omega, v, scale, upper, gradient, d, plane)
-        hessian = (upper + np.triu(upper, 1).T) / settings.lidar_std_m**2 + np.diag(tie)
-        deviation = np.concatenate([log(start.R.T @ R), p - start.p, omega - start.omega_rad_s, v - start.v_m_s])
-        step = -np.linalg.solve(hessian, gradient / settings.lidar_std_m**2 + tie * deviation)
-        R, p, omega, v = R @ exp(step[:3]), p + step[3:6], omega + step[6:9], v + step[9:12]
-    inlier = (plane >= 0) & (np.abs(d) < settings.inlier_m)
-    return ScanMotion(
+    scales = scales_m or settings.scales_m
+    variance = settings.lidar_std_m**2
+    n_planes, outside = len(planes.normals), settings.outside_m
+    look = _Look(points_m, tau_s, planes, start, scales[0], outside, None)
+    few = _balanced(np.where(np.abs(look.d) < scales[0], look.plane, -1), settings.points)
+    some_m, some_s = points_m[few], tau_s[few]
+    at, worth, weak = start, np.ones(n_planes), settings.fit_std_m**2
+    for scale in scales:
+        look = _Look(some_m, some_s, planes, at, scale, outside, worth)
+        worth = look.worth(n_planes, settings.plane_points, settings.least_points, 2.0 * scale)
+        deviation = np.concatenate(
+            [log(start.R.T @ at.R), at.p - start.p, at.omega_rad_s - start.omega_rad_s, at.v_m_s - start.v_m_s]
+        )
+        step = -np.linalg.solve(look.hessian + weak * np.diag(tie), look.gradient + weak * tie * deviation)
+        at = replace(
+            at,
+            R=at.R @ exp(step[:3]),
+            p=at.p + step[3:6],
+            omega_rad_s=at.omega_rad_s + step[6:9],
+            v_m_s=at.v_m_s + step[9:],
+        )
+    worth = look.worth(n_planes, settings.sure_points, 2 * settings.least_points, settings.inlier_m)
+    sure = _Look(some_m, some_s, planes, at, scales[-1], outside, worth).hessian[:6, :6]
+    covariance = np.linalg.inv(sure / variance + 1e-2 * np.eye(6))
+    rotation = np.linalg.eigvalsh(covariance[:3, :3])
+    position_, directions = np.linalg.eigh(covariance[3:, 3:])
+    look = _Look(points_m, tau_s, planes, at, scales[-1], outside, None)
+    plane = look.on(settings.inlier_m)
+    on = plane >= 0
+    motion = replace(
+        at,
         position=position,
-        R=R,
-        p=p,
-        omega_rad_s=omega,
-        v_m_s=v,
-        share=float(inlier.mean()) if len(d) else 0.0,
-        rms_m=float(np.sqrt(np.mean(d[inlier] ** 2))) if inlier.any() else np.inf,
-        determinacy=determinacy(normals[plane[inlier]]) if inlier.sum() > 30 else 0.0,
+        share=float(on.mean()) if len(on) else 0.0,
+        rms_m=float(np.sqrt(np.mean(look.d[on] ** 2))) if on.any() else np.inf,
+        std_rad=float(np.sqrt(rotation[-1])),
+        std_m=float(np.sqrt(position_[-1])),
     )
+    return Registered(motion, points_m, tau_s, plane, directions[:, -1])
+
+
+def _balanced(group: IntArray, count: int) -> IntArray:
+    """About `count` indices with the groups as equal as they can be, spread evenly over each. group: (K,), -1 and up."""
+    if len(group) <= count:
+        return np.arange(len(group))
+    order = np.argsort(group, kind="stable")
+    sizes = np.bincount(group + 1)
+    sizes = sizes[sizes > 0]
+    most, left = count, count
+    for rank, size in enumerate(np.sort(sizes)):
+        most = left // (len(sizes) - rank)
+        if size > most:
+            break
+        left -= size
+    taken = np.minimum(sizes, most)
+    starts = np.cumsum(sizes) - sizes
+    picks = [at + np.arange(n) * size // max(n, 1) for at, n, size in zip(starts, taken, sizes, strict=True)]
+    return np.sort(order[np.concatenate(picks)])
+
+
+def straighten(points_m: FloatArray, tau_s: FloatArray, motion: ScanMotion) -> FloatArray:
+    """Points of a scan in the map frame, (K, 3)."""
+    x_map = np.empty_like(points_m)
+    straighten_kernel(points_m, tau_s, motion.R, motion.p, motion.omega_rad_s, motion.v_m_s, x_map)
+    return x_map
 
 
 def track(
     scans: Sequence[Scan],
-    planes: Sequence[Plane],
+    planes: Sequence[Plane] | PlaneMap,
     reference: int,
     *,
     settings: TrackSettings | None = None,
@@ -120,50 +245,193 @@ def track(
 ) -> list[ScanMotion]:
     """The motion over the longest unbroken run of scans around the reference, in order of time.
 
-    planes: map frame = the lidar frame at the reference scan's first point.
+    planes: map frame = the lidar frame at the reference scan's first point. A PlaneMap is grown on the way.
     """
     s = settings or TrackSettings()
-    normals = np.array([plane.normal for plane in planes])
-    offsets = np.array([plane.offset_m for plane in planes])
-    still = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 1.0, 0.0, 1.0)
-    loose = np.repeat([1e8, 1e8, 1 / 2.0**2, 1 / 2.0**2], 3)
-    first = register(
-        *sample_points(scans[reference], s.points), normals, offsets, still, tie=loose, settings=s, position=reference
-    )
+    known = planes if isinstance(planes, PlaneMap) else PlaneMap.of(planes)
+    first = _first(scans, known, reference, s)
     runs: list[list[ScanMotion]] = []
-    total = len(scans)
-    done = 1
     for direction in (1, -1):
-        run: list[ScanMotion] = []
-        previous = first
-        position = reference + direction
-        while 0 <= position < total:
-            predicted, tie = _predict(previous, scans, position, s)
-            points, tau = sample_points(scans[position], s.points)
-            if len(points) < 60:
-                break
-            motion = register(points, tau, normals, offsets, predicted, tie=tie, settings=s, position=position)
-            if _lost(motion, predicted, first, s):
-                break
-            run.append(motion)
-            previous = motion
-            position += direction
-            done += 1
+        tracker = _Tracker(scans, known, s, direction, first)
+        for done in tracker.run():
             if on_progress is not None:
-                on_progress(done / total)
-        runs.append(run)
+                on_progress(min(1.0, (done + sum(map(len, runs))) / len(scans)))
+        runs.append(tracker.followed)
     return [*reversed(runs[1]), first, *runs[0]]
 
 
-def _lost(motion: ScanMotion, predicted: ScanMotion, first: ScanMotion, s: TrackSettings) -> bool:
-    """Whether a registration is not to be trusted: too few points on planes, too few directions, or a leap.
+def _first(scans: Sequence[Scan], known: PlaneMap, reference: int, s: TrackSettings) -> ScanMotion:
+    """The reference scan's velocities, and how far the planes reach in it."""
+    points, tau = sample_points(scans[reference], 20_000)
+    known.seed(points, 0.12)
+    still = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
+    loose = np.repeat([1e8, 1e8, 1 / 2.0**2, 1 / 2.0**2], 3)
+    few = sample_points(scans[reference], s.sample)
+    first = register(*few, known, still, tie=loose, settings=s, position=reference).motion
+    known.seed(straighten(points, tau, first))
+    return first
 
-    A box looks the same after a half turn: a registration far from its prediction is more likely that than a motion.
-    """
-    few = motion.share < s.lost_share * first.share or motion.determinacy < s.lost_determinacy
-    turned = float(np.linalg.norm(log(predicted.R.T @ motion.R)))
-    moved = float(np.linalg.norm(motion.p - predicted.p))
-    return few or turned > s.jump_rotation_rad or moved > s.jump_position_m
+
+@dataclass
+class _Tracker:
+    """One direction's march away from the reference. followed: what it came to, in the order of the march."""
+
+    scans: Sequence[Scan]
+    known: PlaneMap
+    s: TrackSettings
+    direction: int
+    first: ScanMotion
+    followed: list[ScanMotion] = field(default_factory=list)
+    _share: float = 1.0
+    _rms: float = 0.0
+    _since: int = 0
+    _wait: int = 0
+    _grown_R: FloatArray = field(default_factory=lambda: np.eye(3))
+    _blind: dict[int, FloatArray] = field(default_factory=dict)
+
+    def run(self) -> Iterator[int]:
+        """Follow scan after scan; yields how many so far."""
+        s = self.s
+        self._share, self._rms = self.first.share, max(self.first.rms_m, s.least_rms_m)
+        self._wait, self._grown_R = s.grow_every, self.first.R
+        good = oriented = previous = self.first
+        position = self.first.position + self.direction
+        while 0 <= position < len(self.scans):
+            away_s = self._between_s(good.position, position)
+            if self._between_s(oriented.position, position) > max(s.bridge_s, 1.5 * self._period_s(position)):
+                break
+            if away_s > max(s.coast_s, 1.5 * self._period_s(position)):
+                break
+            found = self._register(previous, position, s.damping_s if previous is not good else None)
+            if found is not None:
+                self._bridge(previous, found.motion)
+                self.followed.append(found.motion)
+                before, previous = previous, found.motion
+                if previous.std_rad < s.trusted_rad:
+                    oriented = previous
+                if _determined(previous, s):
+                    self._close(good, before, found.motion)
+                    good = previous
+                    self._learn(found)
+                else:
+                    self._blind[position] = found.blind
+                yield len(self.followed)
+            position += self.direction
+        last = abs(good.position - self.first.position)
+        del self.followed[last:]
+
+    def _close(self, good: ScanMotion, before: ScanMotion, after: ScanMotion) -> None:
+        """Spread what was found at the end of a stretch that coasted in one direction over that stretch.
+
+        good: the last determined motion before it.   before: its last scan.   after: the first determined one.
+        """
+        if before is good:
+            return
+        dt = (self.scans[after.position].stamp_ns - self.scans[before.position].stamp_ns) * 1e-9
+        leap = after.p - (before.p + before.v_m_s * dt)
+        whole = (self.scans[after.position].stamp_ns - self.scans[good.position].stamp_ns) * 1e-9
+        for k in range(len(self.followed) - 2, -1, -1):
+            m = self.followed[k]
+            if m.position == good.position:
+                break
+            blind = self._blind.get(m.position)
+            if blind is not None:
+                t = (self.scans[m.position].stamp_ns - self.scans[good.position].stamp_ns) * 1e-9
+                along = blind * (blind @ leap)
+                self.followed[k] = replace(m, p=m.p + along * (t / whole), v_m_s=m.v_m_s + along / whole)
+
+    def _between_s(self, one: int, other: int) -> float:
+        return abs(self.scans[other].stamp_ns - self.scans[one].stamp_ns) * 1e-9
+
+    def _period_s(self, position: int) -> float:
+        """Time to the neighbouring scan the march comes from."""
+        return self._between_s(position, position - self.direction)
+
+    def _register(self, previous: ScanMotion, position: int, damping_s: float | None) -> Registered | None:
+        """The scan registered from where it is predicted, from other starts where that is doubtful; None where it is lost."""
+        s = self.s
+        points, tau = sample_points(self.scans[position], s.sample)
+        if len(points) < 60:
+            return None
+        predicted, tie = _predict(previous, self.scans, position, s)
+        if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
+            predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
+        best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position)
+        doubtful = best.motion.share < s.doubtful_share * self._share
+        if doubtful or best.motion.rms_m > s.trusted_rms * self._rms + 0.5 * s.rms_slack_m:
+            loose = tie / 25.0
+            for start in _other_starts(previous, predicted, thorough=self._lost(best.motion, predicted, position)):
+                other = register(
+                    points, tau, self.known, start, tie=loose, settings=s, position=position, scales_m=s.wide_scales_m
+                )
+                far = self._leapt(other.motion, predicted, position)
+                if not far and other.motion.share > 1.05 * best.motion.share:
+                    best = other
+        return None if self._lost(best.motion, predicted, position) else best
+
+    def _lost(self, motion: ScanMotion, predicted: ScanMotion, position: int) -> bool:
+        """Whether a registration is not to be trusted: too few points on planes, or a leap."""
+        few = motion.share < max(self.s.lost_share * self._share, self.s.least_share)
+        rough = motion.rms_m > self.s.trusted_rms * self._rms + self.s.rms_slack_m
+        return few or rough or self._leapt(motion, predicted, position)
+
+    def _leapt(self, motion: ScanMotion, predicted: ScanMotion, position: int) -> bool:
+        """Whether a registration is further from its prediction than a hand, a car or a drone accelerates.
+
+        A box looks the same after a half turn: that is likelier than such a motion.
+        """
+        steps = max(self._period_s(position) / 0.1, 0.5)
+        turned = float(np.linalg.norm(log(predicted.R.T @ motion.R)))
+        moved = float(np.linalg.norm(motion.p - predicted.p))
+        return turned > self.s.jump_rotation_rad * steps or moved > self.s.jump_position_m * steps
+
+    def _bridge(self, before: ScanMotion, after: ScanMotion) -> None:
+        """Motions between two that were found, at constant velocity."""
+        stamps = [self.scans[m.position].stamp_ns for m in (before, after)]
+        dt = (stamps[1] - stamps[0]) * 1e-9
+        omega, v = log(before.R.T @ after.R) / dt, (after.p - before.p) / dt
+        for position in range(before.position + self.direction, after.position, self.direction):
+            t = (self.scans[position].stamp_ns - stamps[0]) * 1e-9
+            self.followed.append(
+                ScanMotion(position, before.R @ exp(omega * t), before.p + v * t, omega, v, 0.0, np.inf, np.inf, np.inf)
+            )
+
+    def _learn(self, found: Registered) -> None:
+        """Let the planes spread over what this scan saw of them, and look for new ones when there is reason to."""
+        s, motion = self.s, found.motion
+        rough = motion.rms_m > self.s.trusted_rms * self._rms + 0.5 * s.rms_slack_m
+        if not rough:
+            self._share += 0.2 * (motion.share - self._share)
+            self._rms += 0.2 * (max(motion.rms_m, s.least_rms_m) - self._rms)
+        self.known.spread(straighten(found.points_m, found.tau_s, motion), motion.p)
+        self.known.count(found.plane[found.plane >= 0])
+        self._since += 1
+        turned = float(np.linalg.norm(log(self._grown_R.T @ motion.R)))
+        if rough:
+            return
+        wanting = motion.share < s.grow_share and self._since >= self._wait
+        if wanting or (turned > s.grow_turn_rad and self._since >= s.grow_every):
+            recent = [m for m in self.followed[-3:] if m.share > 0]
+            clouds = [straighten(*sample_points(self.scans[m.position], s.grow_points), m) for m in recent]
+            strays = np.concatenate([c[self.known.strays(c, m.p)] for c, m in zip(clouds, recent, strict=True)])
+            changed = self.known.grow(strays, motion.p)
+            self._wait = s.grow_every if changed else min(2 * self._wait, 40)
+            self._since, self._grown_R = 0, motion.R
+
+
+def _determined(motion: ScanMotion, s: TrackSettings) -> bool:
+    """Whether the points of a scan tell all six directions of its pose."""
+    return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
+
+
+def _other_starts(previous: ScanMotion, predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
+    """Where else a scan may be that is not where constant velocity has it."""
+    none = np.zeros(3)
+    starts = [predicted, replace(previous, position=predicted.position, omega_rad_s=none, v_m_s=none)]
+    if thorough:
+        turns = np.vstack([0.25 * np.eye(3), -0.25 * np.eye(3)])
+        starts += [replace(predicted, R=predicted.R @ exp(turn)) for turn in turns]
+    return starts
 
 
 def _predict(
@@ -172,15 +440,11 @@ def _predict(
     """Constant velocity to the next scan, with the information of that guess."""
     dt = (scans[position].stamp_ns - scans[previous.position].stamp_ns) * 1e-9
     steps = max(abs(dt) / 0.1, 0.2)
-    predicted = ScanMotion(
-        position,
-        previous.R @ exp(previous.omega_rad_s * dt),
-        previous.p + previous.v_m_s * dt,
-        previous.omega_rad_s,
-        previous.v_m_s,
-        previous.share,
-        previous.rms_m,
-        previous.determinacy,
+    predicted = replace(
+        previous,
+        position=position,
+        R=previous.R @ exp(previous.omega_rad_s * dt),
+        p=previous.p + previous.v_m_s * dt,
     )
     # Acceleration makes the pose's error grow with the square of time and the velocity's with time.
     std = np.array(

@@ -4,6 +4,7 @@ import { PlanesScreen } from "./features/planes/screen";
 import { RecordingScreen } from "./features/recording/screen";
 import { ResultScreen } from "./features/result/screen";
 import { SolveScreen } from "./features/solve/screen";
+import { DropZone } from "./features/start/dropzone";
 import { StartScreen } from "./features/start/screen";
 import { WorkspaceLayout } from "./features/workspace/layout";
 import { NotFound } from "./features/workspace/notfound";
@@ -13,6 +14,7 @@ import { Boundary } from "./ui/boundary";
 export function App() {
   return (
     <Boundary>
+      <DropZone>
       <Routes>
         <Route path="/" element={<StartScreen />} />
         <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
@@ -24,6 +26,7 @@ export function App() {
         </Route>
         <Route path="*" element={<NotFound />} />
       </Routes>
+      </DropZone>
     </Boundary>
   );
 }

@@ -17,7 +17,7 @@ const iteration = (round: number, number: number): IterationEvent => ({
   rotation_std_deg: [0.1, 0.2, 0.3],
   translation_std_m: [0.01, 0.02, 0.03],
   time_offset_std_s: 0.001,
-  planes: [],
+  planes: [], sweeps: [],
 });
 
 describe("a run from its messages", () => {

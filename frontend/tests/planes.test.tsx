@@ -16,6 +16,7 @@ const patch = (index: number, normal: number[], offset_m: number, confirmed = tr
   rms_m: 0.0123,
   tilt_deg: 65,
   confirmed,
+  restricted: false,
   color: "#0072b2",
 });
 
@@ -23,6 +24,7 @@ const planes: Planes = {
   patches: [patch(0, [1, 0, 0], 2), patch(1, [-1, 0, 0], -2.1), patch(2, [1, 0, 0], 5), patch(3, [0, 1, 0], 2, false)],
   determinacy: { ok: true, text: "", smallest_eigenvalue: 0.3 },
   static: true,
+  restricted: false,
   can_undo: false,
   can_redo: false,
   revision: 1,
@@ -32,7 +34,7 @@ function show() {
   const apply = vi.fn<(operation: Operation) => void>();
   render(
     <MantineProvider>
-      <PatchList planes={planes} apply={apply} />
+      <PatchList planes={planes} apply={apply} onRestrict={vi.fn()} />
     </MantineProvider>,
   );
   return { apply, user: userEvent.setup() };

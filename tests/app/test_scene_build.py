@@ -9,7 +9,7 @@ from app.arrays.recording import read_recording, write_recording
 from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
 from app.scene import palette
-from app.scene.apply import quat_wxyz
+from app.scene.apply import quat_wxyz, rotation_matrix, whole_view
 from app.scene.build import Solved, build_planes, thinned
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
@@ -189,3 +189,27 @@ def test_a_recording_survives_the_array_file(tmp_path):
     assert back.scans[-1].stamp_ns == RECORDING.scans[-1].stamp_ns
     assert [scan.index for scan in back.scans[2:4]] == [2, 3]
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_whole_is_on_the_canvas_and_fills_it():
+    """Oracle: the pinhole, point by point. Mutations: the aspect forgotten; the nearer points' depth ignored."""
+    points = np.random.default_rng(4).uniform(-1.0, 1.0, (4000, 3)) * [9.0, 4.0, 2.0] + [3.0, -5.0, 1.0]
+    for aspect in (0.8, 2.2):
+        middle, eye = whole_view(points, fov_rad=1.0, aspect=aspect)
+        forward = (middle - eye) / np.linalg.norm(middle - eye)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        down = np.cross(forward, right)
+        seen = (points - eye) @ np.stack([right, down, forward], axis=1)
+        across = np.abs(seen[:, 0] / seen[:, 2]) / (np.tan(0.5) * aspect)
+        along = np.abs(seen[:, 1] / seen[:, 2]) / np.tan(0.5)
+        assert (seen[:, 2] > 0).all()
+        share = np.mean((across < 1) & (along < 1))
+        assert share > 0.98
+        assert max(across.max(), along.max()) > 0.8
+
+
+def test_a_rotation_survives_the_viewers_order():
+    """Law: there and back. Mutation: the scalar read last."""
+    rotation = world.R_IMU_LIDAR
+    np.testing.assert_allclose(rotation_matrix(np.array(quat_wxyz(rotation))), rotation, atol=1e-12)

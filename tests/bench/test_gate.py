@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 
 from bench.metrics import Direction, Metric, slips
 from bench.readme import README, START, table, with_table
+from bench.runs import Run
 from bench.store import bless, read_baseline, write_results
-from bench.workloads import Run, Workload, metrics_of
+from bench.workloads import Workload, metrics_of
 
 
 def ratio(value: float, direction: Direction = "lower", key: str = "a", tolerance: float = 0.1) -> Metric:
@@ -65,16 +67,20 @@ def test_readme_shows_the_committed_numbers() -> None:
     assert with_table(text, table()) == text
 
 
+def run_with(seed: int, errors: Sequence[float], stds: Sequence[float], status: str = "calibrated") -> Run:
+    """A run with uncorrelated errors."""
+    nees = float(np.sum((np.array(errors) / np.array(stds)) ** 2))
+    values = tuple(float(e) for e in errors), tuple(float(s) for s in stds)
+    return Run("s", seed, "v", "full", status, "", *values, nees, 200, 200, 10**6, 6.0, 20.0, 2.0)
+
+
 def test_honest_runs_have_ratios_near_one() -> None:
     """Errors drawn from the stated covariance: every ratio is 1 within its spread. Fails if degrees, millimetres or
     the three components are mixed up (seen: mean instead of sum of the variances)."""
     rng = np.random.default_rng(1)
     std = np.array([1e-4, 2e-4, 1e-4, 3e-4, 5e-4, 3e-4, 1e-5])
     errors = rng.standard_normal((2000, 7)) * std
-    runs = [
-        Run(seed, "calibrated", e[:3], e[3:6], float(e[6]), np.diag(std**2), solve_s=6.0, kernel_s=2.0)
-        for seed, e in enumerate(errors)
-    ]
+    runs = [run_with(seed, e, std) for seed, e in enumerate(errors)]
     values = {metric.key.removeprefix("w."): metric.value for metric in metrics_of(Workload("w", "s", "t"), runs)}
     for key in ("e_R_over_sigma", "e_p_over_sigma", "e_dt_over_sigma", "nees_over_freedom"):
         assert values[key] == pytest.approx(1.0, abs=0.05)
@@ -85,9 +91,8 @@ def test_honest_runs_have_ratios_near_one() -> None:
 
 def test_refused_runs_lower_the_share_solved() -> None:
     """Fails if runs without an answer vanish from the count."""
-    none = np.full(3, np.nan)
-    good = Run(1, "calibrated", np.ones(3) * 1e-4, np.ones(3) * 1e-4, 1e-6, np.eye(7) * 1e-8, 1.0, 1.0)
-    bad = Run(2, "refused", none, none, math.nan, np.eye(7), 1.0, 1.0)
+    good = run_with(1, [1e-4] * 7, [1e-4] * 7)
+    bad = run_with(2, [math.nan] * 7, [math.nan] * 7, status="refused")
     metrics = {metric.key: metric for metric in metrics_of(Workload("w", "s", "t"), [good, bad])}
     assert metrics["w.solved"].value == 0.5
     assert slips(metrics_of(Workload("w", "s", "t"), [bad]), {"w.solved": metrics["w.solved"]})

@@ -32,7 +32,9 @@ def test_journey(page: Page, api: Api, bag: Path, tmp_path: Path) -> None:
     """
     page.goto("/")
     page.get_by_test_id("file-input").set_input_files(bag)
-    expect(page.get_by_role("heading", name="Usable, with limits")).to_be_visible(timeout=STEPS)
+    expect(page.get_by_role("heading", name=re.compile("Good to calibrate|Usable, with limits"))).to_be_visible(
+        timeout=STEPS
+    )
     recording = page.url.split("/")[-2]
     go_on(page, "Find planes")
 

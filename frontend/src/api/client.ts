@@ -17,11 +17,12 @@ export type FolderListing = Schemas["FolderListing"];
 export type FolderEntry = Schemas["FolderEntry"];
 export type ServerFacts = Schemas["ServerFacts"];
 export type Sample = Schemas["Sample"];
-export type Job = Schemas["Job"];
+export type Job = Plain<Schemas["Job"]>;
 export type NewJob = Schemas["NewJob"];
 export type Planes = Schemas["Planes"];
 export type Patch = Schemas["Patch"];
-export type View = Schemas["View"];
+export type PlaneLook = Schemas["PlaneLook"];
+export type View = Plain<Schemas["View"]>;
 export type ChangeView = Schemas["ChangeView"];
 export type Operation =
   | Schemas["Confirm"]
@@ -30,25 +31,32 @@ export type Operation =
   | Schemas["Rename"]
   | Schemas["Merge"]
   | Schemas["Grow"]
+  | Schemas["Restrict"]
   | Schemas["UseSuggestion"]
   | Schemas["Undo"]
   | Schemas["Redo"];
 export type Thickness = Schemas["Thickness"];
 export type WallThickness = Schemas["WallThickness"];
-export type Run = Schemas["Run"];
-export type Runs = Schemas["Runs"];
+export type ScanQuality = Schemas["ScanQuality"];
+export type OldExtrinsic = Plain<Schemas["OldExtrinsic"]>;
+export type ExtrinsicText = Schemas["ExtrinsicText"];
+export type Command = Schemas["Command"];
+export type Run = Plain<Schemas["Run"]>;
+export type Runs = Plain<Schemas["Runs"]>;
 export type CalibrationResult = Schemas["CalibrationResult"];
 export type StageEvent = Schemas["StageEvent"];
 export type IterationEvent = Schemas["IterationEvent"];
 export type LogEvent = Schemas["LogEvent"];
-export type JobStateEvent = Schemas["JobStateEvent"];
+export type JobStateEvent = Plain<Schemas["JobStateEvent"]>;
 export type JobMessage = StageEvent | IterationEvent | LogEvent | JobStateEvent;
-export type RecordingMessage =
+export type RecordingMessage = Plain<
   | Schemas["PlanesChanged"]
   | Schemas["JobChanged"]
   | Schemas["ViewChanged"]
   | Schemas["RecordingChanged"]
-  | Schemas["Resync"];
+  | Schemas["ClickRefused"]
+  | Schemas["Resync"]
+>;
 
 export const api = createClient<paths>({ baseUrl: window.location.origin });
 

@@ -1,6 +1,6 @@
-import { useQueryClient, type QueryClient } from "@tanstack/react-query";
+import { useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
 import { useEffect } from "react";
-import type { Recording, RecordingMessage } from "./client";
+import type { Planes, Recording, RecordingMessage } from "./client";
 import { keys } from "./queries";
 
 /** Brings what is cached of a recording up to date with one message. */
@@ -8,6 +8,15 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
   switch (message.event) {
     case "planes-changed":
       void client.invalidateQueries({ queryKey: keys.planes(id) });
+      // Runs call their planes by today's names.
+      void client.invalidateQueries({ queryKey: keys.jobs(id) });
+      void client.invalidateQueries({ queryKey: keys.runs(id) });
+      return;
+    case "click-refused":
+      client.setQueryData<Refusal>(keys.refusal(id), {
+        text: message.error.text,
+        revision: client.getQueryData<Planes>(keys.planes(id))?.revision ?? 0,
+      });
       return;
     case "view-changed":
       client.setQueryData(keys.view(id), message.view);
@@ -28,6 +37,18 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       void client.invalidateQueries();
       return;
   }
+}
+
+interface Refusal {
+  text: string;
+  /** Of the planes it was about: once they have changed it is no longer of interest. */
+  revision: number;
+}
+
+/** Why the last click in the scene did nothing; null once the planes have changed. */
+export function useClickRefusal(id: string, revision: number | undefined): string | null {
+  const refusal = useQuery<Refusal | null>({ queryKey: keys.refusal(id), queryFn: () => null, enabled: false, initialData: null });
+  return refusal.data !== null && refusal.data.revision === revision ? refusal.data.text : null;
 }
 
 /** Keeps a recording's cached queries current while a component shows it, whoever changes it. */

@@ -5,6 +5,7 @@ import {
   sparse,
   type ChangeRecording,
   type ChangeView,
+  type ExtrinsicText,
   type Job,
   type NewJob,
   type OpenRecording,
@@ -23,9 +24,12 @@ export const keys = {
   view: (id: string) => ["recording", id, "view"] as const,
   runs: (id: string) => ["recording", id, "runs"] as const,
   jobs: (id: string) => ["recording", id, "jobs"] as const,
+  refusal: (id: string) => ["recording", id, "refusal"] as const,
   folder: (path: string) => ["folder", path] as const,
   result: (jobId: string) => ["result", jobId] as const,
   thickness: (jobId: string) => ["result", jobId, "thickness"] as const,
+  scans: (jobId: string) => ["result", jobId, "scans"] as const,
+  command: (jobId: string) => ["result", jobId, "command"] as const,
   exported: (jobId: string, format: string) => ["result", jobId, "export", format] as const,
 };
 
@@ -78,6 +82,21 @@ export const thicknessQuery = (jobId: string) =>
     staleTime: Infinity,
   });
 
+export const scansQuery = (jobId: string) =>
+  queryOptions({
+    queryKey: keys.scans(jobId),
+    queryFn: () => body(api.GET("/api/results/{job_id}/scans", ofJob(jobId))),
+    staleTime: Infinity,
+    retry: false,
+  });
+
+export const commandQuery = (jobId: string) =>
+  queryOptions({
+    queryKey: keys.command(jobId),
+    queryFn: () => body(api.GET("/api/results/{job_id}/command", ofJob(jobId))),
+    staleTime: Infinity,
+  });
+
 export const exportQuery = (jobId: string, format: string) =>
   queryOptions({
     queryKey: keys.exported(jobId, format),
@@ -93,6 +112,8 @@ export const exportQuery = (jobId: string, format: string) =>
 
 export const resultDownloadUrl = (jobId: string) => `/api/results/${jobId}/download`;
 export const reportUrl = (jobId: string) => `/api/results/${jobId}/report`;
+export const mapPageUrl = (jobId: string, dark: boolean) => `/api/results/${jobId}/scene.html?dark=${dark}`;
+export const viewPageUrl = (recordingId: string) => `/api/recordings/${recordingId}/scene.html`;
 export const exportUrl = (jobId: string, format: string) => `/api/results/${jobId}/export/${format}`;
 
 function rememberRecording(client: QueryClient, recording: Recording) {
@@ -181,6 +202,11 @@ export function useEditPlanes(id: string) {
     onSuccess: (planes: Planes) => client.setQueryData(keys.planes(id), planes),
     onError: () => client.invalidateQueries({ queryKey: keys.planes(id) }),
   });
+}
+
+/** Pasted or uploaded text as an extrinsic. */
+export function useReadExtrinsic() {
+  return useMutation({ mutationFn: (wish: ExtrinsicText) => body(api.POST("/api/extrinsic", { body: wish })) });
 }
 
 export function useChangeView(id: string) {

@@ -1,6 +1,7 @@
 /** Numbers as people read them. Everything arrives in SI units and radians-free; units are said in the function's name. */
 
-const NARROW = "\u202f";
+/** A narrow space that does not break: between a number and its unit or sign. */
+export const NARROW = "\u202f";
 
 export function bytes(n: number): string {
   const units = ["B", "kB", "MB", "GB", "TB"];

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel, register_kernel
+from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
@@ -159,10 +160,14 @@ class Registration:
     def run(self, scale: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         hessian, gradient = np.zeros((12, 12)), np.zeros(12)
         d, plane = np.empty(len(self.points)), np.empty(len(self.points), np.int64)
+        inside = np.empty(len(self.points), np.bool_)
+        everywhere = np.ones((len(self.normals), 1, 1), np.bool_)
         register_kernel(
-            self.points, self.tau, self.normals, self.offsets, self.R, self.p, self.omega, self.v, scale,
-            hessian, gradient, d, plane,
+            self.points, self.tau, self.normals, self.offsets, plane_axes(self.normals), everywhere,
+            np.ones(len(self.normals)), 1.0, 1.0, self.R, self.p, self.omega, self.v, scale,
+            hessian, gradient, d, plane, inside,
         )  # fmt: skip
+        assert inside[plane >= 0].all()
         return hessian, gradient, d, plane
 
     def swept(self) -> FloatArray:

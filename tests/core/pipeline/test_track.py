@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.geometry import log
+from calib_core.pipeline.planemap import PlaneMap
 from calib_core.pipeline.track import ScanMotion, TrackSettings, register, sample_points, track
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import TURNING_AWAY
@@ -89,12 +90,12 @@ def test_registration_finds_a_pose_and_rates_it_was_not_told(clean: tuple[Record
     scan = recording.scans[35]
     start = (scan.stamp_ns - truth.epoch_ns) * 1e-9
     R, p = (value[0] for value in truth.map_lidar(np.array([start])))
-    normals, offsets = np.array([q.normal for q in truth.planes]), np.array([q.offset_m for q in truth.planes])
-    guess = ScanMotion(35, R, p + np.array([0.05, -0.04, 0.03]), np.zeros(3), np.zeros(3), 1.0, 0.0, 1.0)
+    planes = PlaneMap.endless(truth.planes)
+    guess = ScanMotion(35, R, p + np.array([0.05, -0.04, 0.03]), np.zeros(3), np.zeros(3))
     points, tau = sample_points(scan, 1500)
     s = TrackSettings()
     for tie, near in ((1e-2, True), (1e9, False)):
-        found = register(points, tau, normals, offsets, guess, tie=np.full(12, tie), settings=s, position=35)
+        found = register(points, tau, planes, guess, tie=np.full(12, tie), settings=s, position=35).motion
         assert bool(np.linalg.norm(found.p - p) < 0.02) is near
         assert bool(np.linalg.norm(found.p - guess.p) < 1e-3) is not near
         assert bool(found.rms_m < 0.005) is near

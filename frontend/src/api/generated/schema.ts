@@ -4,6 +4,26 @@
  */
 
 export interface paths {
+    "/api/extrinsic": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Read Extrinsic
+         * @description An extrinsic from a result, a matrix, or a position and a quaternion, as the view takes it.
+         */
+        post: operations["read_extrinsic"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/folder": {
         parameters: {
             query?: never;
@@ -366,6 +386,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/results/{job_id}/command": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Command
+         * @description The same calibration on the command line, and the files it needs.
+         */
+        get: operations["read_command"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/results/{job_id}/download": {
         parameters: {
             query?: never;
@@ -418,6 +458,46 @@ export interface paths {
          * @description The result as one self-contained page for people, to keep or print.
          */
         get: operations["read_report"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/results/{job_id}/scans": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Scans
+         * @description How well each scan agrees with the planes, to find a bad one. 409 where the job gave no answer.
+         */
+        get: operations["read_scans"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/results/{job_id}/scene.html": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download Map
+         * @description The de-skewed map, the path and both sensors' frames as one self-contained 3D page to share.
+         */
+        get: operations["download_map"];
         put?: never;
         post?: never;
         delete?: never;
@@ -544,6 +624,15 @@ export interface components {
              */
             estimate_time_offset: boolean;
             /**
+             * Excluded Spans S
+             * @description scans that touch these spans are left out; seconds after the first scan read
+             * @default []
+             */
+            excluded_spans_s: [
+                number,
+                number
+            ][];
+            /**
              * Field Of View Deg
              * @description keep azimuth within +-A; None: all
              */
@@ -630,7 +719,10 @@ export interface components {
         ChangeRecording: {
             /** Accelerometer Unit */
             accelerometer_unit?: ("m_s2" | "g") | null;
-            /** End S */
+            /**
+             * End S
+             * @example 32
+             */
             end_s?: number | null;
             /** Gyroscope Unit */
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
@@ -655,6 +747,7 @@ export interface components {
             /**
              * Start S
              * @description seconds after the recording's start
+             * @example 2
              */
             start_s?: number | null;
             /** Synthesise Point Time */
@@ -662,15 +755,21 @@ export interface components {
         };
         /**
          * ChangeView
-         * @description Fields left out stay as they are; `nudge: null` takes the nudge away.
+         * @description Fields left out stay as they are; `nudge: null` takes the nudge away, `old: null` the old extrinsic.
          */
         ChangeView: {
+            /**
+             * Against
+             * @default raw
+             * @enum {string}
+             */
+            against: "raw" | "old";
             /**
              * Click
              * @default toggle
              * @enum {string}
              */
-            click: "toggle" | "grow";
+            click: "toggle" | "grow" | "restrict";
             /**
              * Color By
              * @default plane
@@ -682,18 +781,27 @@ export interface components {
              * @default false
              */
             dark: boolean;
+            /**
+             * Extent
+             * @default scan
+             * @enum {string}
+             */
+            extent: "scan" | "map";
             /** Job Id */
             job_id?: string | null;
             /**
              * Mode
              * @default planes
+             * @example inspect
              * @enum {string}
              */
             mode: "planes" | "solve" | "inspect";
             nudge?: components["schemas"]["Nudge"] | null;
+            old?: components["schemas"]["OldExtrinsic"] | null;
             /**
              * Scan
              * @default 0
+             * @example 40
              */
             scan: number;
             /**
@@ -701,7 +809,60 @@ export interface components {
              * @default deskewed
              * @enum {string}
              */
-            show: "raw" | "deskewed" | "both" | "map";
+            show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
+            /** Target */
+            target?: number | null;
+            /**
+             * Wipe
+             * @default 0.5
+             */
+            wipe: number;
+        };
+        /**
+         * ClickRefused
+         * @description What somebody clicked or drew in the scene could not be done.
+         */
+        ClickRefused: {
+            error: components["schemas"]["ErrorFacts"];
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            event: "click-refused";
+        };
+        /**
+         * Command
+         * @description The same calibration on the command line.
+         */
+        Command: {
+            /**
+             * Files
+             * @description to be saved where the command is run
+             */
+            files: components["schemas"]["CommandFile"][];
+            /**
+             * Notes
+             * @description what the command cannot say
+             */
+            notes: string[];
+            /**
+             * Text
+             * @example unsweep calibrate room.bag --exclude=12.5:14 --output result.json
+             */
+            text: string;
+        };
+        /**
+         * CommandFile
+         * @description A file that the command reads.
+         */
+        CommandFile: {
+            /**
+             * Name
+             * @example planes.json
+             */
+            name: string;
+            /** Text */
+            text: string;
         };
         /**
          * Confirm
@@ -766,6 +927,7 @@ export interface components {
             lidar_candidates: string[];
             /** Name */
             name: string;
+            planes?: components["schemas"]["PlanesReport"] | null;
             /** Reasons */
             reasons: string[];
             /**
@@ -911,6 +1073,21 @@ export interface components {
             weakest_axis_rms_deg_s: number;
         };
         /**
+         * ExtrinsicText
+         * @description An extrinsic as it was pasted or uploaded.
+         */
+        ExtrinsicText: {
+            /**
+             * Direction
+             * @description of bare numbers: imu_lidar takes lidar coordinates to the IMU's
+             * @default imu_lidar
+             * @enum {string}
+             */
+            direction: "imu_lidar" | "lidar_imu";
+            /** Text */
+            text: string;
+        };
+        /**
          * FieldReport
          * @description One field of the clouds. type: NumPy's name, e.g. "float32".
          */
@@ -990,6 +1167,10 @@ export interface components {
         /**
          * Forecast
          * @description What a solve of this recording would know, before it is run.
+         *
+         *     text: for a person.   parameters: all seven, or none where `reason` says why, under the stable `code`.
+         *     weak: a sentence for each direction that stays weak.   planes: names of those it rests on.   advice: what to record.
+         *     covered_s: seconds of motion that the numbers rest on.
          */
         Forecast: {
             /**
@@ -997,6 +1178,16 @@ export interface components {
              * @default []
              */
             advice: string[];
+            /**
+             * Code
+             * @default
+             */
+            code: string;
+            /**
+             * Covered S
+             * @default 0
+             */
+            covered_s: number;
             /** Parameters */
             parameters: components["schemas"]["ParameterForecast"][];
             /**
@@ -1004,6 +1195,21 @@ export interface components {
              * @default []
              */
             planes: string[];
+            /**
+             * Reason
+             * @default
+             */
+            reason: string;
+            /**
+             * Text
+             * @default
+             */
+            text: string;
+            /**
+             * Weak
+             * @default []
+             */
+            weak: string[];
         };
         /**
          * Gravity
@@ -1039,6 +1245,11 @@ export interface components {
             /**
              * Seed M
              * @description map frame, metres
+             * @example [
+             *       3.2,
+             *       -0.4,
+             *       1.1
+             *     ]
              */
             seed_m: number[];
         };
@@ -1078,7 +1289,9 @@ export interface components {
         };
         /**
          * ImuNoiseReport
-         * @description Noise densities. origin: "measured" in static seconds or a preset; resolution: the readings' smallest step.
+         * @description Noise densities. origin: "measured", or a preset's name; resolution: the readings' smallest step.
+         *
+         *     static_s: of the standstill it was measured in, 0 where it was measured in motion.
          */
         ImuNoiseReport: {
             /**
@@ -1105,6 +1318,9 @@ export interface components {
         /**
          * ImuReport
          * @description The IMU that would be calibrated.
+         *
+         *     noise_used: by a solve that is not told otherwise: "measured" in a standstill, or "moving": what no motion explains.
+         *     noise_text: both numbers and which is used, for a person.
          */
         ImuReport: {
             /** Accelerometer Unit */
@@ -1118,10 +1334,15 @@ export interface components {
             gyroscope_unit: string;
             measured_noise: components["schemas"]["ImuNoiseReport"] | null;
             /**
+             * Noise Text
+             * @default
+             */
+            noise_text: string;
+            /**
              * Noise Used
              * @enum {string}
              */
-            noise_used: "measured" | "preset";
+            noise_used: "measured" | "moving" | "preset";
             /** Preset Identified */
             preset_identified: boolean;
             preset_noise: components["schemas"]["ImuNoiseReport"];
@@ -1182,6 +1403,12 @@ export interface components {
             rotation_std_deg: number[];
             /** Round */
             round: number;
+            /**
+             * Sweeps
+             * @description some sweeps where this step puts them
+             * @default []
+             */
+            sweeps: components["schemas"]["SweepMotion"][];
             /** Time Offset S */
             time_offset_s: number;
             /** Time Offset Std S */
@@ -1219,6 +1446,11 @@ export interface components {
              * @enum {string}
              */
             kind: "simulate" | "inspect" | "planes" | "solve";
+            /**
+             * Planes
+             * @description those confirmed when a solve was asked for
+             */
+            planes?: components["schemas"]["PlaneLook"][];
             /**
              * Recording Id
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
@@ -1290,6 +1522,8 @@ export interface components {
         /**
          * LidarReport
          * @description The lidar that would be calibrated.
+         *
+         *     measured_range_std_m: range noise seen on the planes, which a solve uses; None where no plane could be followed.
          */
         LidarReport: {
             /** Fields */
@@ -1298,6 +1532,8 @@ export interface components {
             frame_id: string;
             /** Layout */
             layout: string;
+            /** Measured Range Std M */
+            measured_range_std_m?: number | null;
             point_time: components["schemas"]["PointTimeReport"] | null;
             preset: components["schemas"]["LidarPresetReport"];
             ranges: components["schemas"]["RangeReport"] | null;
@@ -1339,7 +1575,13 @@ export interface components {
              * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
              */
             expected_revision?: number | null;
-            /** Indices */
+            /**
+             * Indices
+             * @example [
+             *       0,
+             *       5
+             *     ]
+             */
             indices: number[];
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -1367,6 +1609,7 @@ export interface components {
             initial_guess?: components["schemas"]["InitialGuess"] | null;
             /**
              * Kind
+             * @example solve
              * @enum {string}
              */
             kind: "inspect" | "planes" | "solve";
@@ -1375,6 +1618,7 @@ export interface components {
              *       "bias_model": "random-walk",
              *       "estimate_planes": true,
              *       "estimate_time_offset": true,
+             *       "excluded_spans_s": [],
              *       "gravity": {
              *         "magnitude_m_s2": 9.807,
              *         "std_m_s2": 0.02
@@ -1434,6 +1678,42 @@ export interface components {
             advice?: string[];
             /** Weak Directions */
             weak_directions?: components["schemas"]["WeakDirection"][];
+        };
+        /**
+         * OldExtrinsic
+         * @description An extrinsic the user had before, T_imu_lidar in the contract's signs, to be looked at beside the answer.
+         */
+        OldExtrinsic: {
+            /**
+             * Quaternion Xyzw
+             * @description of unit length, to two digits
+             * @example [
+             *       0,
+             *       0,
+             *       0,
+             *       1
+             *     ]
+             */
+            quaternion_xyzw: [
+                number,
+                number,
+                number,
+                number
+            ];
+            /**
+             * Time Offset S
+             * @description None: the answer's own is kept
+             */
+            time_offset_s?: number | null;
+            /**
+             * Translation M
+             * @description the lidar's origin in the IMU's frame
+             */
+            translation_m: [
+                number,
+                number,
+                number
+            ];
         };
         /**
          * OpenRecording
@@ -1497,6 +1777,11 @@ export interface components {
             normal: number[];
             /** Offset M */
             offset_m: number;
+            /**
+             * Restricted
+             * @description whether a box of its own leaves part of it out
+             */
+            restricted: boolean;
             /** Rms M */
             rms_m: number;
             /**
@@ -1504,6 +1789,29 @@ export interface components {
              * @description angle between the normal and the map's z axis, 0..90
              */
             tilt_deg: number;
+        };
+        /**
+         * PlaneLook
+         * @description A plane of a solve as people see it.
+         */
+        PlaneLook: {
+            /**
+             * Color
+             * @description as in the 3D scene
+             * @example #0072b2
+             */
+            color: string;
+            /**
+             * Name
+             * @description as in this run's events and result
+             */
+            name: string;
+            /**
+             * Title
+             * @description what it is called today
+             * @example wall A
+             */
+            title: string;
         };
         /** PlaneQuality */
         PlaneQuality: {
@@ -1519,12 +1827,48 @@ export interface components {
             rms_m: number;
         };
         /**
+         * PlaneReport
+         * @description One plane that can be expected.
+         *
+         *     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
+         *     the lidar.   points, rms_m: of the sampled points on it.
+         */
+        PlaneReport: {
+            /** Area M2 */
+            area_m2: number;
+            /** Distance M */
+            distance_m: number;
+            /**
+             * Kind
+             * @enum {string}
+             */
+            kind: "floor" | "ceiling" | "wall" | "slanted" | "plane";
+            /** Name */
+            name: string;
+            /** Points */
+            points: number;
+            /** Rms M */
+            rms_m: number;
+            /** Tilt Deg */
+            tilt_deg: number | null;
+        };
+        /**
          * PlaneResidual
-         * @description Root mean square distance of a plane's points, now.
+         * @description Root mean square distance of a plane's points, now; and where the plane is, n . x + offset_m = 0.
          */
         PlaneResidual: {
             /** Name */
             name: string;
+            /**
+             * Normal
+             * @description unit, in the frame of `sweeps`; empty: not told
+             */
+            normal?: number[];
+            /**
+             * Offset M
+             * @default 0
+             */
+            offset_m: number;
             /** Points */
             points: number;
             /** Rms M */
@@ -1542,6 +1886,11 @@ export interface components {
             determinacy: components["schemas"]["Determinacy"];
             /** Patches */
             patches: components["schemas"]["Patch"][];
+            /**
+             * Restricted
+             * @description whether a box leaves part of the cloud out, for all planes
+             */
+            restricted: boolean;
             /** Revision */
             revision: number;
             /** Static */
@@ -1579,6 +1928,23 @@ export interface components {
              * @description whether the platform stood still while the cloud was taken
              */
             static: boolean;
+        };
+        /**
+         * PlanesReport
+         * @description The planes that can be expected, largest first.
+         *
+         *     determinacy: 0 where some direction of the lidar's motion is seen by none, 1 for three equal ones at right angles.
+         *     determined: whether they fix the lidar's pose.   text: for a person.
+         */
+        PlanesReport: {
+            /** Determinacy */
+            determinacy: number;
+            /** Determined */
+            determined: boolean;
+            /** Planes */
+            planes: components["schemas"]["PlaneReport"][];
+            /** Text */
+            text: string;
         };
         /**
          * PointTimeReport
@@ -1725,6 +2091,11 @@ export interface components {
             /** @description why `state` is failed */
             error?: components["schemas"]["ErrorFacts"] | null;
             /**
+             * Has Planes
+             * @description whether planes have been proposed for it as it is read now
+             */
+            has_planes: boolean;
+            /**
              * Id
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
@@ -1824,7 +2195,10 @@ export interface components {
              * @description position in the list of patches at `expected_revision`
              */
             index: number;
-            /** Name */
+            /**
+             * Name
+             * @example wall A
+             */
             name: string;
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -1890,6 +2264,45 @@ export interface components {
             t_s: number[];
         };
         /**
+         * Restrict
+         * @description Keep only what lies inside a box: of one patch, or of the whole cloud.
+         *
+         *     The box is any intersection of half-spaces: six of them make an upright box, four the pyramid seen through a
+         *     rectangle on the screen. Planes are fitted again to what is left of them; a plane of which nothing is left goes.
+         *     Boxes add up until the change is undone or the suggestion is used.
+         */
+        Restrict: {
+            /**
+             * Expected Revision
+             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             */
+            expected_revision?: number | null;
+            /**
+             * Index
+             * @description the patch to restrict; None: all, and what grows later
+             */
+            index?: number | null;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            op: "restrict";
+            /**
+             * Sides
+             * @example [
+             *       {
+             *         "normal": [
+             *           0,
+             *           0,
+             *           1
+             *         ],
+             *         "offset_m": 0.5
+             *       }
+             *     ]
+             */
+            sides: components["schemas"]["Side"][];
+        };
+        /**
          * Resync
          * @description Messages were missed (a restart, a long pause): fetch everything again.
          */
@@ -1951,6 +2364,32 @@ export interface components {
             gyroscope_max_rad_s: number;
         };
         /**
+         * ScanQuality
+         * @description How well each scan agrees with the planes, de-skewed; None where the motion does not reach.
+         */
+        ScanQuality: {
+            /**
+             * Points Each
+             * @description points looked at of each scan, at most
+             */
+            points_each: number;
+            /**
+             * Rms M
+             * @description spread about the nearest planes of the points within 0.3 m of one
+             */
+            rms_m: (number | null)[];
+            /**
+             * Share
+             * @description how many of the scan's points those are, 0..1
+             */
+            share: (number | null)[];
+            /**
+             * T S
+             * @description of each scan's first point, after the first scan's
+             */
+            t_s: number[];
+        };
+        /**
          * ServerFacts
          * @description What a client needs to know before anything else.
          */
@@ -1970,6 +2409,16 @@ export interface components {
             upload_suffixes: string[];
             /** Version */
             version: string;
+        };
+        /**
+         * Side
+         * @description A half-space, map frame: it keeps the points with n . x + offset_m >= 0.
+         */
+        Side: {
+            /** Normal */
+            normal: number[];
+            /** Offset M */
+            offset_m: number;
         };
         /**
          * SimulateOutcome
@@ -2073,6 +2522,26 @@ export interface components {
             rate_hz: number;
             /** Rewinds */
             rewinds: number;
+        };
+        /**
+         * SweepMotion
+         * @description Where a step of the solve puts the lidar at a few instants of one sweep, in the frame its planes are told in.
+         */
+        SweepMotion: {
+            /**
+             * Offset S
+             * @description instants after the first point
+             */
+            offset_s: number[];
+            /** Position M */
+            position_m: number[][];
+            /** Quaternion Xyzw */
+            quaternion_xyzw: number[][];
+            /**
+             * Stamp Ns
+             * @description of the sweep's first point
+             */
+            stamp_ns: number;
         };
         /**
          * Thickness
@@ -2242,15 +2711,22 @@ export interface components {
          * @description What is shown: the wish, within what there is.
          */
         View: {
+            /**
+             * Against
+             * @description what `both` and `wipe` compare the de-skewed cloud with
+             * @default raw
+             * @enum {string}
+             */
+            against: "raw" | "old";
             /** @description the cost of being wrong; only with a nudge */
             blur?: components["schemas"]["WallBlur"] | null;
             /**
              * Click
-             * @description what a click on the canvas does in mode planes
+             * @description what the mouse does on the canvas in mode planes: a click confirms or drops a plane, or grows one; `restrict`: a drag draws a box, a click chooses the plane it is for
              * @default toggle
              * @enum {string}
              */
-            click: "toggle" | "grow";
+            click: "toggle" | "grow" | "restrict";
             /**
              * Color By
              * @default plane
@@ -2262,6 +2738,13 @@ export interface components {
              * @default false
              */
             dark: boolean;
+            /**
+             * Extent
+             * @description one scan, or the map accumulated from many
+             * @default scan
+             * @enum {string}
+             */
+            extent: "scan" | "map";
             /**
              * Job Id
              * @description whose result; None: the latest that has one
@@ -2290,6 +2773,9 @@ export interface components {
              */
             note: string;
             nudge?: components["schemas"]["Nudge"] | null;
+            old?: components["schemas"]["OldExtrinsic"] | null;
+            /** @description the same of the old extrinsic, where one is given */
+            old_blur?: components["schemas"]["WallBlur"] | null;
             /** Points Shown */
             points_shown: number;
             /**
@@ -2307,10 +2793,22 @@ export interface components {
             scene_url: string;
             /**
              * Show
+             * @description one cloud; `both`: two in one place; `side`: beside each other; `wipe`: cut by an upright line
              * @default deskewed
              * @enum {string}
              */
-            show: "raw" | "deskewed" | "both" | "map";
+            show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
+            /**
+             * Target
+             * @description the patch that the next box restricts; None: all
+             */
+            target?: number | null;
+            /**
+             * Wipe
+             * @description where the line of `wipe` is, share of the canvas's width
+             * @default 0.5
+             */
+            wipe: number;
         };
         /**
          * ViewChanged
@@ -2326,7 +2824,7 @@ export interface components {
         };
         /**
          * WallBlur
-         * @description Root mean square distance of the same points to their planes: the answer as solved, and nudged.
+         * @description Root mean square distance of the same points to their planes: the answer as solved, and made wrong.
          */
         WallBlur: {
             /** Nudged Rms M */
@@ -2372,6 +2870,39 @@ export interface components {
 }
 export type $defs = Record<string, never>;
 export interface operations {
+    read_extrinsic: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExtrinsicText"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["OldExtrinsic"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     list_folder: {
         parameters: {
             query?: {
@@ -2906,7 +3437,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["Confirm"] | components["schemas"]["Drop"] | components["schemas"]["Toggle"] | components["schemas"]["Rename"] | components["schemas"]["Merge"] | components["schemas"]["Grow"] | components["schemas"]["UseSuggestion"] | components["schemas"]["Undo"] | components["schemas"]["Redo"];
+                "application/json": components["schemas"]["Confirm"] | components["schemas"]["Drop"] | components["schemas"]["Toggle"] | components["schemas"]["Rename"] | components["schemas"]["Merge"] | components["schemas"]["Grow"] | components["schemas"]["Restrict"] | components["schemas"]["UseSuggestion"] | components["schemas"]["Undo"] | components["schemas"]["Redo"];
             };
         };
         responses: {
@@ -3094,6 +3625,38 @@ export interface operations {
             };
         };
     };
+    read_command: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Command"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     download_result: {
         parameters: {
             query?: never;
@@ -3162,6 +3725,72 @@ export interface operations {
     read_report: {
         parameters: {
             query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": string;
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    read_scans: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ScanQuality"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    download_map: {
+        parameters: {
+            query?: {
+                dark?: boolean;
+            };
             header?: never;
             path: {
                 /** @description 32 hexadecimal digits */

@@ -1,32 +1,33 @@
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useNavigate, useSearchParams } from "react-router";
-import { viewQuery } from "../../api/queries";
+import type { Run } from "../../api/client";
+import { sparse } from "../../api/client";
+import { scansQuery, useStartJob, viewQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { StateBox } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
-import { useWorkspace } from "../workspace/context";
+import { useWorkspace, type Workspace } from "../workspace/context";
 import { chosenRun, isRefused } from "../workspace/state";
+import { ExcludeSection } from "./exclude";
 import { NudgeSection } from "./nudge";
+import { OldSection } from "./old";
+import { ScanStrip } from "./scanstrip";
+import { badScans, joined, type TimeSpan } from "./spans";
 import { ThicknessSection } from "./thickness";
 import { Transport } from "./transport";
 import { ViewBar } from "./viewbar";
+import { Wipe } from "./wipe";
+import css from "./inspect.module.css";
 import { fastestScan, useInspectView } from "./wish";
 
 /** What the calibration does to the cloud: scan by scan, wall by wall, and what being wrong would cost. */
 export function InspectScreen() {
-  const { recording, runs, planes } = useWorkspace();
+  const workspace = useWorkspace();
   const [query] = useSearchParams();
-  const navigate = useNavigate();
-  const run = chosenRun(runs, query.get("job"));
-  const answered = run !== undefined && !isRefused(run);
-  const { wish, change } = useInspectView(recording.id, answered ? run.job.id : null, fastestScan(recording.report?.timeline));
-  const view = useQuery(viewQuery(recording.id)).data;
-  const goOn = () => run !== undefined && void navigate(`/r/${recording.id}/result?job=${run.job.id}`);
-  useShortcuts("Inspect", [{ keys: "Enter", label: "See the result", run: goOn }]);
-
-  if (!answered) {
+  const run = chosenRun(workspace.runs, query.get("job"));
+  if (run === undefined || isRefused(run)) {
     return (
       <Panel title="Inspect">
         <StateBox title="There is no answer to look at">
@@ -35,11 +36,58 @@ export function InspectScreen() {
       </Panel>
     );
   }
-  const colors = new Map(planes?.patches.map((patch) => [patch.name, patch.color]) ?? []);
+  return <Inspection key={run.job.id} run={run} {...workspace} />;
+}
+
+function Inspection({ run, recording }: Workspace & { run: Run }) {
+  const [query] = useSearchParams();
+  const navigate = useNavigate();
+  const { wish, change } = useInspectView(recording.id, run.job.id, fastestScan(recording.report?.timeline));
+  const view = useQuery(viewQuery(recording.id)).data;
+  const quality = useQuery(scansQuery(run.job.id)).data;
+  const start = useStartJob(recording.id);
+  const done = spansOf(run);
+  // Until something else is wished for, the next solve would leave out what this one did.
+  const wished = query.has("out") ? wish.leaveOut : done;
+  const setWished = (spans: TimeSpan[]) => change({ leaveOut: spans });
+  const times = quality?.t_s ?? [];
+  const periodS = times.length > 1 ? (times.at(-1) ?? 0) / (times.length - 1) : 0.1;
+  const bad = badScans(quality?.rms_m ?? []);
+  const worst = worstOf(quality?.rms_m ?? []);
+  const goOn = () => void navigate(`/r/${recording.id}/result?job=${run.job.id}`);
+  const solve = () =>
+    start.mutate(
+      { kind: "solve", settings: sparse({ ...run.job.settings, excluded_spans_s: wished.map(([from, to]): [number, number] => [from, to]) }) },
+      { onSuccess: (job) => void navigate(`/r/${recording.id}/solve?job=${job.id}`) },
+    );
+  const nextBad = () => {
+    const next = bad.find((place) => place > wish.scan) ?? bad.at(0) ?? worst;
+    if (next !== null) change({ scan: next });
+  };
+  useShortcuts("Inspect", [
+    { keys: "Enter", label: "See the result", run: goOn },
+    { keys: "n", label: "Next scan that stands out", run: nextBad },
+  ]);
+  const planes = run.job.planes ?? [];
+  const colors = new Map(planes.map((plane) => [plane.name, plane.color]));
+  const names = new Map(planes.map((plane) => [plane.name, plane.title]));
   return (
     <>
-      <ViewBar wish={wish} change={change} />
-      <Transport scan={wish.scan} scans={view?.n_scans ?? 0} timeS={view?.scan_t_s ?? null} points={view?.points_shown ?? 0} onScan={(scan) => change({ scan })} />
+      <ViewBar recordingId={recording.id} wish={wish} change={change} />
+      {wish.show === "wipe" && (
+        <Wipe share={wish.wipe} left={wish.against === "old" ? "Old extrinsic" : "Raw"} right="De-skewed" onChange={(wipe) => change({ wipe })} />
+      )}
+      <div className={css.dock}>
+        <ScanStrip
+          jobId={run.job.id}
+          scan={wish.scan}
+          wished={wished}
+          excluded={done}
+          onScan={(scan) => change({ scan, extent: "scan" })}
+          onLeaveOut={(span) => setWished(joined(wished, span))}
+        />
+        <Transport scan={wish.scan} scans={view?.n_scans ?? 0} timeS={view?.scan_t_s ?? null} points={view?.points_shown ?? 0} onScan={(scan) => change({ scan })} />
+      </div>
       <Panel
         title="Inspect"
         lead="A wall seen by a moving lidar is as thick as the motion is unknown."
@@ -49,9 +97,35 @@ export function InspectScreen() {
           </Button>
         }
       >
-        <ThicknessSection jobId={run.job.id} colors={colors} />
+        <ThicknessSection jobId={run.job.id} colors={colors} names={names} />
         <NudgeSection nudge={wish.nudge} blur={view?.blur ?? null} onChange={(nudge) => change({ nudge })} />
+        <ExcludeSection
+          wished={wished}
+          done={done}
+          scan={wish.scan}
+          scanTimeS={times[wish.scan] ?? view?.scan_t_s ?? null}
+          periodS={periodS}
+          worst={worst}
+          onScan={(scan) => change({ scan, extent: "scan" })}
+          onChange={setWished}
+          onSolve={solve}
+          pending={start.isPending}
+          error={start.error}
+        />
+        <OldSection
+          old={wish.old}
+          blur={view?.old_blur ?? null}
+          onChange={(old) => change(old === null ? { old, against: "raw", show: wish.show === "old" ? "both" : wish.show } : { old, against: "old", show: "wipe" })}
+        />
       </Panel>
     </>
   );
+}
+
+function spansOf(run: Run): TimeSpan[] {
+  return run.job.settings.excluded_spans_s.map((span): TimeSpan => [Number(span[0]), Number(span[1])]);
+}
+
+function worstOf(rms: readonly (number | null)[]): number | null {
+  return rms.reduce<number | null>((best, value, i) => (value !== null && (best === null || value > (rms[best] ?? 0)) ? i : best), null);
 }

@@ -9,8 +9,14 @@ import { Section } from "../../ui/panel";
 import { Histogram } from "./histogram";
 import css from "./inspect.module.css";
 
+interface Looks {
+  colors: ReadonlyMap<string, string>;
+  /** What a plane of the run is called today. */
+  names: ReadonlyMap<string, string>;
+}
+
 /** Wall thickness before and after: the one number that shows whether the motion is gone. */
-export function ThicknessSection({ jobId, colors }: { jobId: string; colors: ReadonlyMap<string, string> }) {
+export function ThicknessSection({ jobId, ...looks }: Looks & { jobId: string }) {
   const thickness = useQuery(thicknessQuery(jobId));
   return (
     <Section title="Wall thickness" tools={<span className="dim small">rms of points about their plane</span>}>
@@ -23,13 +29,14 @@ export function ThicknessSection({ jobId, colors }: { jobId: string; colors: Rea
       ) : thickness.isError ? (
         <Fault error={thickness.error} onRetry={() => void thickness.refetch()} />
       ) : (
-        <Walls thickness={thickness.data} colors={colors} />
+        <Walls thickness={thickness.data} {...looks} />
       )}
     </Section>
   );
 }
 
-function Walls({ thickness, colors }: { thickness: Thickness; colors: ReadonlyMap<string, string> }) {
+function Walls({ thickness, colors, names }: Looks & { thickness: Thickness }) {
+  const nameOf = (name: string) => names.get(name) ?? name;
   const [chosen, setChosen] = useState<string | null>(null);
   const wall = thickness.walls.find((one) => one.name === chosen);
   const most = Math.max(1e-6, ...thickness.walls.flatMap((one) => [one.before_rms_m, one.after_rms_m]));
@@ -43,7 +50,7 @@ function Walls({ thickness, colors }: { thickness: Thickness; colors: ReadonlyMa
         </span>
         <span className={`num ${css.after ?? ""}`}>{fixed(total.after_rms_m * 1000, 1)}</span>
         <span className={css.mm}>mm</span>
-        <span className={css.scope}>{wall === undefined ? "all walls" : wall.name}</span>
+        <span className={css.scope}>{wall === undefined ? "all walls" : nameOf(wall.name)}</span>
       </p>
       <Histogram edgesM={thickness.edges_m} before={total.before_histogram} after={total.after_histogram} />
       <ul className={css.walls} aria-label="Walls">
@@ -56,7 +63,7 @@ function Walls({ thickness, colors }: { thickness: Thickness; colors: ReadonlyMa
               title={`${count(one.points)} points; click for its histogram`}
             >
               <span className={css.swatch} style={{ background: colors.get(one.name) ?? "var(--ink-3)" }} />
-              <span className="clip">{one.name}</span>
+              <span className="clip">{nameOf(one.name)}</span>
               <span className={css.pair}>
                 <i data-which="before" style={{ width: `${(100 * one.before_rms_m) / most}%` }} />
                 <i data-which="after" style={{ width: `${(100 * one.after_rms_m) / most}%` }} />

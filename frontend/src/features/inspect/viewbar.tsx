@@ -1,13 +1,17 @@
-import { NativeSelect, SegmentedControl } from "@mantine/core";
+import { Button, NativeSelect, SegmentedControl } from "@mantine/core";
+import { viewPageUrl } from "../../api/queries";
+import { Icon } from "../../ui/icons";
 import { useShortcuts } from "../../ui/shortcuts";
 import css from "./inspect.module.css";
 import type { ColorBy, InspectWish, Show } from "./wish";
 
-const shows: { value: Show; label: string; key: string }[] = [
-  { value: "raw", label: "Raw", key: "r" },
-  { value: "deskewed", label: "De-skewed", key: "d" },
-  { value: "both", label: "Both", key: "b" },
-  { value: "map", label: "Map", key: "m" },
+const shows: { value: Show; label: string; key: string; said: string }[] = [
+  { value: "raw", label: "Raw", key: "r", said: "Raw cloud" },
+  { value: "deskewed", label: "De-skewed", key: "d", said: "De-skewed cloud" },
+  { value: "old", label: "Old", key: "o", said: "With the old extrinsic" },
+  { value: "both", label: "Both", key: "b", said: "Both in one place" },
+  { value: "side", label: "Side by side", key: "s", said: "Side by side" },
+  { value: "wipe", label: "Wipe", key: "w", said: "Wipe between both" },
 ];
 
 const colorings: { value: ColorBy; label: string }[] = [
@@ -18,19 +22,24 @@ const colorings: { value: ColorBy; label: string }[] = [
 ];
 
 interface ViewBarProps {
+  recordingId: string;
   wish: InspectWish;
   change: (part: Partial<InspectWish>) => void;
 }
 
 /** What the scene shows, and by what it is coloured. */
-export function ViewBar({ wish, change }: ViewBarProps) {
+export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
+  const offered = shows.filter((show) => show.value !== "old" || wish.old !== null);
+  const compares = wish.old !== null && (wish.show === "both" || wish.show === "wipe");
+  const toggleMap = () => change({ extent: wish.extent === "map" ? "scan" : "map" });
   const nextColor = () => {
     const at = colorings.findIndex((color) => color.value === wish.colorBy);
     const next = colorings[(at + 1) % colorings.length];
     if (next !== undefined) change({ colorBy: next.value });
   };
   useShortcuts("What the scene shows", [
-    ...shows.map((show) => ({ keys: show.key, label: show.label, run: () => change({ show: show.value }) })),
+    ...offered.map((show) => ({ keys: show.key, label: show.said, run: () => change({ show: show.value }) })),
+    { keys: "m", label: "One scan or the map of all", run: toggleMap },
     { keys: "c", label: "Next colouring", run: nextColor },
   ]);
   return (
@@ -39,23 +48,51 @@ export function ViewBar({ wish, change }: ViewBarProps) {
         size="xs"
         aria-label="What the scene shows"
         value={wish.show}
-        data={shows.map(({ value, label }) => ({ value, label }))}
+        data={offered.map(({ value, label }) => ({ value, label }))}
         onChange={(value) => {
           const show = shows.find((one) => one.value === value);
           if (show !== undefined) change({ show: show.value });
         }}
       />
-      <NativeSelect
+      <SegmentedControl
         size="xs"
-        w={200}
-        aria-label="Colour by"
-        data={colorings}
-        value={wish.colorBy}
-        onChange={(event) => {
-          const color = colorings.find((one) => one.value === event.currentTarget.value);
-          if (color !== undefined) change({ colorBy: color.value });
-        }}
+        aria-label="One scan or the map"
+        value={wish.extent}
+        data={[
+          { value: "scan", label: "One scan" },
+          { value: "map", label: "Map" },
+        ]}
+        onChange={(value) => change({ extent: value === "map" ? "map" : "scan" })}
       />
+      {compares && (
+        <NativeSelect
+          size="xs"
+          w={132}
+          aria-label="Compare with"
+          data={[
+            { value: "raw", label: "against raw" },
+            { value: "old", label: "against old" },
+          ]}
+          value={wish.against}
+          onChange={(event) => change({ against: event.currentTarget.value === "old" ? "old" : "raw" })}
+        />
+      )}
+      {wish.show !== "both" && (
+        <NativeSelect
+          size="xs"
+          w={184}
+          aria-label="Colour by"
+          data={colorings}
+          value={wish.colorBy}
+          onChange={(event) => {
+            const color = colorings.find((one) => one.value === event.currentTarget.value);
+            if (color !== undefined) change({ colorBy: color.value });
+          }}
+        />
+      )}
+      <Button component="a" href={viewPageUrl(recordingId)} download size="xs" variant="default" leftSection={<Icon name="download" size={13} />} aria-label="Save this view as a 3D page">
+        3D page
+      </Button>
     </div>
   );
 }

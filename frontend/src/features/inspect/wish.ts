@@ -1,31 +1,73 @@
 import { useCallback, useEffect, useRef } from "react";
 import { useSearchParams } from "react-router";
-import type { ChangeView, DoctorReport } from "../../api/client";
+import type { ChangeView, DoctorReport, OldExtrinsic } from "../../api/client";
 import { useChangeView } from "../../api/queries";
 import { parseNudge, writeNudge, type Nudge } from "./nudges";
+import { parseOld, writeOld } from "./oldtext";
+import { parseSpans, writeSpans, type TimeSpan } from "./spans";
 
 export type Show = ChangeView["show"];
+export type Against = ChangeView["against"];
+export type Extent = ChangeView["extent"];
 export type ColorBy = ChangeView["color_by"];
 
 export interface InspectWish {
   scan: number;
   show: Show;
+  against: Against;
+  extent: Extent;
+  /** Where the line of the wipe is, share of the canvas's width. */
+  wipe: number;
   colorBy: ColorBy;
   nudge: Nudge;
+  old: OldExtrinsic | null;
+  /** Spans to leave out of the next solve. */
+  leaveOut: TimeSpan[];
 }
 
-const shows: readonly Show[] = ["raw", "deskewed", "both", "map"];
+const shows: readonly Show[] = ["raw", "deskewed", "old", "both", "side", "wipe"];
 const colorings: readonly ColorBy[] = ["plane", "time", "residual", "intensity"];
+
+function share(text: string | null): number {
+  const value = Number(text ?? 0.5);
+  return Number.isFinite(value) ? Math.max(0, Math.min(1, value)) : 0.5;
+}
 
 /** What to show, as the URL says it: a reload or a shared link shows the same. */
 export function readWish(query: URLSearchParams, firstScan: number): InspectWish {
   const scan = Number(query.get("scan") ?? firstScan);
+  const old = parseOld(query.get("old") ?? "");
+  const show = shows.find((one) => one === query.get("show")) ?? "both";
   return {
     scan: Number.isInteger(scan) && scan >= 0 ? scan : 0,
-    show: shows.find((show) => show === query.get("show")) ?? "both",
+    show: show === "old" && old === null ? "raw" : show,
+    against: query.get("against") === "old" && old !== null ? "old" : "raw",
+    extent: query.get("map") === "1" ? "map" : "scan",
+    wipe: share(query.get("wipe")),
     colorBy: colorings.find((color) => color === query.get("color")) ?? "plane",
     nudge: parseNudge(query.get("nudge") ?? ""),
+    old,
+    leaveOut: parseSpans(query.get("out") ?? ""),
   };
+}
+
+/** The query after a change of the wish; what is as it would be anyway is left out. */
+export function writeWish(old: URLSearchParams, part: Partial<InspectWish>): URLSearchParams {
+  const query = new URLSearchParams(old);
+  const put = (key: string, text: string) => {
+    if (text === "") query.delete(key);
+    else query.set(key, text);
+  };
+  if (part.scan !== undefined) put("scan", String(part.scan));
+  if (part.show !== undefined) put("show", part.show);
+  if (part.against !== undefined) put("against", part.against === "old" ? "old" : "");
+  if (part.extent !== undefined) put("map", part.extent === "map" ? "1" : "");
+  if (part.wipe !== undefined) put("wipe", part.wipe.toFixed(3));
+  if (part.colorBy !== undefined) put("color", part.colorBy);
+  if (part.nudge !== undefined) put("nudge", writeNudge(part.nudge));
+  if (part.old !== undefined) put("old", part.old === null ? "" : writeOld(part.old));
+  if (part.leaveOut !== undefined) put("out", part.leaveOut.length === 0 ? "none" : writeSpans(part.leaveOut));
+  return query;
 }
 
 /** The scan during which the rig turned fastest: there the motion shows most. */
@@ -60,37 +102,24 @@ export function useInspectView(recordingId: string, jobId: string | null, firstS
   );
 
   const nudgeText = writeNudge(wish.nudge);
+  const oldText = wish.old === null ? "" : writeOld(wish.old);
+  const { scan, show, against, extent, wipe, colorBy } = wish;
   useEffect(() => {
     if (jobId === null) return;
-    const nudge = parseNudge(nudgeText);
     send({
       mode: "inspect",
       job_id: jobId,
-      scan: wish.scan,
-      show: wish.show,
-      color_by: wish.colorBy,
-      nudge: nudgeText === "" ? null : nudge,
+      scan,
+      show,
+      against,
+      extent,
+      wipe,
+      color_by: colorBy,
+      nudge: nudgeText === "" ? null : parseNudge(nudgeText),
+      old: parseOld(oldText) as ChangeView["old"],
     });
-  }, [send, jobId, wish.scan, wish.show, wish.colorBy, nudgeText]);
+  }, [send, jobId, scan, show, against, extent, wipe, colorBy, nudgeText, oldText]);
 
-  const change = useCallback(
-    (part: Partial<InspectWish>) =>
-      setQuery(
-        (old) => {
-          const query = new URLSearchParams(old);
-          if (part.scan !== undefined) query.set("scan", String(part.scan));
-          if (part.show !== undefined) query.set("show", part.show);
-          if (part.colorBy !== undefined) query.set("color", part.colorBy);
-          if (part.nudge !== undefined) {
-            const text = writeNudge(part.nudge);
-            if (text === "") query.delete("nudge");
-            else query.set("nudge", text);
-          }
-          return query;
-        },
-        { replace: true },
-      ),
-    [setQuery],
-  );
+  const change = useCallback((part: Partial<InspectWish>) => setQuery((old) => writeWish(old, part), { replace: true }), [setQuery]);
   return { wish, change };
 }

@@ -7,8 +7,15 @@ import { StateBox } from "../../ui/notice";
 import css from "./planes.module.css";
 import { mergeCandidates } from "./similar";
 
+interface PatchListProps {
+  planes: Planes;
+  apply: (operation: Operation) => void;
+  /** The next box drawn in the scene is to cut this patch only. */
+  onRestrict: (index: number) => void;
+}
+
 /** Every patch with what a person needs to judge it. */
-export function PatchList({ planes, apply }: { planes: Planes; apply: (operation: Operation) => void }) {
+export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
   if (planes.patches.length === 0) return <NoPlanes />;
   return (
     <table className={css.table}>
@@ -25,6 +32,9 @@ export function PatchList({ planes, apply }: { planes: Planes; apply: (operation
           <th scope="col" className={css.right} title="Angle between the plane's normal and the lidar's vertical axis">
             Tilt <span>°</span>
           </th>
+          <th scope="col" className={css.right} title="Points of the cloud that lie on it">
+            Points
+          </th>
           <th scope="col" className={css.right} title="Root mean square distance of its points">
             Noise <span>mm</span>
           </th>
@@ -35,7 +45,7 @@ export function PatchList({ planes, apply }: { planes: Planes; apply: (operation
       </thead>
       <tbody>
         {planes.patches.map((patch) => (
-          <PatchRow key={patch.index} patch={patch} all={planes.patches} apply={apply} />
+          <PatchRow key={patch.index} patch={patch} all={planes.patches} apply={apply} onRestrict={onRestrict} />
         ))}
       </tbody>
     </table>
@@ -49,9 +59,10 @@ interface RowProps {
   patch: Patch;
   all: readonly Patch[];
   apply: (operation: Operation) => void;
+  onRestrict: (index: number) => void;
 }
 
-function PatchRow({ patch, all, apply }: RowProps) {
+function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
   const [renaming, setRenaming] = useState(false);
   const candidates = mergeCandidates(patch, all);
   const rename = (name: string) => {
@@ -68,7 +79,8 @@ function PatchRow({ patch, all, apply }: RowProps) {
           onChange={() => apply({ op: "toggle", index: patch.index })}
         />
       </td>
-      <td className={css.nameCell}>
+      <td>
+        <div className={css.nameCell}>
         <span className={css.swatch} style={{ background: patch.color }} />
         {renaming ? (
           <TextInput
@@ -88,13 +100,22 @@ function PatchRow({ patch, all, apply }: RowProps) {
             }}
           />
         ) : (
-          <span className={css.name} onDoubleClick={() => setRenaming(true)} title={`${count(patch.n_points)} points. Double click: rename.`}>
+          <span className={css.name} onDoubleClick={() => setRenaming(true)} title="Double click: rename">
             {patch.name}
           </span>
         )}
+        {patch.restricted && (
+          <span className={css.cut} title="A box leaves part of it out" role="img" aria-label="restricted to a box">
+            <Icon name="box" size={12} />
+          </span>
+        )}
+        </div>
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>
+      <td className={`${css.right ?? ""} num`} title={`${count(patch.n_points)} points`}>
+        {thousands(patch.n_points)}
+      </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.rms_m * 1000, 1)}</td>
       <td>
         <Menu position="bottom-end" width={220} returnFocus={false}>
@@ -106,6 +127,9 @@ function PatchRow({ patch, all, apply }: RowProps) {
           <Menu.Dropdown>
             <Menu.Item leftSection={<Icon name="pencil" />} onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}>
               Rename
+            </Menu.Item>
+            <Menu.Item leftSection={<Icon name="box" />} onClick={() => onRestrict(patch.index)}>
+              Restrict to a box
             </Menu.Item>
             {candidates.map((other) => (
               <Menu.Item
@@ -126,6 +150,10 @@ function PatchRow({ patch, all, apply }: RowProps) {
       </td>
     </tr>
   );
+}
+
+function thousands(n: number): string {
+  return n < 9_950 ? count(n) : `${(n / 1000).toFixed(0)}k`;
 }
 
 function NoPlanes() {

@@ -3,6 +3,7 @@ import { useEffect, useRef } from "react";
 import { useNavigate } from "react-router";
 import type { Operation, Planes } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
+import { useClickRefusal } from "../../api/feed";
 import { useChangeView, useEditPlanes, useStartJob } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
@@ -24,7 +25,9 @@ export function PlanesScreen() {
   const edit = useEditPlanes(recording.id);
   const start = useStartJob(recording.id);
   const job = jobs?.find((one) => one.kind === "planes") ?? null;
-  const searching = job !== null && !isFinal(job);
+  const running = job !== null && !isFinal(job);
+  const searching = running && planes === undefined;
+  const refusal = useClickRefusal(recording.id, planes?.revision);
 
   useEffect(() => {
     changeView({ mode: "planes", click: "toggle", nudge: null });
@@ -58,7 +61,7 @@ export function PlanesScreen() {
   const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   return (
     <>
-      {planes !== undefined && <ClickMode recordingId={recording.id} />}
+      {planes !== undefined && <ClickMode recordingId={recording.id} planes={planes} />}
       <Panel
         title="Planes"
         lead="Keep walls, floor and ceiling; drop what can move or bend."
@@ -84,9 +87,20 @@ export function PlanesScreen() {
       >
         {start.isError && <Fault error={start.error} />}
         {edit.isError && <Fault error={edit.error} />}
-        {planes !== undefined && !searching ? (
+        {refusal !== null && (
+          <div className={css.refusal}>
+            <Notice level="warning">{refusal}</Notice>
+          </div>
+        )}
+        {planes !== undefined ? (
           <>
             <DeterminacyMeter determinacy={planes.determinacy} />
+            {planes.restricted && (
+              <p className={css.region}>
+                <Icon name="box" size={14} />
+                <span>A box leaves part of the cloud out. Undo it, or use the suggestion.</span>
+              </p>
+            )}
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">
@@ -94,7 +108,15 @@ export function PlanesScreen() {
                 </Notice>
               </div>
             )}
-            <PatchList planes={planes} apply={apply} />
+            <PatchList
+              planes={planes}
+              apply={apply}
+              onRestrict={(target) => changeView({ click: "restrict", target })}
+            />
+            <p className={css.background} aria-live="polite">
+              {running ? "The rest of the recording is still being read; nothing here waits for it." : ""}
+            </p>
+            {job !== null && job.state === "failed" && <Notice level="error">{job.error?.text ?? job.state_text}</Notice>}
           </>
         ) : searching ? (
           <PlanesProgress jobId={job.id} />

@@ -26,6 +26,8 @@ export function Report({ recording, report }: { recording: Recording; report: Do
     const wanted = fixOf(override);
     if (wanted !== null) change.mutate(wanted);
   };
+  const problems = report.findings.filter((finding) => finding.level !== "info");
+  const recognised = report.findings.filter((finding) => finding.level === "info");
   return (
     <div className={css.report}>
       <header className={css.verdict}>
@@ -50,7 +52,8 @@ export function Report({ recording, report }: { recording: Recording; report: Do
         />
       )}
       {change.isError && <Fault error={change.error} />}
-      {report.forecast !== null && report.forecast !== undefined && <Forecast parameters={report.forecast.parameters} />}
+      <Findings title="What to look at" findings={problems} pending={change.isPending} onFix={fix} />
+      {report.forecast !== null && report.forecast !== undefined && <Forecast forecast={report.forecast} planes={report.planes} />}
       {advice.length > 0 && (
         <section aria-label="Advice">
           <h2 className={css.heading}>For a better recording</h2>
@@ -61,8 +64,8 @@ export function Report({ recording, report }: { recording: Recording; report: Do
           </ul>
         </section>
       )}
-      {report.findings.length > 0 && <Findings findings={report.findings} pending={change.isPending} onFix={fix} />}
       <Evidence timeline={report.timeline} />
+      <Findings title="What was recognised" findings={recognised} pending={change.isPending} onFix={fix} />
     </div>
   );
 }
@@ -70,16 +73,18 @@ export function Report({ recording, report }: { recording: Recording; report: Do
 const order: Record<FindingReport["level"], number> = { error: 0, warning: 1, info: 2 };
 
 interface FindingsProps {
+  title: string;
   findings: readonly FindingReport[];
   pending: boolean;
   onFix: (override: string) => void;
 }
 
-function Findings({ findings, pending, onFix }: FindingsProps) {
+function Findings({ title, findings, pending, onFix }: FindingsProps) {
+  if (findings.length === 0) return null;
   const sorted = [...findings].sort((a, b) => order[a.level] - order[b.level]);
   return (
-    <section aria-label="Findings">
-      <h2 className={css.heading}>What was found</h2>
+    <section aria-label={title}>
+      <h2 className={css.heading}>{title}</h2>
       <ul className={css.cards}>
         {sorted.map((finding) => (
           <FindingCard key={finding.code + finding.text} finding={finding} pending={pending} onFix={onFix} />

@@ -1,6 +1,6 @@
-import { Button } from "@mantine/core";
+import { Button, Skeleton } from "@mantine/core";
 import { Link, useNavigate } from "react-router";
-import type { Recording } from "../../api/client";
+import type { Job, Recording } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
 import { useChangeRecording, useRetryJob } from "../../api/queries";
 import { bytes, duration } from "../../ui/format";
@@ -13,28 +13,29 @@ import { useUploads } from "../start/uploads";
 import { rateOf } from "../start/rate";
 import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
+import { hasArrived } from "../workspace/state";
 import { Report } from "./report";
 import { Sensors } from "./sensors";
 import css from "./recording.module.css";
 
 /** What the recording holds, what stands in its way, and which part of it to use. */
 export function RecordingScreen() {
-  const { recording } = useWorkspace();
+  const { recording, jobs } = useWorkspace();
   const navigate = useNavigate();
   const goOn = () => void navigate(`/r/${recording.id}/planes`);
-  const ready = recording.state === "ready";
-  useShortcuts("Recording", ready ? [{ keys: "Enter", label: "Find planes", run: goOn }] : []);
+  const arrived = hasArrived(recording);
+  useShortcuts("Recording", arrived ? [{ keys: "Enter", label: "Find planes", run: goOn }] : []);
   return (
     <>
       <div className={layout.main}>
         <div className={layout.pad}>
-          <Main recording={recording} />
+          <Main recording={recording} jobs={jobs} />
         </div>
       </div>
       <Panel
         title="Sensors"
         footer={
-          <Button fullWidth disabled={!ready} onClick={goOn} rightSection={<Icon name="next" />}>
+          <Button fullWidth disabled={!arrived} onClick={goOn} rightSection={<Icon name="next" />}>
             Find planes
           </Button>
         }
@@ -54,20 +55,26 @@ export function RecordingScreen() {
   );
 }
 
-function Main({ recording }: { recording: Recording }) {
+function Main({ recording, jobs }: { recording: Recording; jobs: readonly Job[] | undefined }) {
+  const inspection = jobs?.find((job) => job.kind === "inspect") ?? null;
   switch (recording.state) {
     case "receiving":
       return <Receiving recording={recording} />;
     case "inspecting":
-      return <Inspecting recording={recording} />;
+      return <Inspecting job={inspection} />;
     case "failed":
-      return <Failed recording={recording} />;
+      return <Failed recording={recording} job={inspection ?? recording.latest_job ?? null} />;
     case "ready":
-      return recording.report ? <Report recording={recording} report={recording.report} /> : <Inspecting recording={recording} />;
+      return recording.report ? <Report recording={recording} report={recording.report} /> : <Inspecting job={inspection} />;
   }
 }
 
+/** What arrives: bytes from a browser, or a sample that is made on the spot. */
 function Receiving({ recording }: { recording: Recording }) {
+  return recording.origin === "sample" ? <Inspecting job={recording.latest_job ?? null} /> : <Uploading recording={recording} />;
+}
+
+function Uploading({ recording }: { recording: Recording }) {
   const { list, cancel } = useUploads();
   const navigate = useNavigate();
   const upload = list.find((one) => one.recordingId === recording.id);
@@ -87,7 +94,7 @@ function Receiving({ recording }: { recording: Recording }) {
         </p>
         {upload === undefined ? (
           <p>
-            Drop the same file again on the <Link to="/">start page</Link>: it goes on where it stopped.
+            Drop the same file again, here or on the <Link to="/">start page</Link>: it goes on where it stopped.
           </p>
         ) : (
           <Button
@@ -107,28 +114,30 @@ function Receiving({ recording }: { recording: Recording }) {
   );
 }
 
-function Inspecting({ recording }: { recording: Recording }) {
-  const job = recording.latest_job;
-  const run = useJobStream(job !== null && job !== undefined && !isFinal(job) ? job.id : null);
+function Inspecting({ job }: { job: Job | null }) {
+  const run = useJobStream(job !== null && !isFinal(job) ? job.id : null);
   return (
     <div className={css.inspecting}>
       <h1>{job?.kind === "simulate" ? "Making the sample" : "Reading the recording"}</h1>
-      {job !== null && job !== undefined && <JobProgress run={run} jobId={job.id} />}
+      {job === null ? (
+        <Skeleton height={120} />
+      ) : (
+        <JobProgress run={run} jobId={job.id} expected={job.kind === "simulate" ? ["write"] : ["inspect"]} />
+      )}
     </div>
   );
 }
 
-function Failed({ recording }: { recording: Recording }) {
+function Failed({ recording, job }: { recording: Recording; job: Job | null }) {
   const retry = useRetryJob();
   const change = useChangeRecording(recording.id);
-  const job = recording.latest_job;
   const candidates = recording.error?.details?.candidates ?? [];
   return (
     <div className={css.failed}>
       <h1>This recording cannot be used as it is</h1>
       <Notice level="error">{recording.error?.text ?? "The server gave no reason; its log says more."}</Notice>
       <div className={css.failedActions}>
-        {job !== null && job !== undefined && (
+        {job !== null && (
           <Button variant="default" loading={retry.isPending} onClick={() => retry.mutate(job.id)}>
             Try again
           </Button>

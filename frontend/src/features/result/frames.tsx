@@ -2,7 +2,8 @@ import css from "./result.module.css";
 
 const size = 200;
 const middle = size / 2;
-const axisLength = 46;
+const axisLength = 54;
+const nameAway = 21;
 
 type Vector = readonly [number, number, number];
 
@@ -22,19 +23,27 @@ export function Frames({ matrix, base, other }: FramesProps) {
   const at = (row: number, column: number) => matrix[row]?.[column] ?? 0;
   const p: Vector = [at(0, 3), at(1, 3), at(2, 3)];
   const distance = Math.hypot(...p);
-  const reach = distance > 1e-6 ? 62 / distance : 0;
+  const reach = distance > 1e-6 ? 84 / distance : 0;
   const [ox, oy] = project([p[0] * reach, p[1] * reach, p[2] * reach]);
   const place = (sx: number, sy: number): [number, number] => [middle + sx - ox / 2, middle + 8 + sy - oy / 2];
   const origin = place(0, 0);
   const moved = place(ox, oy);
   const unit: Vector[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
   const turned: Vector[] = [0, 1, 2].map((j) => [at(0, j), at(1, j), at(2, j)]);
+  // What a name must not cover: both sets of axes with their letters, and the line between them.
+  const marks = [
+    ...marksOf(origin, unit),
+    ...marksOf(moved, turned),
+    ...[0.25, 0.5, 0.75].map((part): Point => [origin[0] + part * (moved[0] - origin[0]), origin[1] + part * (moved[1] - origin[1])]),
+  ];
   return (
     <figure className={css.frames} aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${(distance * 1000).toFixed(0)} millimetres apart`}>
       <svg viewBox={`0 0 ${size} ${size}`} aria-hidden="true">
         <line x1={origin[0]} y1={origin[1]} x2={moved[0]} y2={moved[1]} className={css.lever} />
-        <Axes from={origin} directions={unit} name={base} />
-        <Axes from={moved} directions={turned} name={other} />
+        <Axes from={origin} directions={unit} />
+        <Axes from={moved} directions={turned} />
+        <Name at={nameAt(origin, marks)} text={base} />
+        <Name at={nameAt(moved, [...marks, nameAt(origin, marks)])} text={other} />
       </svg>
       <figcaption className="small dim">
         <span className="num">{(distance * 1000).toFixed(1)}</span> mm apart
@@ -43,20 +52,43 @@ export function Frames({ matrix, base, other }: FramesProps) {
   );
 }
 
-function Axes({ from, directions, name }: { from: [number, number]; directions: readonly Vector[]; name: string }) {
+type Point = readonly [number, number];
+
+function marksOf(from: Point, directions: readonly Vector[]): Point[] {
+  return directions.flatMap((direction) => {
+    const [dx, dy] = project(direction);
+    return [0, 0.35, 0.7, 1, 1.17].map((part): Point => [from[0] + part * dx * axisLength, from[1] + part * dy * axisLength]);
+  });
+}
+
+/** The place around a frame's origin that is farthest from everything drawn; wide words need more room to the sides. */
+function nameAt(from: Point, marks: readonly Point[]): Point {
+  const places = Array.from({ length: 16 }, (_, i): Point => {
+    const angle = (i / 16) * 2 * Math.PI;
+    return [from[0] + 1.25 * nameAway * Math.cos(angle), from[1] + nameAway * Math.sin(angle)];
+  });
+  const room = (place: Point) => Math.min(...marks.map((mark) => Math.hypot((mark[0] - place[0]) / 1.5, mark[1] - place[1])));
+  return places.reduce((best, place) => (room(place) > room(best) ? place : best));
+}
+
+function Name({ at, text }: { at: Point; text: string }) {
+  return (
+    <text x={at[0]} y={at[1] + 4} className={css.frameName}>
+      {text}
+    </text>
+  );
+}
+
+function Axes({ from, directions }: { from: Point; directions: readonly Vector[] }) {
   const letters = ["x", "y", "z"] as const;
-  // The name stands where no axis points.
-  const sum = directions.map(project).reduce(([ax, ay], [bx, by]) => [ax + bx, ay + by], [0, 0]);
-  const length = Math.max(0.3, Math.hypot(...sum));
   return (
     <g>
       {directions.map((direction, i) => {
         const [dx, dy] = project(direction);
         const letter = letters[i] ?? "x";
-        const [x, y] = [from[0] + dx * axisLength, from[1] + dy * axisLength];
         return (
           <g key={letter} data-axis={letter}>
-            <line x1={from[0]} y1={from[1]} x2={x} y2={y} />
+            <line x1={from[0]} y1={from[1]} x2={from[0] + dx * axisLength} y2={from[1] + dy * axisLength} />
             <text x={from[0] + dx * (axisLength + 9)} y={from[1] + dy * (axisLength + 9) + 3}>
               {letter}
             </text>
@@ -64,9 +96,6 @@ function Axes({ from, directions, name }: { from: [number, number]; directions: 
         );
       })}
       <circle cx={from[0]} cy={from[1]} r="3" />
-      <text x={from[0] - (sum[0] / length) * 24} y={from[1] - (sum[1] / length) * 17 + 4} className={css.frameName}>
-        {name}
-      </text>
     </g>
   );
 }

@@ -8,18 +8,20 @@ import css from "./result.module.css";
 /** All runs, newest first, and how far the newest answer is from each. */
 export function History({ runs, shown }: { runs: readonly Run[]; shown: string }) {
   const now = useNow(30_000);
+  const latest = runs.findIndex((run) => run.job.result?.kind === "solve" && run.job.result.status !== "refused");
   return (
     <ol className={css.history}>
-      {runs.map((run) => (
+      {runs.map((run, i) => (
         <li key={run.job.id}>
           <Link to={`?job=${run.job.id}`} aria-current={run.job.id === shown ? "true" : undefined}>
             <LevelIcon level={toneOf(run)} size={15} />
             <span className={css.runText}>
-              <span className="clip">
+              <span>
                 {run.job.settings.method === "paper" ? "As published" : "Full"}
                 {choices(run)}
               </span>
-              <span className="dim">{difference(run)}</span>
+              <span className="dim num">{known(run)}</span>
+              <span className="dim">{difference(run, i === latest)}</span>
             </span>
             <span className="dim nowrap">{ago(Date.parse(run.job.created_at), now)}</span>
           </Link>
@@ -41,18 +43,36 @@ function toneOf(run: Run): Tone {
   }
 }
 
+/** What a person chose for this run, in words; nothing where all was as it comes. */
 function choices(run: Run): string {
-  const { points_per_plane_per_scan: points, field_of_view_deg: field, estimate_time_offset: offset } = run.job.settings;
+  const settings = run.job.settings;
+  const { points_per_plane_per_scan: points, field_of_view_deg: field, excluded_spans_s: spans, priors } = settings;
   return [
-    points === null || points === undefined ? "" : `, ${points} points`,
-    field === null || field === undefined ? "" : `, ±${field}°`,
-    offset ? "" : ", clock held",
-  ].join("");
+    points === null || points === undefined ? "" : `${points} points`,
+    field === null || field === undefined ? "" : `±${field}°`,
+    settings.estimate_time_offset ? "" : "clock held",
+    settings.estimate_planes ? "" : "planes held",
+    settings.bias_model === "constant" ? "constant biases" : "",
+    priors.length === 0 ? "" : `${priors.length} ${priors.length === 1 ? "prior" : "priors"}`,
+    ...spans.map((span) => `without ${fixed(Number(span[0]), 1)} to ${fixed(Number(span[1]), 1)} s`),
+    (run.job.planes ?? []).length === 0 ? "" : `${run.job.planes?.length ?? 0} planes`,
+  ]
+    .filter((text) => text !== "")
+    .map((text) => `, ${text}`)
+    .join("");
 }
 
-function difference(run: Run): string {
+function difference(run: Run, latest: boolean): string {
   const from = run.from_latest;
   if (run.job.state !== "done") return run.job.state_text;
-  if (from === null || from === undefined) return "";
-  return `newest differs by ${fixed(from.translation_m * 1000, 1)} mm, ${fixed(from.rotation_deg, 3)}°, ${fixed(from.time_offset_s * 1000, 2)} ms`;
+  if (run.job.result?.kind === "solve" && run.job.result.status === "refused") return "refused";
+  if (from === null || from === undefined) return latest ? "the newest answer" : "";
+  return `the newest is ${fixed(from.translation_m * 1000, 1)} mm, ${fixed(from.rotation_deg, 3)}°, ${fixed(from.time_offset_s * 1000, 2)} ms away`;
+}
+
+/** One standard deviation of the least known axis of each kind. */
+function known(run: Run): string {
+  const result = run.job.result;
+  if (result?.kind !== "solve" || result.translation_std_m === null || result.rotation_std_deg === null) return "";
+  return `± ${fixed(Math.max(...result.translation_std_m) * 1000, 2)} mm, ${fixed(Math.max(...result.rotation_std_deg), 4)}°`;
 }

@@ -1,9 +1,9 @@
-import { Button, Skeleton } from "@mantine/core";
+import { Button, Skeleton, useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link, useNavigate, useSearchParams } from "react-router";
 import type { CalibrationResult, Run } from "../../api/client";
-import { reportUrl, resultDownloadUrl, resultQuery } from "../../api/queries";
+import { mapPageUrl, reportUrl, resultDownloadUrl, resultQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
@@ -12,8 +12,7 @@ import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { chosenRun } from "../workspace/state";
 import { Advice, Messages } from "./advice";
-import { CopyBox } from "./copybox";
-import { commandOf } from "./command";
+import { CommandSection } from "./command";
 import { Exports } from "./exports";
 import { History } from "./history";
 import { poseOf, type Direction } from "./inverse";
@@ -46,6 +45,8 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
   const navigate = useNavigate();
   const download = () => window.location.assign(resultDownloadUrl(run.job.id));
   const base = `/r/${run.job.recording_id}`;
+  const dark = useComputedColorScheme("dark") === "dark";
+  const answered = result.data?.T_imu_lidar !== null;
   useShortcuts("Result", [
     { keys: "d", label: "Download the JSON", run: download },
     { keys: "i", label: "Back to inspect", run: () => void navigate(`${base}/inspect?job=${run.job.id}`) },
@@ -75,17 +76,20 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
           </Button>
         }
       >
-        <Exports jobId={run.job.id} answered={result.data?.T_imu_lidar !== null} />
-        {result.data !== undefined && (
-          <Section title="The same without a browser">
-            <CopyBox text={commandOf(result.data)} label="the command" wrap />
-          </Section>
-        )}
-        <Section title="Report">
-          <Button component="a" href={reportUrl(run.job.id)} target="_blank" variant="default" size="compact-md" leftSection={<Icon name="file" size={14} />}>
-            One page to print or send
-          </Button>
+        <Exports jobId={run.job.id} answered={answered} />
+        <Section title="To show to others">
+          <div className={css.links}>
+            <Button component="a" href={reportUrl(run.job.id)} target="_blank" variant="default" size="compact-md" leftSection={<Icon name="file" size={14} />}>
+              Report to print
+            </Button>
+            {answered && (
+              <Button component="a" href={mapPageUrl(run.job.id, dark)} download variant="default" size="compact-md" leftSection={<Icon name="download" size={14} />}>
+                3D scene page
+              </Button>
+            )}
+          </div>
         </Section>
+        <CommandSection jobId={run.job.id} />
         <Section title="Runs of this recording">
           <History runs={runs} shown={run.job.id} />
         </Section>

@@ -60,19 +60,19 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
 
 interface ResidualBarsProps {
   rows: readonly { name: string; rms_m: number }[];
-  colors: ReadonlyMap<string, string>;
+  looks: ReadonlyMap<string, { title: string; color: string }>;
 }
 
 /** Root mean square distance of each plane's points, in millimetres. */
-export function ResidualBars({ rows, colors }: ResidualBarsProps) {
+export function ResidualBars({ rows, looks }: ResidualBarsProps) {
   const most = Math.max(1e-6, ...rows.map((row) => row.rms_m));
   return (
     <ul className={css.residuals}>
       {rows.map((row) => (
         <li key={row.name}>
-          <span className="clip">{row.name}</span>
+          <span className="clip">{looks.get(row.name)?.title ?? row.name}</span>
           <span className={css.track}>
-            <span style={{ width: `${(100 * row.rms_m) / most}%`, background: colors.get(row.name) ?? "var(--ink-3)" }} />
+            <span style={{ width: `${(100 * row.rms_m) / most}%`, background: looks.get(row.name)?.color ?? "var(--ink-3)" }} />
           </span>
           <span className="num">{fixed(row.rms_m * 1000, 1)}</span>
         </li>

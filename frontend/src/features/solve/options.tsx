@@ -9,6 +9,8 @@ import css from "./solve.module.css";
 type Settings = NewJob["settings"];
 
 interface SolveOptionsProps {
+  /** Of the run that is shown; what it left out stays out. */
+  before: { excluded_spans_s: readonly (readonly number[])[] };
   onSolve: (settings: Settings) => void;
   pending: boolean;
   error: unknown;
@@ -21,7 +23,7 @@ function numberOf(text: string): number | null {
 }
 
 /** The few choices that are worth a second run; everything else has an option on the command line. */
-export function SolveOptions({ onSolve, pending, error }: SolveOptionsProps) {
+export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsProps) {
   const [method, setMethod] = useState<Settings["method"]>("full");
   const [points, setPoints] = useState<number | null>(null);
   const [fieldDeg, setFieldDeg] = useState<number | null>(null);
@@ -32,7 +34,9 @@ export function SolveOptions({ onSolve, pending, error }: SolveOptionsProps) {
     points_per_plane_per_scan: points ?? (paper ? 100 : null),
     field_of_view_deg: fieldDeg ?? (paper ? 45 : null),
     estimate_time_offset: timeOffset,
+    excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
   });
+  const spans = before.excluded_spans_s.length;
   return (
     <Section title="Solve again, differently">
       <div className={css.options}>
@@ -69,6 +73,11 @@ export function SolveOptions({ onSolve, pending, error }: SolveOptionsProps) {
           onChange={(event) => setFieldDeg(numberOf(event.currentTarget.value))}
         />
         <Switch size="xs" label="Estimate the time offset" checked={timeOffset} onChange={(event) => setTimeOffset(event.currentTarget.checked)} />
+        {spans > 0 && (
+          <p className="small dim">
+            {spans === 1 ? "One span of time stays" : `${spans} spans of time stay`} left out; Inspect changes that.
+          </p>
+        )}
         <Button variant="default" size="compact-md" loading={pending} onClick={() => onSolve(settings)}>
           Solve again
         </Button>

@@ -19,7 +19,7 @@ import { stagesOfSolve } from "./timeleft";
 
 /** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
 export function SolveScreen() {
-  const { recording, planes, runs } = useWorkspace();
+  const { recording, runs } = useWorkspace();
   const [query, setQuery] = useSearchParams();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);
@@ -55,7 +55,7 @@ export function SolveScreen() {
     );
   }
 
-  const colors = new Map(planes?.patches.map((patch) => [patch.name, patch.color]) ?? []);
+  const looks = new Map((job?.planes ?? []).map((plane) => [plane.name, plane]));
   const last = run.iterations.at(-1);
   const notable = run.logs.filter((log) => log.level !== "info");
   return (
@@ -98,7 +98,7 @@ export function SolveScreen() {
         <p className="dim small">Each round takes in more points, so the cost may step up between rounds.</p>
       </Section>
       <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
-        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} colors={colors} />}
+        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} looks={looks} />}
       </Section>
       {notable.length > 0 && (
         <Section title="Said on the way">
@@ -111,7 +111,7 @@ export function SolveScreen() {
           </div>
         </Section>
       )}
-      {ended && <SolveOptions onSolve={(settings) => start.mutate({ kind: "solve", settings }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
+      {ended && <SolveOptions before={job.settings} onSolve={(settings) => start.mutate({ kind: "solve", settings }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
     </Panel>
   );
 }

@@ -1,6 +1,6 @@
 import { Button, Menu } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useCallback, useRef, useState } from "react";
+import { useState } from "react";
 import { useNavigate } from "react-router";
 import { factsQuery, useOpenRecording } from "../../api/queries";
 import { Icon } from "../../ui/icons";
@@ -9,42 +9,26 @@ import { Shell } from "../../ui/shell";
 import { useShortcuts } from "../../ui/shortcuts";
 import { stepsOf } from "../workspace/state";
 import { SweepDrawing } from "./drawing";
-import { usePageDrop } from "./drop";
+import { useDropZone } from "./dropzone";
 import { FolderDialog } from "./folder";
 import { RecentRecordings } from "./recent";
 import css from "./start.module.css";
-import { useUploads } from "./uploads";
 
 /** Where a recording comes in: dropped, opened from the server's folder, or made on the spot. */
 export function StartScreen() {
   const navigate = useNavigate();
   const facts = useQuery(factsQuery);
   const open = useOpenRecording();
-  const uploads = useUploads();
-  const picker = useRef<HTMLInputElement>(null);
+  const { dragging, chooseFile, chooseFolder } = useDropZone();
   const [folderOpen, setFolderOpen] = useState(false);
-  const [uploadError, setUploadError] = useState<unknown>(null);
-
-  const show = useCallback((id: string) => void navigate(`/r/${id}/recording`), [navigate]);
-  const { start } = uploads;
-  const upload = useCallback(
-    (file: File) => {
-      setUploadError(null);
-      start(file).then(show, (error: unknown) => setUploadError(error));
-    },
-    [start, show],
-  );
-  const refuseFolder = useCallback((name: string) => {
-    setUploadError(new Error(`Expected one file, but ${name} is a folder; pack it as ${name}.zip and drop that, or give the server its parent with --recordings.`));
-  }, []);
-  const dragging = usePageDrop(upload, refuseFolder);
+  const show = (id: string) => void navigate(`/r/${id}/recording`);
   const samples = facts.data?.samples ?? [];
   const firstSample = samples[0];
   const openSample = (scenario: string) => open.mutate({ sample: scenario }, { onSuccess: (made) => show(made.id) });
-  const suffixes = facts.data?.upload_suffixes ?? [".bag", ".mcap", ".db3", ".zip"];
 
   useShortcuts("Start page", [
-    { keys: "o", label: "Choose a file", run: () => picker.current?.click() },
+    { keys: "o", label: "Choose a file", run: chooseFile },
+    { keys: "d", label: "Choose a bag's folder", run: chooseFolder },
     ...(firstSample === undefined ? [] : [{ keys: "s", label: "Try the sample", run: () => openSample(firstSample.scenario) }]),
     ...(facts.data?.recordings_folder === true ? [{ keys: "f", label: "Open from the server's folder", run: () => setFolderOpen(true) }] : []),
   ]);
@@ -62,8 +46,8 @@ export function StartScreen() {
           </div>
           <section className={css.drop} data-dragging={dragging} aria-label="Open a recording">
             <SweepDrawing />
-            <h2>{dragging ? "Let go to open it" : "Drop a recording anywhere on this page"}</h2>
-            <p>ROS 1 or ROS 2: {suffixes.join(", ")}</p>
+            <h2>Drop a recording anywhere on this page</h2>
+            <p>A ROS 1 or ROS 2 bag (.bag, .mcap, .db3), a bag&apos;s folder, or a .zip or .tar of it</p>
             <div className={css.buttons}>
               {firstSample !== undefined && samples.length === 1 && (
                 <Button
@@ -104,29 +88,20 @@ export function StartScreen() {
                   </Menu>
                 </Button.Group>
               )}
-              <Button variant="default" leftSection={<Icon name="file" />} onClick={() => picker.current?.click()}>
+              <Button variant="default" leftSection={<Icon name="file" />} onClick={chooseFile}>
                 Choose a file
               </Button>
+              <Button variant="default" leftSection={<Icon name="folder" />} onClick={chooseFolder}>
+                Choose a folder
+              </Button>
               {facts.data?.recordings_folder === true && (
-                <Button variant="default" leftSection={<Icon name="folder" />} onClick={() => setFolderOpen(true)}>
+                <Button variant="default" leftSection={<Icon name="server" />} onClick={() => setFolderOpen(true)}>
                   Open from the server
                 </Button>
               )}
             </div>
-            <input
-              ref={picker}
-              type="file"
-              hidden
-              data-testid="file-input"
-              accept={suffixes.join(",")}
-              onChange={(event) => {
-                const file = event.currentTarget.files?.[0];
-                event.currentTarget.value = "";
-                if (file !== undefined) upload(file);
-              }}
-            />
           </section>
-          {[uploadError, open.error, facts.error].filter((error) => error !== null).slice(0, 1).map((error) => (
+          {[open.error, facts.error].filter((error) => error !== null).slice(0, 1).map((error) => (
             <div className={css.fault} key="fault">
               <Fault error={error} />
             </div>
@@ -134,7 +109,6 @@ export function StartScreen() {
         </div>
         <RecentRecordings onOpen={show} />
       </main>
-      {dragging && <div className={css.veil} />}
       {folderOpen && <FolderDialog onClose={() => setFolderOpen(false)} onOpened={show} />}
     </Shell>
   );

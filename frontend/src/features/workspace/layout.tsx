@@ -10,7 +10,7 @@ import type { StepName } from "../../ui/stepper";
 import type { Workspace } from "./context";
 import css from "./layout.module.css";
 import { ScenePane } from "./scene";
-import { stepsOf } from "./state";
+import { hasArrived, stepsOf } from "./state";
 
 const stepNames: readonly StepName[] = ["recording", "planes", "solve", "inspect", "result"];
 const withScene: readonly StepName[] = ["planes", "solve", "inspect"];
@@ -21,12 +21,12 @@ export function WorkspaceLayout() {
   const { pathname } = useLocation();
   const current = stepNames.find((name) => pathname.endsWith(`/${name}`)) ?? null;
   const recording = useQuery(recordingQuery(recordingId));
-  const ready = recording.data?.state === "ready";
-  const jobs = useQuery({ ...jobsQuery(recordingId), enabled: ready });
-  // Before they have been looked for there are none to ask for.
-  const proposed = jobs.data?.some((job) => job.kind === "planes" && job.state === "done") === true;
-  const planes = useQuery({ ...planesQuery(recordingId), enabled: proposed });
-  const runs = useQuery({ ...runsQuery(recordingId), enabled: ready });
+  // Its first cloud is there before its report is.
+  const arrived = hasArrived(recording.data);
+  const jobs = useQuery({ ...jobsQuery(recordingId), enabled: arrived || recording.data?.state === "failed" });
+  // Before they have been found there are none to ask for.
+  const planes = useQuery({ ...planesQuery(recordingId), enabled: recording.data?.has_planes === true });
+  const runs = useQuery({ ...runsQuery(recordingId), enabled: arrived });
   useRecordingFeed(recordingId);
 
   const name = recording.data?.name;
@@ -37,12 +37,12 @@ export function WorkspaceLayout() {
     };
   }, [name]);
 
-  const showsScene = current !== null && withScene.includes(current) && ready;
+  const showsScene = current !== null && withScene.includes(current) && arrived;
   const steps = stepsOf(recording.data, planes.data, runs.data?.runs ?? [], "");
   return (
     <Shell steps={steps} current={current} {...(name === undefined ? {} : { recordingName: name })}>
       <main className={css.workspace} data-screen={current ?? "none"}>
-        {ready && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}
+        {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}
         {recording.isPending ? (
           <WorkspaceSkeleton />
         ) : recording.isError ? (
@@ -59,7 +59,7 @@ export function WorkspaceLayout() {
             context={
               {
                 recording: recording.data,
-                planes: planes.data,
+                planes: recording.data.has_planes ? planes.data : undefined,
                 jobs: jobs.data,
                 runs: runs.data?.runs ?? [],
               } satisfies Workspace

@@ -21,11 +21,17 @@ function busy(job: Job | null | undefined, kind: Job["kind"]): boolean {
   return job !== null && job !== undefined && job.kind === kind && !isFinal(job);
 }
 
+/** Whether its bytes are here and can be looked at, whatever is still being found out about them. */
+export function hasArrived(recording: Recording | undefined): boolean {
+  return recording?.state === "ready" || recording?.state === "inspecting";
+}
+
 /** Which steps can be entered, which are done, and why the others wait. */
 export function stepsOf(recording: Recording | undefined, planes: Planes | undefined, runs: readonly Run[], query: string): Step[] {
   const base = recording === undefined ? undefined : `/r/${recording.id}`;
   const to = (name: string) => (base === undefined ? {} : { to: `${base}/${name}${query}` });
   const ready = recording?.state === "ready";
+  const arrived = hasArrived(recording);
   const job = recording?.latest_job;
   const solved = finishedRuns(runs);
   const newest = solved[0];
@@ -37,12 +43,12 @@ export function stepsOf(recording: Recording | undefined, planes: Planes | undef
       state: recording === undefined ? "open" : ready ? "done" : recording.state === "failed" ? "open" : "busy",
       ...to("recording"),
     },
-    ready
-      ? { name: "planes", state: busy(job, "planes") ? "busy" : planes?.determinacy.ok === true ? "done" : "open", ...to("planes") }
+    arrived
+      ? { name: "planes", state: busy(job, "planes") && planes === undefined ? "busy" : planes?.determinacy.ok === true ? "done" : "open", ...to("planes") }
       : { name: "planes", state: "locked", reason: waits },
-    ready && (planes !== undefined || newest !== undefined || solving)
+    arrived && (planes !== undefined || newest !== undefined || solving)
       ? { name: "solve", state: solving ? "busy" : newest === undefined ? "open" : "done", ...to("solve") }
-      : { name: "solve", state: "locked", reason: ready ? "Planes have to be found first" : waits },
+      : { name: "solve", state: "locked", reason: arrived ? "Planes have to be found first" : waits },
     newest !== undefined && !isRefused(newest)
       ? { name: "inspect", state: "open", ...to("inspect") }
       : { name: "inspect", state: "locked", reason: "There is no answer to look at yet" },

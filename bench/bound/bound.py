@@ -1,0 +1,136 @@
+"""The bound of one simulated recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.bound.eliminate import covariance_of_last, stepped, triangle_of
+from bench.bound.lidar import Faces, Returns, all_returns, faces_of, rows_of
+from bench.bound.model import CALIBRATION, Assumptions, Columns, FloatArray
+from bench.bound.motion import ImuNoise, noise_back, steps_back
+from calib_core.simulate import Scenario, Simulation, Truth, prepare
+
+#: A plane that fewer returns came from is not used: its own three unknowns would eat what it says.
+LEAST_RETURNS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """The bound of the 7 calibration parameters. covariance: (7, 7) in the contract's order, SI.   points: used.
+
+    planes: names of those used.   gravity_std_m_s2: of its magnitude, given everything.
+    """
+
+    covariance: FloatArray
+    points: int
+    planes: tuple[str, ...]
+
+    @property
+    def std(self) -> FloatArray:
+        """(7,) rad, m, s."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def rotation_deg(self) -> float:
+        """Root of the rotation block's trace."""
+        return float(np.degrees(np.sqrt(np.trace(self.covariance[:3, :3]))))
+
+    @property
+    def translation_mm(self) -> float:
+        """Root of the translation block's trace."""
+        return float(1e3 * np.sqrt(np.trace(self.covariance[3:6, 3:6])))
+
+    @property
+    def offset_ms(self) -> float:
+        """The time offset's."""
+        return float(1e3 * np.sqrt(self.covariance[6, 6]))
+
+
+def bound_of(
+    scenario: str | Scenario,
+    *,
+    seed: int = 1,
+    duration_s: float | None = None,
+    assumed: Assumptions = Assumptions(),  # noqa: B008  frozen
+) -> Bound:
+    """The bound of a recording of `calib_core.simulate`. The seed matters only for which returns were lost."""
+    simulation = prepare(scenario, seed=seed, duration_s=duration_s)
+    truth = simulation.truth
+    faces = faces_of(simulation)
+    sweeps = list(all_returns(simulation, truth, faces, assumed))
+    counts = np.bincount(np.concatenate([s.plane for s in sweeps]), minlength=len(faces.normals))
+    numbers = [int(face) for face in np.flatnonzero(counts >= LEAST_RETURNS)]
+    columns, noise = unknowns(simulation, assumed, len(numbers))
+    triangle = opening(columns, assumed)
+    held = columns.held(assumed.known)
+    for back, disturbance, rows in instants(simulation, truth, faces, numbers, sweeps, columns, noise, assumed):
+        back[:, held] = 0.0
+        rows[:, held] = 0.0
+        triangle = stepped(triangle, back, disturbance, rows)
+    names = tuple(simulation.scenario.scene.faces[face].name for face in numbers)
+    return Bound(covariance_of_last(triangle, CALIBRATION), int(counts[numbers].sum()), names)
+
+
+def unknowns(simulation: Simulation, assumed: Assumptions, planes: int) -> tuple[Columns, ImuNoise]:
+    """The columns and the IMU's noise under the assumptions."""
+    imu = simulation.scenario.imu
+    noise = ImuNoise(
+        imu.gyroscope_noise_density_rad_s_sqrt_hz * assumed.imu_noise_factor,
+        imu.accelerometer_noise_density_m_s2_sqrt_hz * assumed.imu_noise_factor,
+        imu.gyroscope_random_walk if assumed.gyro_walk is None else assumed.gyro_walk,
+        imu.accelerometer_random_walk if assumed.accel_walk is None else assumed.accel_walk,
+    )
+    return Columns(noise.gyro_walk > 0 or noise.accel_walk > 0, planes), noise
+
+
+def opening(columns: Columns, assumed: Assumptions) -> FloatArray:
+    """What is known before the first instant: the frame's gauge, gravity's magnitude, and what is held as known."""
+    gauge = np.zeros((6, columns.size))
+    gauge[:3, columns.turn] = gauge[3:, columns.position] = np.eye(3) / assumed.gauge_std
+    magnitude = np.zeros((1, columns.size))
+    magnitude[0, columns.gravity.stop - 1] = 1.0 / assumed.gravity_std_m_s2  # world z is along gravity
+    held = np.eye(columns.size)[columns.held(assumed.known)]
+    return triangle_of(np.vstack([gauge, magnitude, held]))
+
+
+def instants(
+    simulation: Simulation,
+    truth: Truth,
+    faces: Faces,
+    numbers: list[int],
+    sweeps: list[Returns],
+    columns: Columns,
+    noise: ImuNoise,
+    assumed: Assumptions,
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Step by step: errors before it from those after it, from its noise, and the rows of the returns around its end."""
+    h = assumed.step_s
+    first_s, last_s = float(sweeps[0].t_s.min()), float(max(s.t_s.max() for s in sweeps if len(s.t_s)))
+    n = int(np.ceil((last_s - first_s) / h)) + 1
+    middles = truth.imu(np.asarray(first_s + h * (np.arange(n) - 0.5), dtype=np.float64))
+    force = middles.a_m_s2 - truth.gravity_world_m_s2
+    back = steps_back(middles.R_world, force, h, columns)
+    disturbance = noise_back(force, h, noise, columns)
+    scenario = simulation.scenario
+    range_std_m = scenario.lidar.range_std_m * assumed.range_noise_factor
+    pending = iter(sweeps)
+    rows = np.zeros((0, columns.size))
+    nearest = np.zeros(0, dtype=np.intp)
+    more = True
+    for number in range(n):
+        while more and (len(nearest) == 0 or nearest[-1] <= number):
+            seen = next(pending, None)
+            if seen is None:
+                more = False
+                break
+            seen = seen.chosen(np.isin(seen.plane, numbers))
+            mine = np.rint((seen.t_s - first_s) / h).astype(np.intp)
+            after_s = seen.t_s - first_s - h * mine
+            new = rows_of(seen, truth.R_imu_lidar, faces, numbers, after_s, range_std_m, columns)
+            rows, nearest = np.vstack([rows, new]), np.concatenate([nearest, mine])
+        end = int(np.searchsorted(nearest, number, side="right"))
+        yield back[number], disturbance[number], rows[:end]
+        rows, nearest = rows[end:], nearest[end:]

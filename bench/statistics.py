@@ -1,0 +1,114 @@
+"""What a campaign's runs amount to: root mean squares, efficiency, consistency. Pure functions of the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from bench.bounds import BoundRow
+from bench.runs import PARAMETERS, Run, rms
+
+FREEDOM = len(PARAMETERS)
+_HALF_95 = float(norm.ppf(0.975))
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """Root mean squares over the solved runs of the norms of eq. (15)."""
+
+    rotation_deg: float
+    translation_mm: float
+    offset_ms: float
+
+    def over(self, other: Accuracy) -> Accuracy:
+        """Ratio by ratio."""
+        return Accuracy(
+            self.rotation_deg / other.rotation_deg,
+            self.translation_mm / other.translation_mm,
+            self.offset_ms / other.offset_ms,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """Whether the stated covariance is true.
+
+    mean_nees, with the 99 % interval that the mean of as many chi-square draws lies in.   coverage: (7,) share of runs
+    whose 95 % interval holds the truth.   pooled: over all parameters.
+    """
+
+    mean_nees: float
+    low: float
+    high: float
+    coverage: tuple[float, ...]
+    pooled: float
+
+    @property
+    def nees_holds(self) -> bool:
+        """The mean lies in its interval."""
+        return self.low <= self.mean_nees <= self.high
+
+    @property
+    def coverage_holds(self) -> bool:
+        """92 to 98 % pooled, and at least 87 % for each parameter."""
+        return 0.92 <= self.pooled <= 0.98 and min(self.coverage) >= 0.87
+
+
+def accuracy(runs: Sequence[Run]) -> Accuracy:
+    """Of the solved among them."""
+    solved = [run for run in runs if run.is_solved]
+    return Accuracy(
+        rms([run.e_R_deg for run in solved]), rms([run.e_p_mm for run in solved]), rms([run.e_dt_ms for run in solved])
+    )
+
+
+def stated(runs: Sequence[Run]) -> Accuracy:
+    """What the runs' own sigmas let one expect of `accuracy`."""
+    variance = np.mean([np.square(run.stds) for run in runs if run.is_solved], axis=0)
+    return Accuracy(
+        float(np.degrees(np.sqrt(variance[:3].sum()))),
+        float(1e3 * np.sqrt(variance[3:6].sum())),
+        float(1e3 * np.sqrt(variance[6])),
+    )
+
+
+def bound_accuracy(bound: BoundRow) -> Accuracy:
+    """The bound in the same form."""
+    return Accuracy(bound.rotation_deg, bound.translation_mm, bound.offset_ms)
+
+
+def consistency(runs: Sequence[Run]) -> Consistency:
+    """Of the solved among them."""
+    solved = [run for run in runs if run.is_solved]
+    n = len(solved)
+    low, high = chi2.ppf([0.005, 0.995], FREEDOM * n) / n
+    inside = np.array([np.abs(run.errors) <= _HALF_95 * np.array(run.stds) for run in solved])
+    return Consistency(
+        float(np.mean([run.nees for run in solved])),
+        float(low),
+        float(high),
+        tuple(float(share) for share in inside.mean(axis=0)),
+        float(inside.mean()),
+    )
+
+
+def paired(spoiled: Sequence[Run], clean: Sequence[Run]) -> tuple[list[Run], list[Run]]:
+    """The runs of both whose seeds were solved in both, in the order of the seeds."""
+    a = {run.seed: run for run in spoiled if run.is_solved}
+    b = {run.seed: run for run in clean if run.is_solved}
+    seeds = sorted(a.keys() & b.keys())
+    return [a[seed] for seed in seeds], [b[seed] for seed in seeds]
+
+
+def seeds_text(seeds: Sequence[int]) -> str:
+    """`1-5, 8` from numbers in any order."""
+    parts: list[list[int]] = []
+    for seed in sorted(set(seeds)):
+        if parts and seed == parts[-1][-1] + 1:
+            parts[-1].append(seed)
+        else:
+            parts.append([seed])
+    return ", ".join(f"{part[0]}-{part[-1]}" if len(part) > 1 else str(part[0]) for part in parts) or "none"

@@ -1,0 +1,140 @@
+"""The planes a lidar-only track follows, each with the part of it that was seen, and new ones as they come into view.
+
+An equation goes on for ever, a box top does not: each plane keeps the cells of a coarse grid within which points were
+found on it, one cell more on every side. Points that lie on no plane are looked through for new planes now and then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import ndimage
+
+from calib_core.factors.kernels import spread_kernel
+from calib_core.geometry import plane_axes
+from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
+from calib_core.types import BoolArray, FloatArray, IntArray, Plane
+
+CELL_M = 0.4
+_WIDTH = 320
+#: A point this near a plane lies on it; one further away than `_STRAY_M` from every plane lies on none.
+_NEAR_M = 0.07
+_STRAY_M = 0.12
+_MOST_PLANES = 24
+#: A fit within these of a known plane is that plane; one outside them but within the next pair is a doubtful copy.
+_SAME_DEG, _SAME_M = 3.0, 0.1
+_ALIKE_DEG, _ALIKE_M = 8.0, 0.2
+_NEW_PLANES = SegmentSettings(
+    min_share=0.04,
+    min_points=120,
+    min_breadth_m=0.25,
+    max_planes=4,
+    distance_m=0.05,
+    subsample=2000,
+    hypotheses=350,
+)
+
+
+class PlaneMap:
+    """Planes with their reach. normals: (P, 3), offsets_m: (P,), axes: (P, 2, 3), reach: (P, W, W) bool; map frame.
+
+    given: how many of them came from outside; the others were found on the way.   support: (P,) scans that had points
+    on each.
+    """
+
+    def __init__(self, normals: FloatArray, offsets_m: FloatArray) -> None:
+        self.normals = np.array(normals, dtype=np.float64).reshape(-1, 3)
+        self.offsets_m = np.array(offsets_m, dtype=np.float64)
+        self.axes = plane_axes(self.normals)
+        self.given = len(self.normals)
+        self.support = np.zeros(self.given, np.int64)
+        self.reach: BoolArray = np.zeros((self.given, _WIDTH, _WIDTH), np.bool_)
+
+    @staticmethod
+    def of(planes: Sequence[Plane]) -> PlaneMap:
+        """From planes in the map frame; they reach nowhere yet."""
+        return PlaneMap(np.array([p.normal for p in planes]), np.array([p.offset_m for p in planes]))
+
+    @staticmethod
+    def endless(planes: Sequence[Plane]) -> PlaneMap:
+        """From planes that reach everywhere."""
+        made = PlaneMap.of(planes)
+        made.reach = np.ones((made.given, 1, 1), np.bool_)
+        return made
+
+    def seed(self, x_map_m: FloatArray, near_m: float = _NEAR_M) -> None:
+        """Let every plane reach wherever points lie on it. x_map_m: (N, 3)."""
+        distance = np.abs(x_map_m @ self.normals.T + self.offsets_m)
+        nearest = np.argmin(distance, axis=1)
+        on = distance[np.arange(len(distance)), nearest] < near_m
+        for j in range(len(self.normals)):
+            self._mark(j, x_map_m[on & (nearest == j)])
+
+    def spread(self, x_map_m: FloatArray, eye_m: FloatArray) -> None:
+        """Let planes reach on where points next to their known part lie on them. x_map_m: (N, 3), seen from eye_m (3,)."""
+        spread_kernel(x_map_m, self.normals, self.offsets_m, self.axes, self.reach, CELL_M, _NEAR_M, eye_m, 6)
+
+    def count(self, plane: IntArray, least: int = 12) -> None:
+        """Note which planes a scan had points on. plane: (N,) index of each point on one."""
+        self.support += np.bincount(plane, minlength=len(self.normals)) >= least
+
+    def strays(self, x_map_m: FloatArray, eye_m: FloatArray) -> BoolArray:
+        """Which points lie on no plane's known part: (N,). x_map_m: (N, 3), seen from eye_m (3,)."""
+        stray = np.ones(len(x_map_m), np.bool_)
+        for j, normal in enumerate(self.normals):
+            along = x_map_m @ normal
+            on = (np.abs(along + self.offsets_m[j]) < _STRAY_M) & (along < eye_m @ normal)
+            row, column = self._cells(j, x_map_m[on])
+            stray[np.flatnonzero(on)[self.reach[j, row, column]]] = False
+        return stray
+
+    def grow(self, strays_m: FloatArray, eye_m: FloatArray) -> int:
+        """Add the planes among points that lie on none, or let known ones reach there; how many changed.
+
+        strays_m: (N, 3) map frame, seen from eye_m (3,).
+        """
+        changed = 0
+        for fit in segment_planes(strays_m, viewpoint_m=eye_m, settings=_NEW_PLANES):
+            mine = strays_m[fit.inliers]
+            turned = np.degrees(np.arccos(np.clip(self.normals @ fit.normal, -1.0, 1.0)))
+            apart = np.sqrt(np.mean((mine @ self.normals.T + self.offsets_m) ** 2, axis=0))
+            same = np.flatnonzero((turned < _SAME_DEG) & (apart < _SAME_M))
+            if len(same) > 0:
+                self._mark(int(same[np.argmin(apart[same])]), mine)
+                changed += 1
+            elif not ((turned < _ALIKE_DEG) & (apart < _ALIKE_M)).any() and len(self.normals) < _MOST_PLANES:
+                self._add(fit, mine)
+                changed += 1
+        return changed
+
+    def planes(self, given: Sequence[Plane], least_support: int = 5) -> list[Plane]:
+        """The given planes, and those found that were seen in so many scans, named on."""
+        found = [j for j in range(self.given, len(self.normals)) if self.support[j] >= least_support]
+        first = len(given) + 1
+        return [
+            *given,
+            *(Plane(f"plane {first + k}", self.normals[j], float(self.offsets_m[j])) for k, j in enumerate(found)),
+        ]
+
+    def _add(self, fit: PlaneFit, points_m: FloatArray) -> None:
+        self.normals = np.vstack([self.normals, fit.normal])
+        self.offsets_m = np.append(self.offsets_m, fit.offset_m)
+        self.axes = plane_axes(self.normals)
+        self.support = np.append(self.support, 0)
+        self.reach = np.concatenate([self.reach, np.zeros((1, *self.reach.shape[1:]), np.bool_)])
+        self._mark(len(self.normals) - 1, points_m)
+
+    def _cells(self, j: int, x_map_m: FloatArray) -> tuple[IntArray, IntArray]:
+        width = self.reach.shape[1]
+        cell = np.floor(x_map_m @ self.axes[j].T / CELL_M).astype(np.int64) + width // 2
+        cell = np.clip(cell, 0, width - 1)
+        return cell[:, 0], cell[:, 1]
+
+    def _mark(self, j: int, points_m: FloatArray) -> None:
+        """The cells of points and their neighbours."""
+        row, column = self._cells(j, points_m)
+        size = self.reach.shape[1]
+        seen = np.zeros((size, size), np.bool_)
+        seen[row, column] = True
+        self.reach[j] |= ndimage.binary_dilation(seen, np.ones((3, 3)))

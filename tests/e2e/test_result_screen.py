@@ -1,0 +1,89 @@
+"""Result in a browser: verdict, numbers both ways, everything to take away, and what a refusal says."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from calib_core.simulate import simulate
+from tests.e2e.support import Api, keep_screenshot, serious_faults
+
+both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
+
+
+@both
+def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> None:
+    """The verdict, the transform both ways, an export, the frames and the command are there.
+
+    Fails with the inverse's translation not turned; with the export's format ignored.
+    """
+    recording, job = solved
+    page.goto(f"/r/{recording}/result?job={job}")
+    expect(page.get_by_role("heading", name="Calibrated")).to_be_visible()
+    numbers = page.get_by_role("table", name="Transform and time offset")
+    expect(numbers.get_by_text("±")).to_have_count(7)
+    matrix = np.array(api.ask("GET", f"/api/results/{job}")["T_imu_lidar"]["matrix"])
+    for text, there in (("T_lidar_imu", np.linalg.inv(matrix)), ("T_imu_lidar", matrix)):
+        page.get_by_text(text, exact=True).click()
+        expect(numbers.get_by_role("row", name="p x")).to_contain_text(f"{abs(there[0, 3]) * 1e3:.0f}"[:2])
+        shown = np.array([float(word) for word in page.get_by_role("group", name="the matrix").inner_text().split()])
+        np.testing.assert_allclose(shown.reshape(4, 4), there, atol=1e-6)
+    expect(page.get_by_role("figure", name="axes drawn in the IMU's frame")).to_be_visible()
+    page.get_by_role("combobox", name="Format").select_option("urdf")
+    expect(page.get_by_role("group", name="the urdf text")).to_contain_text("rpy")
+    assert serious_faults(page) == []
+    keep_screenshot(page, "result", scheme)
+
+
+def test_everything_can_be_taken_away(page: Page, solved: tuple[str, str], tmp_path: Path) -> None:
+    """The command with its planes, the 3D page, the report: each is what it says it is.
+
+    Fails with the planes' file not offered beside the command that reads it; with a scene page that has no viewer.
+    """
+    page.goto(f"/r/{solved[0]}/result?job={solved[1]}")
+    words = shlex.split(page.get_by_role("group", name="the command").inner_text())
+    assert words[:3] == ["unsweep", "calibrate", "room.bag"]
+    assert words[words.index("--planes") + 1] == "planes.json"
+    with page.expect_download() as caught:
+        page.get_by_role("link", name="planes.json").click()
+    caught.value.save_as(tmp_path / "planes.json")
+    planes = json.loads((tmp_path / "planes.json").read_text())
+    assert planes["schema"] == "unsweep.planes/1"
+    assert len(planes["planes"]) >= 3
+    with page.expect_download() as caught:
+        page.get_by_role("link", name="3D scene page").click()
+    caught.value.save_as(tmp_path / "scene.html")
+    assert (tmp_path / "scene.html").stat().st_size > 500_000
+    with page.context.expect_page() as opened:
+        page.get_by_role("link", name="Report to print").click()
+    expect(opened.value.get_by_role("heading", name="Calibration of room.bag")).to_be_visible()
+
+
+@pytest.fixture(scope="module")
+def one_axis(api: Api, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    """A solve of turning about one axis only."""
+    path = tmp_path_factory.mktemp("weak") / "turntable.bag"
+    simulate("one-axis", path, seed=1, duration_s=8.0)
+    recording = api.upload(path)
+    api.wait_for_planes(recording)
+    return recording, api.solve(recording)
+
+
+@both
+def test_a_weak_result_says_what_to_record_next(page: Page, one_axis: tuple[str, str], scheme: str) -> None:
+    """A recording that leaves a direction open is not called calibrated, and the next motion is named.
+
+    Fails with the advice left out of the page; with the verdict of a weak answer drawn as a good one.
+    """
+    page.goto(f"/r/{one_axis[0]}/result?job={one_axis[1]}")
+    expect(page.get_by_role("heading", name="Weak")).to_be_visible()
+    advice = page.get_by_role("region", name="What is weak, and what to record next")
+    expect(advice).to_contain_text("What to record next")
+    expect(advice.get_by_role("listitem").first).to_be_visible()
+    assert serious_faults(page) == []
+    keep_screenshot(page, "result-weak", scheme)

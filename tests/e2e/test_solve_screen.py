@@ -1,0 +1,93 @@
+"""Solve in a browser: a run drawn from its messages, watched live by two, and cancelled."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.support import JOB_WAIT_S, Api, Complaints, keep_screenshot, serious_faults, until, wait_for_cloud
+
+both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
+
+
+@both
+def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
+    """A finished run is drawn whole from its messages after a reload: seven numbers with error bars, planes by name.
+
+    Fails with the stream's first messages left out; with the standard deviations swapped for the values; with the
+    sweeps left out of the steps (the caption has no thickness).
+    """
+    page.goto(f"/r/{solved[0]}/solve?job={solved[1]}")
+    expect(page.get_by_role("heading", name="Solved")).to_be_visible()
+    answer = page.get_by_role("table", name="The answer so far")
+    expect(answer.get_by_text("±")).to_have_count(7)
+    spreads = [float(text) for text in re.findall(r"± (\d+\.\d+)", answer.inner_text())]
+    assert len(spreads) == 7
+    assert max(spreads) < 5.0  # mm, degrees and ms: values are in the hundreds
+    expect(
+        page.get_by_role("region", name="Distance of points to their plane").get_by_role("listitem")
+    ).not_to_have_count(0)
+    expect(page.get_by_text(re.compile(r"sweeps as this estimate has them: walls \d+\.\d mm thick"))).to_be_visible()
+    expect(page.get_by_role("button", name="Inspect the answer")).to_be_enabled()
+    wait_for_cloud(page)
+    assert serious_faults(page) == []
+    keep_screenshot(page, "solve", scheme)
+
+
+def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
+    page: Page, browser: Browser, address: str, api: Api, solved: tuple[str, str]
+) -> None:
+    """A run started in one browser is the run the other sees; what one cancels is cancelled for both.
+
+    Fails with the recording's feed not telling of jobs; with the stream not resumed for who comes later.
+    """
+    recording = solved[0]
+    page.goto(f"/r/{recording}/solve?job={solved[1]}")
+    page.get_by_role("button", name="Solve again").click()
+    expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
+    until(lambda: "job=" in page.url and not page.url.endswith(solved[1]))
+    job = re.findall(r"job=(\w+)", page.url)[0]
+    other = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    try:
+        second = other.new_page()
+        complaints = Complaints(second)
+        second.goto(f"/r/{recording}/solve")
+        expect(second.get_by_role("heading", name="Solving")).to_be_visible()
+        expect(second.get_by_text("Start values")).to_be_visible()
+        second.get_by_role("button", name="Cancel").click()
+        until(lambda: api.ask("GET", f"/api/jobs/{job}")["state"] == "cancelled")
+        for one in (page, second):
+            expect(one.get_by_role("button", name="Run again")).to_be_visible(timeout=JOB_WAIT_S * 1000)
+        assert complaints.texts == []
+    finally:
+        other.close()
+
+
+def test_two_recordings_at_once_keep_to_themselves(
+    page: Page, browser: Browser, address: str, api: Api, solved: tuple[str, str], bag: Path
+) -> None:
+    """What is edited and shown of one recording leaves the other as it was, in its browser and on the server.
+
+    Fails with one view for all recordings; with the feed telling everybody everything.
+    """
+    recording, job = solved
+    second_recording = api.upload(bag)
+    api.wait_for_planes(second_recording)
+    page.goto(f"/r/{recording}/inspect?job={job}&scan=12&show=deskewed")
+    until(lambda: api.view(recording)["scan"] == 12)
+    before, shown = api.planes(recording), api.view(recording)
+    other = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    try:
+        second = other.new_page()
+        second.goto(f"/r/{second_recording}/planes")
+        second.get_by_role("checkbox").first.uncheck()
+        until(lambda: any(not patch["confirmed"] for patch in api.planes(second_recording)["patches"]))
+        assert api.view(second_recording)["mode"] == "planes"
+    finally:
+        other.close()
+    assert api.planes(recording) == before
+    assert api.view(recording) == shown
+    expect(page.get_by_text("13 / ")).to_be_visible()
