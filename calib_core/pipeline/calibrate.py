@@ -26,7 +26,8 @@ from calib_core.pipeline.full import solve, start_values, track_lidar
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import find_reference, propose_planes
-from calib_core.pipeline.report import euler_xyz_deg, misfit, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.pipeline.repeatability import BLOCKS, repeatability
+from calib_core.pipeline.report import away_m, euler_xyz_deg, misfit, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.pipeline.rounds import Solved
 from calib_core.pipeline.track import ScanMotion
 from calib_core.presets import find_imu_preset
@@ -53,6 +54,12 @@ _LEAST_MOVE_M = 0.05
 #: How far the mean squared residual may stray before the solve has not explained the data.
 _WORST_CHI2 = 4.0
 _WORST_MISFIT = 30.0
+_WORST_AWAY_M = 0.008
+#: The misfit of a recording without anything but noise is 0.4 to 1; beyond this it is taken for what it is.
+_USUAL_MISFIT = 1.5
+#: No working IMU is off by more than this.
+_WORST_GYRO_BIAS_RAD_S = 0.25
+_WORST_ACCEL_BIAS_M_S2 = 2.0
 
 
 @dataclass(frozen=True)
@@ -178,7 +185,12 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
     if wrong is not None:
         return refuse("solve.inconsistent", wrong)
     frozen = not settings.estimate_time_offset
-    knowledge = assess(solved.minimum.solution.information, solved.problem.priors, frozen_offset=frozen)
+    knowledge = assess(
+        solved.minimum.solution.information,
+        solved.problem.priors,
+        inflation=_inflation(ctx, solved, frozen_offset=frozen),
+        frozen_offset=frozen,
+    )
     if not knowledge.rotation_known:
         return refuse(
             "motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least"
@@ -251,6 +263,25 @@ def _standing_still(motions: Sequence[ScanMotion]) -> str | None:
     )
 
 
+def _inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
+    """Factor on every standard deviation where the recording contradicts the noise model; says so."""
+    assert solved.minimum.solution is not None
+    information = solved.minimum.solution.information
+    plain = assess(information, solved.problem.priors, frozen_offset=frozen_offset)
+    repeat = repeatability(solved.problem, solved.estimate, information, plain.covariance)
+    rest = misfit(solved.problem, solved.estimate)
+    factor = max(repeat.inflation, np.sqrt(rest) if rest > _USUAL_MISFIT else 1.0)
+    if factor > 1.0:
+        ctx.say(
+            "warning",
+            "solve.disagreement",
+            f"the parts of the recording disagree by more than noise explains ({np.sqrt(repeat.ratio):.1f} times over "
+            f"{BLOCKS} blocks, {np.sqrt(rest):.1f} times plane by plane): a scale error of the IMU, ranges that are off, or "
+            f"surfaces that are not flat; all standard deviations are {factor:.1f} times what noise alone would give",
+        )
+    return float(factor)
+
+
 def _implausible(ctx: Context, solved: Solved) -> str | None:
     """Why an answer that the descent is content with cannot be true, or None."""
     hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
@@ -259,8 +290,15 @@ def _implausible(ctx: Context, solved: Solved) -> str | None:
     away = abs(magnitude - gravity.magnitude_m_s2)
     if gravity.std_m_s2 > 0 and away > max(6.0 * gravity.std_m_s2, 6.0 * _gravity_std(solved)):
         return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
+    gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
+    accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
+    if gyro_bias > _WORST_GYRO_BIAS_RAD_S or accel_bias > _WORST_ACCEL_BIAS_M_S2:
+        return (
+            f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s2, more "
+            f"than any that works; {hint}"
+        )
     rest = misfit(solved.problem, solved.estimate)
-    if rest > _WORST_MISFIT:
+    if rest > _WORST_MISFIT and away_m(solved.problem, solved.estimate) > _WORST_AWAY_M:
         return (
             f"the best answer leaves averaged distances {np.sqrt(rest):.0f} times what range noise allows, so the motion "
             f"does not explain the points; {hint}"

@@ -201,7 +201,7 @@ class Carrier:
             self.drift.see(normals[np.unique(known_again.plane)])
             straying = self.drift.along(normals)
         count = np.zeros(len(normals))
-        points = 1
+        returns = 1
         settled: Micro | None = None
         for extra in (_GATE_M, 0.8 * _GATE_M):
             gates = np.where(3.0 * straying + _GATE_M > _WIDEST_GATE_M, -1.0, extra + 3.0 * straying)
@@ -214,7 +214,7 @@ class Carrier:
             window = minimise(problem, window, max_iterations=6, tolerance=1e-3).estimate
             fresh = micro.time_s > fresh_s
             count = np.bincount(micro.plane[fresh], micro.count[fresh], len(normals))
-            points = sum(
+            returns = sum(
                 len(r.ctx.recording.scans[i].points) for i in inside if r.ctx.clocks.scan_s[i] > fresh_s - 0.05
             )
             self.drift.see(normals[count > _FEWEST_POINTS])
@@ -226,7 +226,7 @@ class Carrier:
         r.estimate = replace(r.estimate, states=KnotStates.joined(keep, window.states))
         r.last = end
         self.seen_at[count > _FEWEST_POINTS] = end
-        return float(count.sum()) * r.coarse_stride() / max(points, 1)
+        return float(count.sum()) * r.coarse_stride() / max(returns, 1)
 
     def _window(self, start: int, end: int) -> tuple[Estimate, JointProblem, int]:
         """The knots from `start` (not before the first) to `end`, all shared held fixed; those beyond the last predicted."""

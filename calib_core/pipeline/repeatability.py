@@ -15,6 +15,7 @@ the covariance is multiplied by the ratio, below it by nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2
@@ -51,7 +52,7 @@ def repeatability(
     follow = np.hstack([np.eye(CALIBRATION), -information[:CALIBRATION, CALIBRATION:] @ others])
     edges = np.linspace(0, len(problem.readings.knots_s), blocks + 1).astype(int)
     try:
-        pulls = np.array([follow @ _gradient(problem, estimate, a, b) for a, b in zip(edges, edges[1:], strict=False)])
+        pulls = np.array([follow @ _gradient(problem, estimate, a, b) for a, b in pairwise(edges)])
     except NotPositiveDefinite:
         return Repeatability(1.0, limit)
     away = pulls - pulls.mean(axis=0)

@@ -131,3 +131,11 @@ def misfit(problem: JointProblem, estimate: Estimate) -> float:
     a, _ = problem.planes_seen(estimate)
     mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a)
     return float(np.mean(mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30))) if len(a) else 0.0
+
+
+def away_m(problem: JointProblem, estimate: Estimate) -> float:
+    """Root mean square of the bins' mean distances in metres, each bin by its points."""
+    bins = problem.bins
+    a, _ = problem.planes_seen(estimate)
+    mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a) / np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    return float(np.sqrt(np.average(mean**2, weights=bins.count))) if len(a) else 0.0

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from calib_core.factors.extent import CELL_M, HALF_CELLS, ExtentSurvey
+from calib_core.factors.extent import CELL_M, HALF_CELLS, ExtentSurvey, PlaneExtents, reach_around
 from calib_core.types import BoolArray, IntArray
 
 NORMALS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -66,3 +66,24 @@ def test_only_hits_on_a_planes_own_cells_count() -> None:
     np.testing.assert_array_equal(extents.contain(plane, cell), [True, False, False, False])
     assert extents.area_m2(1) == CELL_M**2
     assert extents.area_m2(0) == 0.0
+
+
+def test_a_pots_foot_on_the_ground_is_an_island_and_a_gap_between_rings_is_not() -> None:
+    """Fails when islands are kept, or patches one empty cell apart are taken for two."""
+    survey = ExtentSurvey.empty(NORMALS[:1])
+    ground = np.array([[500 + i, 500 + j] for i in range(8) for j in range(8) if i != 3])
+    foot = np.array([[530, 530]])
+    cells = np.concatenate([np.repeat(ground, 60, axis=0), np.repeat(foot, 20, axis=0)])
+    survey.add(np.zeros(len(cells), np.int64), cells, np.ones(len(cells), bool))
+    inside = survey.finish().inside[0]
+    assert not inside[530, 530]
+    assert inside[ground[:, 0], ground[:, 1]].all()
+
+
+def test_a_plane_may_go_on_by_its_reach_and_no_further() -> None:
+    """Fails when the reach is counted from the grid's corner."""
+    inside = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
+    inside[0, 400, 700] = True
+    found = np.argwhere(reach_around(PlaneExtents(NORMALS[:1], inside), 3 * CELL_M).inside[0])
+    np.testing.assert_array_equal(found.min(axis=0), [397, 697])
+    np.testing.assert_array_equal(found.max(axis=0), [403, 703])

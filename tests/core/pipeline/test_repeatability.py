@@ -1,0 +1,60 @@
+"""The parts of a recording against each other: agreement where only noise is at work, and the errors of real sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.geometry import log
+from calib_core.pipeline.calibrate import Calibration, calibrate
+from calib_core.pipeline.repeatability import Repeatability
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import Recording
+
+
+def _messages(calibration: Calibration) -> list[str]:
+    return [message.code for message in calibration.result.messages]
+
+
+def test_a_recording_with_noise_alone_agrees_with_itself(calibrated: Calibration) -> None:
+    """Fails when the pulls are compared without letting the shared unknowns follow: planes and gravity pull each block."""
+    assert "solve.disagreement" not in _messages(calibrated)
+
+
+def test_a_gyroscope_that_reads_too_much_widens_every_error_bar(
+    noisy: tuple[Recording, Truth], calibrated: Calibration
+) -> None:
+    """Fails when `inflation` is left at 1: the error is then many times what the result states.
+
+    Four per mille of scale is no state of the solve; the truth is known from the simulator.
+    """
+    recording, truth = noisy
+    scaled = replace(recording, imu=replace(recording.imu, gyro_rad_s=recording.imu.gyro_rad_s * 1.004))
+    found = calibrate(scaled, CalibrateSettings())
+    assert "solve.disagreement" in _messages(found)
+    assert found.result.uncertainty is not None
+    assert calibrated.result.uncertainty is not None
+    now, before = (np.array(c.result.uncertainty.covariance) for c in (found, calibrated) if c.result.uncertainty)
+    assert (np.sqrt(np.diag(now)) > 1.5 * np.sqrt(np.diag(before))).all()
+    assert found.result.T_imu_lidar is not None
+    T = np.array(found.result.T_imu_lidar.matrix)
+    error = np.concatenate([log(T[:3, :3].T @ truth.R_imu_lidar), truth.p_imu_lidar - T[:3, 3]])
+    assert error @ np.linalg.solve(now[:6, :6], error) < 40.0
+
+
+@pytest.mark.parametrize(("ratio", "inflation"), [(0.7, 1.0), (1.9, 1.0), (4.0, 2.0)])
+def test_nothing_is_inflated_below_the_limit(ratio: float, inflation: float) -> None:
+    """Fails when the ratio is taken below its limit too, or as a factor on standard deviations."""
+    assert Repeatability(ratio, 2.0).inflation == inflation
+
+
+def test_an_accelerometer_that_cannot_be_is_refused_with_its_bias(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when the biases of the best answer are not looked at."""
+    recording, _ = noisy
+    force = recording.imu.accel_m_s2 + np.array([0.0, 3.0, 0.0])
+    result = calibrate(replace(recording, imu=replace(recording.imu, accel_m_s2=force)), CalibrateSettings()).result
+    assert result.status == "refused"
+    assert "IMU that is off by" in result.messages[-1].text
