@@ -124,6 +124,7 @@ class ShownScene:
 
         def connected(client: viser.ClientHandle) -> None:
             client.camera.on_update(moved)
+            self._turn(client)  # what was aimed at while it was connecting
 
         self._server.on_client_connect(connected)
 
@@ -229,6 +230,12 @@ class ShownScene:
             handle.on_click(lambda _: self._on_patch(patch))
         return cast(_Removable, handle)
 
+    def _turn(self, client: viser.ClientHandle) -> None:
+        """Have a browser look where all look at first."""
+        start = self._server.initial_camera
+        with client.atomic():
+            client.camera.position, client.camera.look_at = start.position, start.look_at
+
     def _look_at_all(self, content: Content) -> None:
         """Look at the middle of all clouds from above one corner, in browsers that are here and those that come."""
         clouds = [item.xyz for item in content.items if isinstance(item, Cloud) and len(item.xyz) > 0]
@@ -241,6 +248,5 @@ class ShownScene:
         self._server.initial_camera.position = away
         if self._aim != "":
             for client in self._server.get_clients().values():
-                with client.atomic():
-                    client.camera.position, client.camera.look_at = away, middle
+                self._turn(client)
         self._aim = content.aim or "one"

@@ -22,7 +22,8 @@ from calib_core.gp.training import fit_hyper
 from calib_core.imu.links import NoiseDensity
 from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
 from calib_core.pipeline.exclude import without_spans
-from calib_core.pipeline.full import solve, start_values, track_lidar
+from calib_core.pipeline.follow import follow
+from calib_core.pipeline.full import solve, start_values
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import find_reference, propose_planes
@@ -151,7 +152,8 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
             return refuse(
                 "planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
             )
-        motions = track_lidar(ctx, used_planes, reference)
+        followed = follow(ctx, used_planes, reference, given=planes is not None)
+        reference, used_planes, motions = followed.reference, followed.planes, followed.motions
         still = _standing_still(motions)
         if still is not None:
             return refuse("motion.none", still)

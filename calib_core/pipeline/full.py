@@ -16,6 +16,7 @@ import numpy as np
 
 from calib_core.factors.knots import KnotStates
 from calib_core.imu.links import knot_spacing_s, upsample
+from calib_core.pipeline.axes import axis_complaint, unit_complaint
 from calib_core.pipeline.context import Context, NoStart
 from calib_core.pipeline.initialise import (
     LidarTrack,
@@ -84,9 +85,20 @@ def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGues
     trials.sort(key=lambda t: t[0])
     ctx.stage("initialise", 1.0)
     _, rotation, linear = trials[0]
+    if guess is None or guess.R_imu_lidar is None:
+        _refuse_misread_imu(ctx, lidar, max(candidates, key=lambda c: c.correlation), linear)
     if guess is not None and guess.p_imu_lidar is not None:
         linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
     return lidar, Start(rotation, linear)
+
+
+def _refuse_misread_imu(ctx: Context, lidar: LidarTrack, rotation: RotationStart, linear: LinearStart) -> None:
+    """Raise NoStart where the IMU's unit or signs cannot be those of the lidar's motion."""
+    imu_s, imu = ctx.clocks.imu_s, ctx.recording.imu
+    if complaint := unit_complaint(lidar, imu_s, imu):
+        raise NoStart("imu.gyroscope_unit", complaint)
+    if complaint := axis_complaint(lidar, imu_s, imu, rotation, linear, ctx.settings.gravity.magnitude_m_s2):
+        raise NoStart("imu.axis_signs", complaint)
 
 
 def _guided(ctx: Context, found: list[RotationStart], guess: InitialGuess) -> list[RotationStart]:

@@ -66,7 +66,7 @@ class TrackSettings:
     tie_position_m: float = 0.05
     tie_rate_rad_s: float = 1.2
     tie_velocity_m_s: float = 0.4
-    fit_std_m: float = 0.06
+    fit_std_m: float = 0.05
     lidar_std_m: float = 0.03
     plane_points: float = 150.0
     sure_points: float = 9.0
@@ -272,6 +272,9 @@ def _first(scans: Sequence[Scan], known: PlaneMap, reference: int, s: TrackSetti
     return first
 
 
+_NONE = np.zeros(3)
+
+
 @dataclass
 class _Tracker:
     """One direction's march away from the reference. followed: what it came to, in the order of the march."""
@@ -284,8 +287,10 @@ class _Tracker:
     followed: list[ScanMotion] = field(default_factory=list)
     _share: float = 1.0
     _rms: float = 0.0
+    _most_rms_m: float = np.inf
     _since: int = 0
     _wait: int = 0
+    _pace_m_s: FloatArray = field(default_factory=lambda: np.zeros(3))
     _grown_R: FloatArray = field(default_factory=lambda: np.eye(3))
     _blind: dict[int, FloatArray] = field(default_factory=dict)
 
@@ -293,8 +298,10 @@ class _Tracker:
         """Follow scan after scan; yields how many so far."""
         s = self.s
         self._share, self._rms = self.first.share, max(self.first.rms_m, s.least_rms_m)
+        self._most_rms_m = 1.5 * self._rms
         self._wait, self._grown_R = s.grow_every, self.first.R
         good = oriented = previous = self.first
+        self._pace_m_s = self.first.v_m_s
         position = self.first.position + self.direction
         while 0 <= position < len(self.scans):
             away_s = self._between_s(good.position, position)
@@ -306,6 +313,7 @@ class _Tracker:
             if found is not None:
                 self._bridge(previous, found.motion)
                 self.followed.append(found.motion)
+                _, self._pace_m_s = self._between(previous, found.motion)
                 before, previous = previous, found.motion
                 if previous.std_rad < s.trusted_rad:
                     oriented = previous
@@ -353,7 +361,9 @@ class _Tracker:
         points, tau = sample_points(self.scans[position], s.sample)
         if len(points) < 60:
             return None
-        predicted, tie = _predict(previous, self.scans, position, s)
+        # Where a direction is seen for a moment of the sweep only, the way from the last scan tells its velocity better.
+        mixed = replace(previous, v_m_s=0.5 * (previous.v_m_s + self._pace_m_s))
+        predicted, tie = _predict(mixed, self.scans, position, s)
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
         best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position)
@@ -385,11 +395,15 @@ class _Tracker:
         moved = float(np.linalg.norm(motion.p - predicted.p))
         return turned > self.s.jump_rotation_rad * steps or moved > self.s.jump_position_m * steps
 
+    def _between(self, one: ScanMotion, other: ScanMotion) -> tuple[FloatArray, FloatArray]:
+        """Rate [rad/s] and velocity [m/s] that lead from one motion to another, (3,) each."""
+        dt = (self.scans[other.position].stamp_ns - self.scans[one.position].stamp_ns) * 1e-9
+        return log(one.R.T @ other.R) / dt, (other.p - one.p) / dt
+
     def _bridge(self, before: ScanMotion, after: ScanMotion) -> None:
         """Motions between two that were found, at constant velocity."""
         stamps = [self.scans[m.position].stamp_ns for m in (before, after)]
-        dt = (stamps[1] - stamps[0]) * 1e-9
-        omega, v = log(before.R.T @ after.R) / dt, (after.p - before.p) / dt
+        omega, v = self._between(before, after)
         for position in range(before.position + self.direction, after.position, self.direction):
             t = (self.scans[position].stamp_ns - stamps[0]) * 1e-9
             self.followed.append(
@@ -402,7 +416,7 @@ class _Tracker:
         rough = motion.rms_m > self.s.trusted_rms * self._rms + 0.5 * s.rms_slack_m
         if not rough:
             self._share += 0.2 * (motion.share - self._share)
-            self._rms += 0.2 * (max(motion.rms_m, s.least_rms_m) - self._rms)
+            self._rms += 0.2 * (float(np.clip(motion.rms_m, s.least_rms_m, self._most_rms_m)) - self._rms)
         self.known.spread(straighten(found.points_m, found.tau_s, motion), motion.p)
         self.known.count(found.plane[found.plane >= 0])
         self._since += 1
@@ -426,8 +440,7 @@ def _determined(motion: ScanMotion, s: TrackSettings) -> bool:
 
 def _other_starts(previous: ScanMotion, predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
     """Where else a scan may be that is not where constant velocity has it."""
-    none = np.zeros(3)
-    starts = [predicted, replace(previous, position=predicted.position, omega_rad_s=none, v_m_s=none)]
+    starts = [predicted, replace(previous, position=predicted.position, omega_rad_s=_NONE, v_m_s=_NONE)]
     if thorough:
         turns = np.vstack([0.25 * np.eye(3), -0.25 * np.eye(3)])
         starts += [replace(predicted, R=predicted.R @ exp(turn)) for turn in turns]

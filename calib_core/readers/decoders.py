@@ -23,13 +23,16 @@ def cloud_decoder(topic: TopicSummary, stamps: Literal["header", "receive"] = "h
     stamps: "receive" puts the recorder's clock in the place of the headers'.
     """
     decoder = _decoder(topic)
-    if stamps == "header":
-        return decoder
+    return decoder if stamps == "header" else restamped(decoder)
 
-    def restamped(message: RawMessage) -> RawCloud:
+
+def restamped(decoder: CloudDecoder) -> CloudDecoder:
+    """The same clouds with the recorder's clock in the place of their headers'."""
+
+    def decode(message: RawMessage) -> RawCloud:
         return replace(decoder(message), header_ns=message.receive_ns)
 
-    return restamped
+    return decode
 
 
 def _decoder(topic: TopicSummary) -> CloudDecoder:

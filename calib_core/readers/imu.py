@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.readers.imu_messages import RawImu
 from calib_core.readers.imu_units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
-from calib_core.readers.stamps import plausible_stamps
+from calib_core.readers.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, ImuData, IntArray
 
@@ -85,6 +85,8 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     )
     statistics = stamp_statistics(stamps_ns[good], raw.receive_ns[good])
     findings = list(_stamp_findings(statistics, topic))
+    if raw.unset:
+        findings.insert(0, unset_finding(topic))
     n_bad = int(np.count_nonzero(~good)) + raw.n_malformed
     if n_bad:
         findings.append(_bad_readings(n_bad, stamps_ns.size + raw.n_malformed, topic))

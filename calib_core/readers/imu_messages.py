@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib_core.readers.stamps import never_set
 from calib_core.readers.storage import RawMessage
 from calib_core.readers.wire import MAX_STRING_BYTES, NS_PER_S, Encoding, Wire
 from calib_core.types import FloatArray, IntArray
@@ -23,7 +24,8 @@ _LITTLE_ENDIAN_CDR = 0x00000100
 class RawImu:
     """All readings of one topic in receive order, in the units they were sent in.
 
-    header_ns, receive_ns: (Q,) int64.   gyro, accel: (Q, 3).
+    header_ns, receive_ns: (Q,) int64.   gyro, accel: (Q, 3).   unset: the headers carry no time and receive times
+    stand in for them.
     """
 
     header_ns: IntArray
@@ -32,6 +34,7 @@ class RawImu:
     accel: FloatArray
     frame_id: str
     n_malformed: int
+    unset: bool = False
 
 
 @dataclass(slots=True)
@@ -74,11 +77,13 @@ class ImuCollector:
         """Everything gathered."""
         stamps = np.array(self._stamps, np.int64).reshape(-1, 2)
         readings = np.array(self._readings, np.float64).reshape(-1, 6)
+        unset = never_set(stamps[:, 0])
         return RawImu(
-            stamps[:, 0].copy(),
+            stamps[:, 1 if unset else 0].copy(),
             stamps[:, 1].copy(),
             readings[:, :3].copy(),
             readings[:, 3:].copy(),
             self.frame_id,
             self.n_malformed,
+            unset,
         )

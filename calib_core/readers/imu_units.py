@@ -34,6 +34,8 @@ _TURNS_RAD = 0.02
 _EXPLAINED = 0.75
 #: Flipped axes must beat the axes as sent by this.
 _BETTER = 0.6
+#: An axis is named only where its flip leaves less than this, and the next best pattern more by this factor.
+_NAMES_RAD, _NAMES_TIMES = 0.15, 1.1
 _Windows = tuple[FloatArray, FloatArray, list[FloatArray]]
 
 
@@ -125,20 +127,6 @@ def detect_gyroscope(
     return unit, (finding,) if mirrored is None else (finding, mirrored)
 
 
-def gyroscope_unit_from_rates(gyro_norms: FloatArray, lidar_rates_rad_s: FloatArray) -> tuple[GyroscopeUnit, float]:
-    """The unit of gyroscope norms against the lidar's own angular rates at the same instants, and a confidence 0..1.
-
-    gyro_norms: (M,) as read.   lidar_rates_rad_s: (M,) from scan-to-scan rotation. Only moving instants count.
-    """
-    moving = lidar_rates_rad_s > 0.1
-    if np.count_nonzero(moving) < 5:
-        return "rad_s", 0.5
-    ratio = float(np.median(gyro_norms[moving] / lidar_rates_rad_s[moving]))
-    to_rad, to_deg = abs(np.log(max(ratio, 1e-9))), abs(np.log(max(ratio, 1e-9) * _RAD_PER_DEG))
-    unit: GyroscopeUnit = "rad_s" if to_rad < to_deg else "deg_s"
-    return unit, float(np.exp(-((min(to_rad, to_deg) / 0.7) ** 2)))
-
-
 def _rounded(value: float) -> float:
     return float(f"{value:.4g}")
 
@@ -200,10 +188,15 @@ def _mirrored_axes(windows: _Windows, scale: float, still: float, topic: str) ->
     if best == 0 or still <= _TURNS_RAD or not explained:
         return None
     axes = ", ".join(axis for axis, sign in zip("xyz", signs[best], strict=True) if sign < 0)
+    rival = sorted(misfits)[1]
+    if misfits[best] > _NAMES_RAD or rival < _NAMES_TIMES * misfits[best]:  # the rig's own accelerations blur which of two patterns it is
+        text = f"The gyroscope on {topic} turns against the accelerometer: the sign of some axis of either is flipped."
+    else:
+        text = f"Gyroscope axis {axes} on {topic} turns against the accelerometer: its sign looks flipped."
     return Finding(
         code="imu.axis_signs",
         level="warning",
-        text=f"Gyroscope axis {axes} on {topic} turns against the accelerometer: its sign looks flipped.",
+        text=text,
         evidence=(
             Evidence("misfit as sent", _rounded(misfits[0]), "rad"),
             Evidence(f"misfit with {axes} flipped", _rounded(misfits[best]), "rad"),

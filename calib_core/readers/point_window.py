@@ -21,6 +21,8 @@ _SAME_EPOCH_S = 10.0
 _MARGIN = 0.06
 #: Values that begin (or end) this near the header, in scan periods, already count from it as asked.
 _AT_HEADER = 0.05
+#: Sweeps that are seen to last this share of the period follow one another without a pause.
+_CONTIGUOUS = 0.8
 NS_PER_S = 1_000_000_000
 
 
@@ -30,6 +32,7 @@ class SweepEdges:
 
     window_ns: allowed times after the header, or around the scan's own middle where `absolute`.
     first_ns, last_ns: (K,) integer nanoseconds from where the values count.   header_ns: (K,) of the same scans.
+    step_ns: from one point to the next.
     """
 
     absolute: bool
@@ -38,6 +41,7 @@ class SweepEdges:
     header_ns: IntArray
     first_ns: IntArray
     last_ns: IntArray
+    step_ns: int = 0
 
     def after_header_ns(self) -> tuple[int, int]:
         """When a sweep begins and ends after its header.
@@ -68,6 +72,7 @@ def sweep_edges(
     headers: list[int] = []
     firsts: list[int] = []
     lasts: list[int] = []
+    steps: list[float] = []
     for cloud, own, near, far in zip(clouds, values, low, high, strict=True):
         if not math.isfinite(near):
             continue
@@ -78,7 +83,10 @@ def sweep_edges(
             headers.append(cloud.header_ns)
             firsts.append(_whole_ns(inside.min(), ns_per_unit))
             lasts.append(_whole_ns(inside.max(), ns_per_unit))
-    return SweepEdges(absolute, period_s, window, *(np.array(column, np.int64) for column in (headers, firsts, lasts)))
+            steps.append(float(np.median(np.diff(np.unique(inside)))) * ns_per_unit if np.ptp(inside) > 0 else 0.0)
+    step_ns = round(float(np.median(steps))) if steps else 0
+    arrays = [np.array(column, np.int64) for column in (headers, firsts, lasts)]
+    return SweepEdges(absolute, period_s, window, arrays[0], arrays[1], arrays[2], step_ns)
 
 
 def _window_ns(low: FloatArray, high: FloatArray, period_ns: float, *, absolute: bool) -> tuple[float, float]:
@@ -100,6 +108,23 @@ def _whole_ns(value: np.generic, ns_per_unit: float) -> int:
     return whole * scale + round((number - whole) * scale)
 
 
+def whole_sweep_ns(edges: SweepEdges) -> tuple[int, int]:
+    """When a sweep begins and ends after its header, its ends seen or not.
+
+    Times that count from a header at one end of the sweep have their zero there, whether or not something returned at
+    that instant; and where sweeps follow one another without a pause, the other end is a period away.
+    """
+    begin_ns, end_ns = edges.after_header_ns()
+    period_ns = round(edges.period_s * NS_PER_S)
+    if edges.absolute or end_ns - begin_ns < _CONTIGUOUS * period_ns:
+        return begin_ns, end_ns
+    if 0 <= begin_ns < (1.0 - _CONTIGUOUS) * period_ns:
+        return 0, max(end_ns, period_ns - edges.step_ns)
+    if 0 <= -end_ns < (1.0 - _CONTIGUOUS) * period_ns:
+        return min(begin_ns, edges.step_ns - period_ns), 0
+    return begin_ns, end_ns
+
+
 def reference_shift(edges: SweepEdges, asked: str | None, *, own_clock: bool) -> tuple[int, tuple[Finding, ...]]:
     """Nanoseconds to add to every point time.
 
@@ -108,7 +133,7 @@ def reference_shift(edges: SweepEdges, asked: str | None, *, own_clock: bool) ->
     """
     if not edges.first_ns.size:
         return 0, ()
-    begin_ns, end_ns = edges.after_header_ns()
+    begin_ns, end_ns = whole_sweep_ns(edges)
     near_ns = _AT_HEADER * edges.period_s * NS_PER_S
     if asked == "header-first":
         return (0 if abs(begin_ns) <= near_ns and not edges.absolute else -begin_ns), ()

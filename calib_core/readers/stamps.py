@@ -1,10 +1,10 @@
-"""Stamps that cannot be: headers far from where all other headers of the topic are, seen from the recorder's clock."""
+"""Stamps that cannot be: headers minutes away from all others of their topic, and headers that nobody ever set."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from calib_core.types import BoolArray, IntArray
+from calib_core.types import BoolArray, Evidence, Finding, IntArray
 
 #: A header this far from its topic's usual distance to the receive time is a damaged number.
 MAX_DEVIATION_NS = 60_000_000_000
@@ -22,3 +22,22 @@ def plausible_stamps(header_ns: IntArray, receive_ns: IntArray) -> BoolArray:
     if np.count_nonzero(~good) > MAX_SHARE * good.size:
         return np.ones(header_ns.size, bool)
     return good
+
+
+def never_set(header_ns: IntArray) -> bool:
+    """Whether the headers stand still: a driver that leaves them at zero, or at one instant."""
+    return header_ns.size >= 5 and np.unique(header_ns).size <= 0.1 * header_ns.size
+
+
+def unset_finding(topic: str) -> Finding:
+    """What follows from headers that stand still."""
+    return Finding(
+        code="clock.unset",
+        level="warning",
+        text=f"The headers on {topic} all carry one stamp: nobody set them, and the receive times take their place.",
+        evidence=(Evidence("different stamps", "a tenth of the messages or fewer"),),
+        confidence=1.0,
+        consequence="the time offset includes the recorder's latency, and its jitter limits the result; let the driver"
+        " set the stamps",
+        override="--stamps receive",
+    )

@@ -7,15 +7,16 @@ turns is seen from the order of the points. Any other lidar is taken to send its
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from calib_core.errors import PointTimeError
 from calib_core.readers.cloud import RawCloud
-from calib_core.readers.decoders import CloudDecoder
+from calib_core.readers.decoders import CloudDecoder, restamped
 from calib_core.readers.point_time import PointTiming, detect_point_time, scan_period_s
+from calib_core.readers.stamps import never_set, unset_finding
 from calib_core.readers.storage import RawMessage
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, FloatArray
@@ -100,17 +101,22 @@ class SynthesisingDecoder:
 def point_timing(
     sample: Sequence[RawCloud], decoder: CloudDecoder, settings: ReadSettings, *, topic: str, help_text: str
 ) -> tuple[CloudDecoder, PointTiming, tuple[Finding, ...]]:
-    """The clouds' own times, or, where they carry none and it is asked for, made-up ones.
+    """The clouds' own times, or, where they carry none and it is asked for, made-up ones; counted from receive times
+    where nobody set the headers.
 
     Raises PointTimeError where the clouds carry none and nobody asked.
     """
+    unset: tuple[Finding, ...] = ()
+    if never_set(np.array([cloud.header_ns for cloud in sample], np.int64)):
+        sample = [replace(cloud, header_ns=cloud.receive_ns) for cloud in sample]
+        decoder, unset = restamped(decoder), (unset_finding(topic),)
     try:
         timing, findings = detect_point_time(sample, settings, topic=topic, help_text=help_text)
     except PointTimeError:
         if not settings.synthesise_point_time:
             raise
     else:
-        return decoder, timing, findings
+        return decoder, timing, (*unset, *findings)
     synthesis = plan_synthesis(sample)
     timing = PointTiming(FIELD, "s", "header-first", -1.0, 1.02e9 * synthesis.period_s)
     how = "from the azimuth" if synthesis.kind == "azimuth" else "from the points' order"
@@ -128,4 +134,4 @@ def point_timing(
         consequence="the result is degraded: the sweep's true timing is unknown",
         override="record with a driver setting that keeps the point times",
     )
-    return SynthesisingDecoder(decoder, synthesis), timing, (finding,)
+    return SynthesisingDecoder(decoder, synthesis), timing, (*unset, finding)

@@ -76,6 +76,7 @@ def solved(api: Api, bag: Path) -> tuple[str, str]:
     """A recording that was uploaded, and a finished solve of it: (recording id, job id)."""
     recording = api.upload(bag)
     api.wait_for_planes(recording)
+    api.wait_until_ready(recording)
     return recording, api.solve(recording)
 
 

@@ -71,6 +71,12 @@ class Api:
         path = f"/api/recordings/{recording}/jobs"
         until(lambda: any(job["kind"] == "planes" and job["state"] == "done" for job in self.ask("GET", path)))
 
+    def wait_until_ready(self, recording: str) -> None:
+        """Wait until the recording has been examined; fail where it could not be."""
+        path = f"/api/recordings/{recording}"
+        until(lambda: self.ask("GET", path)["state"] in {"ready", "failed"})
+        assert self.ask("GET", path)["error"] is None
+
     def solve(self, recording: str) -> str:
         """The id of a finished solve with the planes confirmed now."""
         job = self.ask("POST", f"/api/recordings/{recording}/jobs", body=b'{"kind": "solve"}')["id"]

@@ -71,6 +71,7 @@ def one_axis(api: Api, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, s
     simulate("one-axis", path, seed=1, duration_s=8.0)
     recording = api.upload(path)
     api.wait_for_planes(recording)
+    api.wait_until_ready(recording)
     return recording, api.solve(recording)
 
 

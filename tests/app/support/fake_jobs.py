@@ -16,6 +16,7 @@ from app.arrays.proposals import write_proposals
 from app.arrays.recording import write_recording
 from app.arrays.trajectory import write_trajectory
 from app.jobs.functions import proposal_arrays, recording_arrays
+from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import InspectOutcome, PlanesOutcome, SimulateOutcome
@@ -66,6 +67,8 @@ def solve(order, on_event, should_cancel):
         write_trajectory(order.folder / "trajectory.npz", trajectory)
         walls = measure_thickness(world.make_recording(), trajectory, world.plane_quality())
         (order.folder / "thickness.json").write_text(walls.model_dump_json())
+        scans = measure_scans(world.make_recording(), trajectory, world.plane_quality())
+        (order.folder / "scans.json").write_text(scans.model_dump_json())
     (order.folder / "result.json").write_text(result.to_json())
     return solve_outcome(result)
 

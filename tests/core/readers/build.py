@@ -25,17 +25,21 @@ EPOCH_NS = 1_700_000_000_000_000_000
 
 @dataclass
 class Packer:
-    """Appends members: ROS 1 without gaps, CDR aligned from after its four bytes of encapsulation."""
+    """Appends members: ROS 1 without gaps, CDR aligned from after its four bytes of encapsulation.
+
+    order: "<", or ">" for big-endian CDR, which says so in its encapsulation.
+    """
 
     cdr: bool
     out: bytearray = field(default_factory=bytearray)
+    order: str = "<"
 
     def put(self, code: str, *values: float) -> Packer:
         for value in values:
-            size = struct.calcsize("<" + code)
+            size = struct.calcsize(self.order + code)
             if self.cdr:
                 self.out += b"\0" * (-len(self.out) % size)
-            self.out += struct.pack("<" + code, value)
+            self.out += struct.pack(self.order + code, value)
         return self
 
     def text(self, value: str) -> Packer:
@@ -55,7 +59,8 @@ class Packer:
         return self.put("I" if not self.cdr else "i", seconds).put("I", nanoseconds).text(frame_id)
 
     def bytes(self) -> bytes:
-        return (b"\x00\x01\x00\x00" if self.cdr else b"") + bytes(self.out)
+        encapsulation = {"<": b"\x00\x01\x00\x00", ">": b"\x00\x00\x00\x00"}[self.order]
+        return (encapsulation if self.cdr else b"") + bytes(self.out)
 
 
 def pointcloud2(
@@ -68,14 +73,15 @@ def pointcloud2(
     row_padding: int = 0,
     bigendian: bool = False,
     dense: bool = True,
+    order: str = "<",
 ) -> bytes:
     """A PointCloud2 whose fields, offsets and step are those of the array's dtype."""
     dtype = points.dtype
     width = points.size // height
-    packer = Packer(cdr).header(stamp_ns, frame_id).put("I", height, width, len(dtype.names))
+    packer = Packer(cdr, order=order).header(stamp_ns, frame_id).put("I", height, width, len(dtype.names))
     for name in dtype.names:
         kind, offset = dtype.fields[name][:2]
-        packer.text(name).put("I", offset).put("B", DATATYPES[kind.str[1:]]).put("I", 1)
+        packer.text(name).put("I", offset).put("B", DATATYPES[kind.base.str[1:]]).put("I", *(kind.shape or (1,)))
     step = dtype.itemsize
     rows = points.reshape(height, width)
     body = b"".join(row.tobytes() + b"\xee" * row_padding for row in rows)
@@ -84,17 +90,31 @@ def pointcloud2(
 
 
 def imu_message(
-    stamp_ns: int, gyro: Sequence[float], accel: Sequence[float], *, cdr: bool, frame_id: str = "imu"
+    stamp_ns: int,
+    gyro: Sequence[float],
+    accel: Sequence[float],
+    *,
+    cdr: bool,
+    frame_id: str = "imu",
+    order: str = "<",
 ) -> bytes:
     """A sensor_msgs/Imu without orientation."""
-    packer = Packer(cdr).header(stamp_ns, frame_id)
+    packer = Packer(cdr, order=order).header(stamp_ns, frame_id)
     packer.put("d", 0, 0, 0, 1, -1, *[0] * 8)
     return packer.put("d", *gyro, *[0] * 9, *accel, *[0] * 9).bytes()
 
 
-def custom_msg(points: NDArray[np.void], *, cdr: bool, stamp_ns: int, frame_id: str = "livox_frame") -> bytes:
+def custom_msg(
+    points: NDArray[np.void], *, cdr: bool, stamp_ns: int, frame_id: str = "livox_frame", order: str = "<"
+) -> bytes:
     """A Livox CustomMsg; points with fields offset_time x y z reflectivity tag line."""
-    packer = Packer(cdr).header(stamp_ns, frame_id).put("Q", stamp_ns).put("I", points.size).put("B", 1, 0, 0, 0)
+    packer = (
+        Packer(cdr, order=order)
+        .header(stamp_ns, frame_id)
+        .put("Q", stamp_ns)
+        .put("I", points.size)
+        .put("B", 1, 0, 0, 0)
+    )
     packer.put("I", points.size)
     for p in points:
         packer.put("I", int(p["offset_time"])).put("f", float(p["x"]), float(p["y"]), float(p["z"]))
@@ -103,10 +123,15 @@ def custom_msg(points: NDArray[np.void], *, cdr: bool, stamp_ns: int, frame_id: 
 
 
 def velodyne_scan(
-    packets: Sequence[tuple[int, bytes]], *, cdr: bool, stamp_ns: int, frame_id: str = "velodyne"
+    packets: Sequence[tuple[int, bytes]],
+    *,
+    cdr: bool,
+    stamp_ns: int,
+    frame_id: str = "velodyne",
+    order: str = "<",
 ) -> bytes:
     """A velodyne_msgs/VelodyneScan of (stamp, 1206 bytes) packets."""
-    packer = Packer(cdr).header(stamp_ns, frame_id).put("I", len(packets))
+    packer = Packer(cdr, order=order).header(stamp_ns, frame_id).put("I", len(packets))
     for packet_ns, body in packets:
         seconds, nanoseconds = divmod(packet_ns, 1_000_000_000)
         packer.put("i" if cdr else "I", seconds).put("I", nanoseconds).raw(body)
@@ -192,7 +217,13 @@ def velodyne_points(scan: dict[str, NDArray[np.float64]], shift_s: float = 0.0) 
 
 
 def still_imu(
-    duration_s: float, rate_hz: float = 100.0, *, cdr: bool, topic: str = "/imu/data", start_ns: int = EPOCH_NS
+    duration_s: float,
+    rate_hz: float = 100.0,
+    *,
+    cdr: bool,
+    topic: str = "/imu/data",
+    start_ns: int = EPOCH_NS,
+    order: str = "<",
 ) -> list[Message]:
     """Readings of an IMU on a table, with a little noise."""
     rng = np.random.default_rng(5)
@@ -200,7 +231,9 @@ def still_imu(
     for k in range(int(duration_s * rate_hz)):
         stamp = start_ns + round(k * 1e9 / rate_hz)
         gyro, accel = rng.normal(0, 1e-3, 3), np.array([0, 0, 9.81]) + rng.normal(0, 1e-2, 3)
-        messages.append((topic, "sensor_msgs/msg/Imu", stamp + 500_000, imu_message(stamp, gyro, accel, cdr=cdr)))
+        messages.append(
+            (topic, "sensor_msgs/msg/Imu", stamp + 500_000, imu_message(stamp, gyro, accel, cdr=cdr, order=order))
+        )
     return messages
 
 

@@ -1,83 +1,16 @@
-"""Each driver's cloud layout, packed as the driver packs it, with the exact points and instants it stands for.
-
-An instant is an integer number of nanoseconds; `tolerance_ns` is the layout's own resolution, from its number type.
-"""
+"""Each driver's cloud layout, packed as the driver packs it, with the exact points and instants it stands for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.core.readers import build
+from tests.core.readers.layout_kit import PERIOD_NS, Layout, Truth, filled, packed, seconds, start_ns, truth
+from tests.core.readers.odd_layouts import ODD_LAYOUTS
 
-PERIOD_NS = 100_000_000
-POINTCLOUD2 = "sensor_msgs/msg/PointCloud2"
-
-
-@dataclass
-class Truth:
-    """What a message holds. valid: (N,) rows that are returns.   times_ns: (N,) absolute."""
-
-    payload: bytes
-    xyz: NDArray[np.float32]
-    times_ns: NDArray[np.int64]
-    valid: NDArray[np.bool_]
-    ring: NDArray[np.int64] | None = None
-
-
-@dataclass(frozen=True)
-class Layout:
-    """make(k, cdr): the k-th message.   reference: what the detector must find."""
-
-    make: Callable[[int, bool], Truth]
-    field: str
-    unit: str
-    reference: str
-    name: str
-    tolerance_ns: int
-    type: str = POINTCLOUD2
-    topic: str = "/points"
-
-
-def packed(fields: list[tuple[str, str, int]], step: int) -> np.dtype[np.void]:
-    """A dtype from (name, format, offset) and the point step."""
-    names, formats, offsets = zip(*fields, strict=True)
-    return np.dtype({"names": list(names), "formats": list(formats), "offsets": list(offsets), "itemsize": step})
-
-
-def filled(
-    dtype: np.dtype[np.void], scan: dict[str, NDArray[np.float64]], **more: NDArray[np.float64]
-) -> NDArray[np.void]:
-    """Points with coordinates, the ring where there is one, and further fields."""
-    points = np.zeros(len(scan["ring"]), dtype)
-    points["x"], points["y"], points["z"] = scan["xyz"].T
-    for name, values in {"ring": scan["ring"], "intensity": scan["intensity"], **more}.items():
-        if name in (dtype.names or ()):
-            points[name] = values
-    return points
-
-
-def start_ns(k: int) -> int:
-    return build.EPOCH_NS + k * PERIOD_NS
-
-
-def seconds(k: int, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Absolute seconds as float64, rounded once: half a step at 1.7e9 s is 119 ns."""
-    whole_ns = start_ns(k) + np.rint(time_s * 1e9).astype(np.int64)
-    return whole_ns // 1_000_000_000 + (whole_ns % 1_000_000_000) / 1e9
-
-
-def truth(k: int, cdr: bool, points: NDArray[np.void], time_s: NDArray[np.float64], **options: object) -> Truth:
-    """The message whose header is at the first packet unless `header_ns` says otherwise."""
-    header_ns = int(options.pop("header_ns", start_ns(k)))  # type: ignore[call-overload]
-    payload = build.pointcloud2(points, cdr=cdr, stamp_ns=header_ns, **options)  # type: ignore[arg-type]
-    xyz = np.stack([points[a] for a in "xyz"], 1).astype(np.float32)
-    valid = np.isfinite(xyz).all(1) & (xyz != 0).any(1)
-    times = start_ns(k) + np.rint(np.asarray(time_s) * 1e9).astype(np.int64)
-    return Truth(payload, xyz, times, valid, points["ring"].astype(np.int64) if "ring" in points.dtype.names else None)
+__all__ = ["LAYOUTS", "PERIOD_NS", "start_ns"]
 
 
 def velodyne(shift_s: float) -> Callable[[int, bool], Truth]:
@@ -281,78 +214,6 @@ def custom(frame_id: str) -> Callable[[int, bool], Truth]:
     return make
 
 
-def sick(*time_fields: tuple[str, str]) -> Callable[[int, bool], Truth]:
-    """MultiScan's user-defined clouds with one of its three time fields; `i` is the intensity."""
-
-    def make(k: int, cdr: bool) -> Truth:
-        fields = [("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8), ("i", "<f4", 12)]
-        offset = 16
-        for name, kind in time_fields:
-            fields.append((name, kind, offset))
-            offset += np.dtype(kind).itemsize
-        fields += [
-            ("ring", "i1", offset),
-            ("layer", "<i4", offset + 1),
-            ("echo", "<i4", offset + 5),
-            ("reflector", "u1", offset + 9),
-        ]
-        scan = build.sweep(seed=k)
-        relative_ns = np.rint(scan["time_s"] * 1e9).astype(np.int64)
-        absolute_ns = start_ns(k) + relative_ns
-        more = {
-            "t": relative_ns,
-            "ts": scan["time_s"],
-            "lidar_sec": absolute_ns // 1_000_000_000,
-            "lidar_nsec": absolute_ns % 1_000_000_000,
-        }
-        return truth(k, cdr, filled(packed(fields, offset + 10), scan, layer=scan["ring"], **more), scan["time_s"])
-
-    return make
-
-
-AEVA = packed(
-    [
-        ("x", "<f4", 0),
-        ("y", "<f4", 4),
-        ("z", "<f4", 8),
-        ("reflectivity", "<f4", 12),
-        ("velocity", "<f4", 16),
-        ("time_offset_ns", "<i4", 20),
-        ("line_index", "u1", 24),
-        ("intensity", "<f4", 25),
-    ],
-    29,
-)
-
-
-def aeva(k: int, cdr: bool) -> Truth:
-    scan = build.sweep(seed=k)
-    return truth(k, cdr, filled(AEVA, scan, time_offset_ns=np.rint(scan["time_s"] * 1e9)), scan["time_s"])
-
-
-def unnamed(field: str, kind: str, scale: float, *, bigendian: bool = False) -> Callable[[int, bool], Truth]:
-    """A cloud of a converter's own: a time field under any name, in any unit, beside a field that is no time."""
-    order = ">" if bigendian else "<"
-    dtype = packed(
-        [
-            ("x", f"{order}f4", 0),
-            ("y", f"{order}f4", 4),
-            ("z", f"{order}f4", 8),
-            ("brightness", f"{order}f4", 12),
-            (field, order + kind, 16),
-        ],
-        16 + np.dtype(kind).itemsize,
-    )
-
-    def make(k: int, cdr: bool) -> Truth:
-        scan = build.sweep(seed=k)
-        brightness = np.random.default_rng(k).uniform(0, 100, scan["ring"].size)  # spans 100, as milliseconds would
-        points = filled(dtype, scan, brightness=brightness, **{field: scan["time_s"] * scale})
-        return truth(k, cdr, points, scan["time_s"], bigendian=bigendian)
-
-    return make
-
-
 LAYOUTS: dict[str, Layout] = {
     "velodyne": Layout(velodyne(0.0), "time", "s", "header-first", "velodyne", 8),
     "velodyne-header-last": Layout(velodyne(-0.1), "time", "s", "header-last", "velodyne", 8),
@@ -382,20 +243,5 @@ LAYOUTS: dict[str, Layout] = {
     "livox-custom-frame-3": Layout(
         custom("abc"), "offset_time", "ns", "header-first", "livox-custommsg", 0, "livox_ros_driver2/msg/CustomMsg"
     ),
-    "sick-t": Layout(sick(("t", "<u4")), "t", "ns", "header-first", "sick-all-fields", 0),
-    "sick-ts": Layout(sick(("ts", "<f4")), "ts", "s", "header-first", "sick-all-fields", 8),
-    "sick-sec-nsec": Layout(
-        sick(("lidar_sec", "<u4"), ("lidar_nsec", "<u4")),
-        "lidar_sec+lidar_nsec",
-        "ns",
-        "absolute",
-        "sick-all-fields",
-        0,
-    ),
-    "aeva": Layout(aeva, "time_offset_ns", "ns", "header-first", "aeva", 0),
-    "unnamed-ms": Layout(unnamed("phase", "f4", 1e3), "phase", "ms", "header-first", "generic", 8),
-    "unnamed-us": Layout(unnamed("tick", "f4", 1e6), "tick", "us", "header-first", "generic", 8),
-    "unnamed-bigendian": Layout(
-        unnamed("clock", "f8", 1.0, bigendian=True), "clock", "s", "header-first", "generic", 1
-    ),
+    **ODD_LAYOUTS,
 }

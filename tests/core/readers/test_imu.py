@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from calib_core.errors import InputError
 from calib_core.readers.imu import clean_imu, stamp_statistics
 from calib_core.readers.imu_messages import ImuCollector, RawImu
-from calib_core.readers.imu_units import gyroscope_unit_from_rates
 from calib_core.readers.storage import RawMessage
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray
@@ -90,16 +89,6 @@ def test_a_mirrored_axis_is_named(signs: tuple[int, int, int], axis: str) -> Non
     assert not any(f.code == "imu.axis_signs" for f in clean_imu(raw(gyro, accel), ReadSettings(), "/imu").findings)
 
 
-def test_rates_of_the_lidar_decide_the_unit() -> None:
-    """Mutation: compare the ratio with 180/pi instead of its logarithm's distance."""
-    rates = np.abs(np.sin(np.arange(50)))
-    assert gyroscope_unit_from_rates(rates * 57.3, rates)[0] == "deg_s"
-    unit, sure = gyroscope_unit_from_rates(rates * 1.1, rates)
-    assert unit == "rad_s"
-    assert sure > 0.9
-    assert gyroscope_unit_from_rates(rates[:3], rates[:3]) == ("rad_s", 0.5)
-
-
 def test_disorder_is_put_right_and_reported() -> None:
     """Mutation: sort without removing duplicates; count gaps over the unsorted stamps."""
     gyro, accel = tilting(10)
@@ -162,6 +151,18 @@ def test_messages_are_read_whatever_the_frame_id(cdr: bool, frame_id: str) -> No
     assert got.header_ns.tolist() == [build.EPOCH_NS + 123_456_789]
     assert tuple(got.gyro[0]) == gyro
     assert tuple(got.accel[0]) == accel
+
+
+def test_headers_that_nobody_set_give_way_to_receive_times() -> None:
+    """Mutation: return False from `never_set`; leave `unset` out of `finish`."""
+    collector = ImuCollector("ros1")
+    gyro, accel = tilting(10)
+    for k in range(1000):
+        payload = build.imu_message(0, gyro[k], accel[k], cdr=False)
+        collector.add(RawMessage("/imu", build.EPOCH_NS + k * 10_000_000, payload))
+    cleaned = clean_imu(collector.finish(), ReadSettings(), "/imu")
+    np.testing.assert_array_equal(cleaned.imu.stamps_ns, build.EPOCH_NS + np.arange(1000) * 10_000_000)
+    assert cleaned.findings[0].code == "clock.unset"
 
 
 def test_nothing_usable_is_a_sentence() -> None:

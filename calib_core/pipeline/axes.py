@@ -1,0 +1,118 @@
+"""Whether the IMU's axes and unit fit the lidar's motion at all: mirrored axes, flipped signs, a gyroscope 57 times off.
+
+The lidar's track turns and accelerates; an IMU rigidly joined to it does the same but for a rotation. Two things are
+compared. Turns: the best orthogonal map from the lidar's to the gyroscope's is a rotation unless an odd number of the
+gyroscope's axes is flipped; then it is a reflection. Accelerations: with the rotation from the turns, the linear start
+leaves several times the usual misfit unless the accelerometer's axes are those of the gyroscope. Trying the sign
+patterns tells which axes to name. A gyroscope with two axes flipped and an accelerometer with the same two flipped
+are one and the same to this test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from calib_core.pipeline.initialise import (
+    GyroTurns,
+    LidarTrack,
+    LinearStart,
+    RotationStart,
+    linear_start,
+    turns_of,
+)
+from calib_core.types import FloatArray, ImuData
+
+#: Linear starts of right axes stay well below this; nothing is tried, and no time spent, unless one does not.
+_SUSPICIOUS_RMS = 1.0
+#: A sign pattern must leave less than this share of the misfit as sent.
+_EXPLAINS = 0.35
+#: Radians taken for degrees are 57 times off; no mounting, lag or noise makes a factor of ten.
+_OTHER_UNIT = 10.0
+_MOVING_RAD_S = 0.1
+_FAST_PERCENT = 90.0
+#: A lag found through a rotation where there is a reflection is off by up to this.
+_LAGS_S = np.arange(-0.12, 0.125, 0.01)
+
+
+def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
+    """A clause where the gyroscope turns many times as fast, or as slowly, as the lidar; else ""."""
+    # Rates and no turns: a turn read 57 times too large wraps around, and no lag can be trusted either.
+    during = (imu_s >= lidar.start_s[0] - 1.0) & (imu_s <= lidar.start_s[-1] + 1.0)
+    speed = float(np.percentile(np.linalg.norm(lidar.omega_rad_s, axis=1), _FAST_PERCENT))
+    if speed < _MOVING_RAD_S or np.count_nonzero(during) < 100:
+        return ""
+    rates = imu.gyro_rad_s[during] - np.median(imu.gyro_rad_s[during], axis=0)
+    ratio = float(np.percentile(np.linalg.norm(rates, axis=1), _FAST_PERCENT)) / speed
+    if 1.0 / _OTHER_UNIT < ratio < _OTHER_UNIT:
+        return ""
+    unit = "deg_s" if ratio > 1.0 else "rad_s"
+    return (
+        f"the gyroscope turns {ratio:.3g} times as fast as the lidar, so its readings are in another unit than was"
+        f" taken; pass --gyroscope-unit {unit}"
+    )
+
+
+def axis_complaint(
+    lidar: LidarTrack, imu_s: FloatArray, imu: ImuData, start: RotationStart, linear: LinearStart, gravity_m_s2: float
+) -> str:
+    """A clause that names axes whose signs are wrong, where flipping them explains the motion; else ""."""
+    if linear.rms < _SUSPICIOUS_RMS:
+        return ""
+    gyro = GyroTurns(imu_s, imu.gyro_rad_s)
+    lag_s, rotation = _best_lag(lidar, gyro, start.time_offset_s, handed=1.0)
+    mirrored_lag_s, reflection = _best_lag(lidar, gyro, start.time_offset_s, handed=-1.0)
+    patterns = [np.array(signs) for signs in product((1.0, -1.0), repeat=3)]
+    trials: list[tuple[float, str]] = []
+    for signs in patterns[1:]:
+        named = _listed(signs)
+        if np.prod(signs) < 0:  # an odd number of gyroscope axes: the turns say so by themselves
+            trial = replace(start, time_offset_s=mirrored_lag_s, R_imu_lidar=signs[:, None] * reflection)
+            trials.append((_rms(lidar, imu_s, imu.accel_m_s2, trial, gravity_m_s2), f"gyroscope's {named}"))
+        trial = replace(start, time_offset_s=lag_s, R_imu_lidar=rotation)
+        sensor = "accelerometer's" if np.prod(signs) < 0 else "gyroscope's or the accelerometer's"
+        trials.append((_rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2), f"{sensor} {named}"))
+    best, named = min(trials)
+    if best > _EXPLAINS * linear.rms:
+        return ""
+    return (
+        f"the signs of the {named} do not fit the lidar's motion: with them flipped, its accelerations and turns fit"
+        f" {linear.rms / best:.0f} times as well; correct the axes in the IMU's driver and record again"
+    )
+
+
+def _turn_rates(lidar: LidarTrack, gyro: GyroTurns, offset_s: float) -> tuple[FloatArray, FloatArray]:
+    """Mean rates of lidar and gyroscope over the same spans, each (N, 3)."""
+    turns = turns_of(lidar)[-1]
+    own = gyro.over(turns.start_s - offset_s, turns.end_s - offset_s)
+    shared = np.isfinite(own[:, 0])
+    return turns.rate_rad_s[shared], own[shared]
+
+
+def _best_lag(lidar: LidarTrack, gyro: GyroTurns, near_s: float, *, handed: float) -> tuple[float, FloatArray]:
+    """The lag near a given one, and the map there, at which the turns agree best through a map of determinant `handed`."""
+    best = (np.inf, near_s, np.eye(3))
+    for lag_s in near_s + _LAGS_S:
+        a, b = _turn_rates(lidar, gyro, float(lag_s))
+        if len(a) < 10:
+            continue
+        a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
+        u, _, vt = np.linalg.svd(b.T @ a)
+        through = u @ np.diag([1.0, 1.0, handed * float(np.linalg.det(u @ vt))]) @ vt
+        misfit = float(np.median(np.linalg.norm(b - a @ through.T, axis=1)))
+        if misfit < best[0]:
+            best = (misfit, float(lag_s), through)
+    return best[1], best[2]
+
+
+def _rms(
+    lidar: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatArray, trial: RotationStart, gravity_m_s2: float
+) -> float:
+    return linear_start(lidar, imu_s, accel_m_s2, trial, gravity_m_s2=gravity_m_s2).rms
+
+
+def _listed(signs: FloatArray) -> str:
+    axes = [axis for axis, sign in zip("xyz", signs, strict=True) if sign < 0]
+    return f"{axes[0]} axis" if len(axes) == 1 else f"{', '.join(axes[:-1])} and {axes[-1]} axes"

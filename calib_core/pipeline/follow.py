@@ -1,0 +1,115 @@
+"""From where to follow the planes: the reference scan again without its motion, and other scans where it leads nowhere.
+
+Planes found in a scan taken on the move are bent by that motion. Once its neighbours have told the motion, the scan is
+straightened and its planes are found anew. Where the planes around a scan are soon lost, others are tried, and the
+longest track is kept; the map frame is then that of its reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.errors import Cancelled
+from calib_core.geometry import log
+from calib_core.pipeline.context import Context
+from calib_core.pipeline.planemap import PlaneMap
+from calib_core.pipeline.propose import named_planes, scan_points
+from calib_core.pipeline.track import ScanMotion, straighten, track
+from calib_core.planes.segment import determinacy, segment_planes
+from calib_core.types import FloatArray, Plane
+
+#: Covering more of the scans than this is enough; elsewhere to start from, as shares of the recording.
+_ENOUGH = 0.6
+_ELSEWHERE = (0.5, 0.25, 0.75, 0.12, 0.88)
+_BETTER = 1.2
+#: A reference scan that turned or moved by more than this during its sweep is straightened.
+_BENT_RAD = 0.01
+_BENT_M = 0.02
+_LEAST_DETERMINACY = 0.02
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording."""
+
+    reference: int
+    planes: list[Plane]
+    motions: list[ScanMotion]
+
+    @property
+    def seen(self) -> int:
+        """Scans whose motion was found, not bridged."""
+        return sum(m.share > 0 for m in self.motions)
+
+
+def follow(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
+    """The longest track. given: the planes are the user's: they are neither changed nor added to, nor is their frame left."""
+    scans = ctx.recording.scans
+    best = _attempt(ctx, planes, reference, given=given)
+    if given:
+        return best
+    best = _unbent(ctx, best)
+    for share in _ELSEWHERE:
+        if best.seen > _ENOUGH * len(scans):
+            break
+        position = round(share * (len(scans) - 1))
+        if best.motions[0].position <= position <= best.motions[-1].position:
+            continue
+        found = _planes_of(ctx, scan_points(scans[position], ctx.settings.field_of_view_deg))
+        if not found:
+            continue
+        other = _unbent(ctx, _attempt(ctx, found, position, given=False))
+        if other.seen > _BETTER * best.seen:
+            best = other
+    if best.reference != reference:
+        at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
+        ctx.say(
+            "info",
+            "track.reference",
+            f"the planes are those of the scan at {at_s:.1f} s, from which the lidar can be followed over {best.seen} of "
+            f"{len(scans)} scans",
+        )
+    return best
+
+
+def _attempt(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
+    if ctx.should_cancel():
+        raise Cancelled("the calibration was cancelled")
+    ctx.stage("track", 0.0, "following the planes from scan to scan")
+    known = PlaneMap.of(planes)
+    motions = track(ctx.recording.scans, known, reference, on_progress=lambda f: ctx.stage("track", f))
+    return Followed(reference, list(planes) if given else known.planes(planes), motions)
+
+
+def _unbent(ctx: Context, followed: Followed) -> Followed:
+    """The track again from planes of the straightened reference scan, where that scan moved and it helps."""
+    at = [m.position for m in followed.motions].index(followed.reference)
+    around = followed.motions[max(at - 1, 0) : at + 2]
+    if len(around) < 2:
+        return followed
+    scans = ctx.recording.scans
+    first, last = around[0], around[-1]
+    dt = (scans[last.position].stamp_ns - scans[first.position].stamp_ns) * 1e-9
+    omega, v = log(first.R.T @ last.R) / dt, (last.p - first.p) / dt
+    sweep_s = float(ctx.clocks.sweep_s[followed.reference])
+    if np.linalg.norm(omega) * sweep_s < _BENT_RAD and np.linalg.norm(v) * sweep_s < _BENT_M:
+        return followed
+    points = scans[followed.reference].points
+    tau = points["offset_ns"] * 1e-9
+    motion = ScanMotion(followed.reference, np.eye(3), np.zeros(3), omega, v)
+    found = _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion))
+    if not found:
+        return followed
+    again = _attempt(ctx, found, followed.reference, given=False)
+    return again if again.seen >= followed.seen else followed
+
+
+def _planes_of(ctx: Context, points_m: FloatArray) -> list[Plane]:
+    """The planes of a scan, none where they do not determine a pose. points_m: (N, 3)."""
+    fits = segment_planes(points_m, seed=ctx.settings.random_seed)
+    if len(fits) < 3 or determinacy(np.array([f.normal for f in fits])) < _LEAST_DETERMINACY:
+        return []
+    return named_planes(fits)

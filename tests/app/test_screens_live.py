@@ -1,0 +1,155 @@
+"""What the last three screens ask of the server: two recordings at once, old extrinsics, scans, commands, shared pages."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from app.jobs.functions import run_job
+from app.jobs.orders import Order
+from app.scene.throttle import Throttle
+from app.schemas.view import ViewState
+from calib_core.errors import Cancelled
+from tests.app.support import world
+
+
+@pytest.fixture(scope="module")
+def solved(shared_live):
+    """A recording with planes and one answer: its id and the job's."""
+    recording_id = shared_live.ready()
+    job_id = shared_live.start(recording_id, settings={"excluded_spans_s": [[0.25, 0.5]]})
+    assert shared_live.finish(job_id)["state"] == "done"
+    return recording_id, job_id
+
+
+def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live, solved):
+    """One scene's lock is held here as a slow scene would. Mutation: one lock for all recordings: the other never answers."""
+    other = shared_live.upload("any.bag")
+    hub = shared_live.services.scenes
+    hub.port(solved[0])
+    answers = []
+    with hub._lock_of(solved[0]):
+        asking = threading.Thread(
+            target=lambda: answers.append(
+                shared_live.http.post(f"/api/recordings/{other}/view", json={"scan": 0, "dark": True}).json()
+            )
+        )
+        asking.start()
+        asking.join(20)
+        assert not asking.is_alive()
+        hub.port(other)
+    assert answers[0]["dark"] is True
+    assert shared_live.http.get(f"/api/recordings/{solved[0]}/view").json()["dark"] is False
+
+
+def test_two_recordings_keep_their_own_views_and_tell_their_own_browsers(shared_live, solved):
+    """Oracle: the other recording's event stream stays empty. Mutation: telling every feed."""
+    other = shared_live.ready()
+    before = shared_live.http.get(f"/api/recordings/{other}/view").json()
+    shared_live.http.post(f"/api/recordings/{solved[0]}/view", json={"mode": "inspect", "scan": 3})
+    shared_live.http.post(f"/api/recordings/{other}/view", json={"click": "grow"})
+    path = f"/api/recordings/{other}/events"
+    found = []
+    watching = threading.Thread(
+        target=lambda: found.extend(shared_live.events(path, until=lambda m: m["event"] == "view-changed"))
+    )
+    watching.start()
+    feed = shared_live.services.feed
+    shared_live.wait(lambda: feed._journals.get(other) is not None and feed._journals[other]._followers)
+    shared_live.http.post(f"/api/recordings/{solved[0]}/view", json={"scan": 4})
+    shared_live.http.post(f"/api/recordings/{other}/view", json={"click": "toggle"})
+    watching.join(20)
+    told = [message["view"] for _, message in found if message["event"] == "view-changed"]
+    assert [(view["click"], view["scan"]) for view in told] == [("toggle", before["scan"])]
+
+
+def test_an_old_extrinsic_is_read_shown_and_taken_away(shared_live, solved):
+    """Oracle: the answer itself given as the old one costs nothing; turned by 3 deg it does. Mutation: costs swapped."""
+    text = "\n".join(" ".join(f"{value:.9f}" for value in row) for row in world.transform_matrix())
+    old = shared_live.http.post("/api/extrinsic", json={"text": text}).json()
+    np.testing.assert_allclose(old["translation_m"], world.P_IMU_LIDAR, atol=1e-8)
+    url = f"/api/recordings/{solved[0]}/view"
+    shown = shared_live.http.post(url, json={"mode": "inspect", "show": "side", "old": old}).json()
+    assert shown["old_blur"]["nudged_rms_m"] == pytest.approx(shown["old_blur"]["solved_rms_m"], abs=1e-4)
+    wrong = {**old, "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
+    shown = shared_live.http.post(url, json={"old": wrong}).json()
+    assert shown["old_blur"]["nudged_rms_m"] > 10 * shown["old_blur"]["solved_rms_m"]
+    assert shared_live.http.post(url, json={"old": None}).json()["old_blur"] is None
+    refused = shared_live.http.post("/api/extrinsic", json={"text": "1 2 3"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "extrinsic.unfit")
+
+
+def test_scans_command_and_scene_page_of_a_run(shared_live, solved):
+    """Mutation: the command of the defaults, without what this run left out."""
+    get = shared_live.http.get
+    scans = get(f"/api/results/{solved[1]}/scans").json()
+    assert (len(scans["t_s"]), max(scans["rms_m"]) < 2e-3) == (world.N_SCANS, True)
+    command = get(f"/api/results/{solved[1]}/command").json()
+    assert "--exclude=0.25:0.5" in command["text"]
+    assert [file["name"] for file in command["files"]] == ["planes.json"]
+    page = get(f"/api/results/{solved[1]}/scene.html?dark=true")
+    assert "attachment" in page.headers["content-disposition"]
+    assert len(page.content) > 500_000
+
+
+def test_a_refused_run_has_neither_scans_nor_scene(shared_live):
+    """Mutation: a missing file told as a defect."""
+    job_id = shared_live.start(shared_live.upload("refused.bag"))
+    shared_live.finish(job_id)
+    for what in ("scans", "scene.html", "thickness"):
+        answer = shared_live.http.get(f"/api/results/{job_id}/{what}")
+        assert (answer.status_code, answer.json()["error"]["code"][:7]) == (409, "result.")
+
+
+def test_a_view_kept_by_an_older_version_is_forgotten(shared_live, solved):
+    """Mutation: the stored text validated without a net: every look at the recording fails."""
+    services = shared_live.services
+    services.scenes._documents.write(solved[0], "view", '{"show": "map", "gone": 1}')
+    view = shared_live.http.get(f"/api/recordings/{solved[0]}/view")
+    assert view.status_code == 200
+    assert view.json()["show"] == ViewState().show
+
+
+def test_a_sample_stops_when_asked(tmp_path):
+    """Mutation: the simulation not told that it should stop."""
+    order = Order(
+        job_id="0" * 32,
+        kind="simulate",
+        recording_name="sample",
+        source=tmp_path / "sample.bag",
+        cache=tmp_path / "cache",
+        folder=tmp_path / "job",
+        scenario="one-axis",
+    )
+    asked = []
+
+    def should_cancel():
+        asked.append(1)
+        return len(asked) > 2
+
+    with pytest.raises(Cancelled):
+        run_job(order, lambda _: None, should_cancel)
+    assert not order.source.exists()
+
+
+def test_a_burst_of_requests_is_done_twice_and_its_last_is_not_lost():
+    """At once, and once more after the last. Mutations: no interval (a hundred times); nothing after the first."""
+    done, last = [], threading.Event()
+    state = {"now": 0}
+
+    def act():
+        done.append(state["now"])
+        if state["now"] == 99:
+            last.set()
+
+    throttle = Throttle(act, 0.2)
+    for number in range(100):
+        state["now"] = number
+        throttle.request()
+    assert last.wait(20)
+    assert done[0] == 0
+    assert done[-1] == 99
+    assert len(done) < 50
+    throttle.stop()
