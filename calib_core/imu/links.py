@@ -29,6 +29,8 @@ from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.types import BoolArray, FloatArray
 
 _GAUSS = 0.5 + np.array([-1.0, 1.0]) * np.sqrt(3.0) / 6.0
+#: Where hands, legs and machines still move a sensor.
+_BAND_HZ = 5.0
 _SUBSTEP_S = 0.006
 
 
@@ -99,6 +101,22 @@ def knot_spacing_s(stamps_s: FloatArray) -> float:
     return period * max(1, round(0.01 / period))
 
 
+def interpolating(hyper: Hyper, period_s: float) -> Hyper:
+    """The same process, taken to be less noisy and less rough where it would otherwise lose some of the motion.
+
+    A posterior mean follows a sine of frequency f with the gain S(f) / (S(f) + noise^2 period), S the kernel's spectral
+    density: with a noisy or shaken IMU that is well below 1 within the motion's own band, and the integral of the mean is
+    then not that of the readings. The links carry the readings' white noise in their covariance; nothing is gained by
+    taking it out of their mean. So the noise is capped where the gain at the band's end would be below 0.9999, and a
+    length scale shorter than the samples are apart is no statement about the motion.
+    """
+    length = np.maximum(hyper.length_scale_s, 2.5 * period_s)
+    band_hz = min(_BAND_HZ, 0.1 / period_s)
+    # Matern 5/2: S(f) = s^2 16 l / (3 sqrt(5)) (1 + (2 pi f l)^2 / 5)^-3.
+    density = hyper.signal_std**2 * 16.0 * length / (3.0 * np.sqrt(5.0)) / (1.0 + (2 * np.pi * band_hz * length) ** 2 / 5) ** 3
+    return Hyper(length, hyper.signal_std, np.minimum(hyper.noise_std, np.sqrt(1e-4 * density / period_s)), hyper.smoothness)
+
+
 def upsample(
     stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper
 ) -> UpsampledImu:
@@ -107,6 +125,7 @@ def upsample(
     stamps_s: (Q,) increasing.   gyro_rad_s, accel_m_s2: (Q, 3).   knots_s: (K,) equally spaced within the stamps.
     hyper: of the six channels, gyro first.
     """
+    measured_noise, hyper = hyper.noise_std, interpolating(hyper, float(np.median(np.diff(stamps_s))))
     h = float(knots_s[1] - knots_s[0])
     links = len(knots_s) - 1
     substeps = max(1, int(np.ceil(h / _SUBSTEP_S)))
@@ -121,7 +140,7 @@ def upsample(
     mean[order], var[order] = sorted_mean, sorted_var
     count = gauss.size
     at_gauss = mean[:count].reshape(links, -1, 6)
-    excess = np.maximum(var[:count].reshape(links, -1, 6) - hyper.noise_std**2, 0.0).mean(axis=1)
+    excess = np.maximum(var[:count].reshape(links, -1, 6) - measured_noise**2, 0.0).mean(axis=1)
     gap = _silence_s(stamps_s, knots_s)
     period = float(np.median(np.diff(stamps_s)))
     return UpsampledImu(

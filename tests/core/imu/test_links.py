@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.geometry import log
 from calib_core.gp.regression import Hyper
+from calib_core.gp.training import fit_hyper
 from calib_core.imu.links import Links, NoiseDensity, UpsampledImu, knot_spacing_s, preintegrate, upsample
 from calib_core.simulate.motion import Kinematics
 from calib_core.simulate.motions import PAPER_FAST
@@ -244,3 +245,29 @@ def test_a_silence_is_bridged_with_doubt_or_not_at_all() -> None:
 def test_knots_are_whole_samples_about_ten_milliseconds_apart(rate_hz: float, expected_s: float) -> None:
     """Fails when knots may be denser than the samples."""
     assert knot_spacing_s(np.arange(100) / rate_hz) == pytest.approx(expected_s)
+
+
+@pytest.mark.parametrize(("white", "period_s"), [(0.12, 0.01), (1.0, 0.01), (1.0, 0.005)])
+def test_a_noisy_imu_loses_nothing_of_the_motion_to_its_interpolation(white: float, period_s: float) -> None:
+    """Fails when the posterior mean is taken with the noise as measured: half of a 0.9 Hz turn is then smoothed away.
+
+    Oracle: the sine that least squares finds in the raw readings themselves, which no interpolation has touched.
+    """
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 20.0, period_s)
+    hz = np.array([0.4, 0.9, 0.25])
+    readings = 0.5 * np.sin(2 * np.pi * hz * t[:, None]) + white * rng.normal(size=(len(t), 3))
+    values = np.hstack([readings, readings])
+    hyper = fit_hyper(t, values, noise_std=np.full(6, white))
+    up = upsample(t, readings, readings, np.arange(0.5, 19.5, 0.01), hyper)
+    middle = 0.5 * (up.knots_s[1:] + up.knots_s[:-1])
+
+    def amplitude(when: FloatArray, values: FloatArray, f: float) -> float:
+        sine = np.stack([np.sin(2 * np.pi * f * when), np.cos(2 * np.pi * f * when), np.ones_like(when)], axis=1)
+        return float(np.hypot(*np.linalg.lstsq(sine, values, rcond=None)[0][:2]))
+
+    inside = (t > 0.5) & (t < 19.5)
+    for c in range(3):
+        found = amplitude(middle, up.gyro[:, :, c].mean(axis=1), hz[c])
+        # Both fits err by white sqrt(2 / n) of the same noise; what they do not share is the spans' ends.
+        assert found == pytest.approx(amplitude(t[inside], readings[inside, c], hz[c]), rel=0.012)
