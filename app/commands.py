@@ -48,7 +48,7 @@ def inspect(chosen: argparse.Namespace) -> None:
         return
     from app.inspect_report import report_block
 
-    Console(highlight=False).print(report_block(report))
+    Console(highlight=False).print(report_block(report, chosen.recording))
 
 
 def calibrate(chosen: argparse.Namespace) -> None:

@@ -1,9 +1,15 @@
-"""The doctor's report for a terminal: verdict first, then what was found, then what to do about it."""
+"""The doctor's report for a terminal: what was found, what a solve would know, and last, where the eye rests, the verdict.
+
+What a terminal still shows when the program has ended is its last screen: there stand the verdict and what to do.
+"""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from math import floor, log10
+from pathlib import Path
 
 from rich.console import Group, RenderableType
 from rich.padding import Padding
@@ -18,8 +24,11 @@ from calib_core.doctor.report import (
     ExcitationReport,
     FindingReport,
     Forecast,
+    ImuNoiseReport,
     ImuReport,
     LidarReport,
+    ParameterForecast,
+    PlanesReport,
     Span,
     StampReport,
 )
@@ -34,35 +43,50 @@ _MARKS = {"info": "·", "warning": "▲", "error": "✗"}
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 _STRIP_CELLS = 60
 _SHOWN_TOPICS = 24
+#: Beyond so many times what counts as weak, a number would only pretend to be one.
+_UNKNOWN_TIMES = 5.0
+_FORECAST_ROWS = (
+    ("rotation, about the lidar's", ("rx", "ry", "rz"), 1.0, "deg", WEAK_DEG),
+    ("lever arm, along the IMU's", ("tx", "ty", "tz"), 1e3, "mm", WEAK_M),
+    ("time offset", ("dt",), 1e3, "ms", WEAK_S),
+)
 
 
-def report_block(report: DoctorReport) -> RenderableType:
-    """The whole report as one block for a console."""
-    parts: list[RenderableType] = [_verdict(report), _section("Topics"), _topics(report)]
+def report_block(report: DoctorReport, path: Path | None = None) -> RenderableType:
+    """The whole report as one block for a console. path: of the recording, as it was given."""
+    parts: list[RenderableType] = [_title(report), _section("Topics"), _topics(report)]
     if report.lidar is not None:
         parts += [_section("Lidar"), _lidar(report.lidar)]
     if report.imu is not None:
         parts += [_section("IMU"), _imu(report.imu, report.clock_offset_s)]
         parts += [_section("Motion"), _motion(report, report.imu)]
-    if report.forecast is not None:
-        parts += [_section("Forecast: what a solve would know"), _forecast(report.forecast)]
     if report.findings:
         parts += [_section("Findings"), _findings(report.findings)]
+    if report.planes is not None:
+        parts += [_section("Planes to expect"), _planes(report.planes)]
+    if report.forecast is not None:
+        parts += [_section("Forecast: what a solve would know (1 sigma)"), _forecast(report.forecast)]
     advice = dict.fromkeys((*report.advice, *(report.forecast.advice if report.forecast else ())))
     if advice:
         parts += [_section("What to do"), *(Padding(bullet("→", Text(line), "cyan"), (0, 0, 0, 2)) for line in advice)]
-    return Group(*parts)
+    return Group(*parts, "", _verdict(report, str(path or report.name)))
 
 
-def _verdict(report: DoctorReport) -> RenderableType:
-    style, sentence = _VERDICTS[report.verdict]
+def _title(report: DoctorReport) -> RenderableType:
     start = datetime.fromtimestamp(report.start_ns / 1e9, UTC)
-    facts = f"{report.name}   {_size(report.size_bytes)}   {report.duration_s:.1f} s   {report.container.upper()}"
+    facts = f"   {_size(report.size_bytes)}   {report.duration_s:.1f} s   {report.container.upper()}"
+    when = f"   starts {start:%Y-%m-%d %H:%M:%S} UTC"
+    return Text.assemble((report.name, "bold"), (facts + when, "dim"))
+
+
+def _verdict(report: DoctorReport, path: str) -> RenderableType:
+    style, sentence = _VERDICTS[report.verdict]
+    colour = style.removeprefix("bold ")
     lines: list[RenderableType] = [Text(sentence, style=style)]
-    lines += [bullet("-", Text(reason), style.removeprefix("bold ")) for reason in report.reasons]
-    lines.append(Text(f"{facts}   starts {start:%Y-%m-%d %H:%M:%S} UTC", style="dim"))
-    border = style.removeprefix("bold ")
-    return Panel(Group(*lines), title="unsweep inspect", title_align="left", border_style=border, padding=(0, 1))
+    lines += [bullet("-", Text(reason), colour) for reason in report.reasons]
+    if report.verdict != "unusable":
+        lines.append(Text(f"Next: unsweep calibrate {shlex.quote(path)}", style="dim"))
+    return Panel(Group(*lines), title="Verdict", title_align="left", border_style=colour, padding=(0, 1))
 
 
 def _section(title: str) -> RenderableType:
@@ -104,8 +128,15 @@ def _lidar(lidar: LidarReport) -> RenderableType:
             f"{r.p05_m:.1f} to {r.p95_m:.1f} m, median {r.median_m:.1f} m; {r.points_per_scan:,} points a scan, "
             f"{100 * r.no_return_share:.0f} % without return",
         )
-    known = "" if lidar.preset.identified else " (sensor not recognised)"
-    facts.add_row("range noise", Text(f"{1e3 * lidar.preset.range_std_m:.0f} mm, {lidar.preset.name}{known}"))
+    known = lidar.preset.name if lidar.preset.identified else f"{lidar.preset.name}, as the sensor is not recognised"
+    preset = f"{1e3 * lidar.preset.range_std_m:.0f} mm ({known})"
+    if lidar.measured_range_std_m is None:
+        facts.add_row("range noise", Text(f"preset {preset}; a solve measures it"))
+    else:
+        measured = Text(f"{1e3 * lidar.measured_range_std_m:.1f} mm", style="bold")
+        facts.add_row(
+            "range noise", measured.append(f" measured on the planes, used; preset {preset}", style="not bold")
+        )
     return facts
 
 
@@ -115,23 +146,26 @@ def _imu(imu: ImuReport, clock_offset_s: float) -> RenderableType:
     facts.add_row("stamps", _stamps(imu.stamps))
     units = " and ".join(_UNITS.get(unit, unit) for unit in (imu.accelerometer_unit, imu.gyroscope_unit))
     facts.add_row("units", Text(f"{units}; at rest it reads {imu.gravity_at_rest_m_s2:.3f} m/s²"))
-    for origin, noise in (("measured", imu.measured_noise), ("preset", imu.preset_noise)):
-        if noise is not None:
-            gyro = noise.noise.gyroscope_noise_density_rad_s_sqrt_hz
-            accel = noise.noise.accelerometer_noise_density_m_s2_sqrt_hz
-            used = "used" if imu.noise_used == origin else "not used"
-            facts.add_row(
-                f"noise, {origin}", Text(f"{gyro:.2e} rad/s/√Hz, {accel:.2e} m/s²/√Hz   {noise.source} ({used})")
-            )
+    if imu.measured_noise is not None:
+        facts.add_row("noise, used", _noise(imu.measured_noise, "bold"))
+    preset = "noise, preset" if imu.measured_noise is not None else "noise, used"
+    facts.add_row(preset, _noise(imu.preset_noise, "dim" if imu.measured_noise is not None else ""))
     peaks = imu.saturation
     clipped = max(peaks.gyroscope_clipped_share, peaks.accelerometer_clipped_share)
     clipping = "nothing clipped" if clipped == 0 else f"{100 * clipped:.2f} % clipped"
     facts.add_row(
-        "extremes", f"{peaks.gyroscope_max_rad_s:.1f} rad/s, {peaks.accelerometer_max_m_s2:.1f} m/s²; {clipping}"
+        "extremes", f"{peaks.gyroscope_max_rad_s:.2g} rad/s, {peaks.accelerometer_max_m_s2:.3g} m/s²; {clipping}"
     )
     if clock_offset_s:
         facts.add_row("clock", f"{clock_offset_s:+.3f} s between the IMU's clock and the lidar's, coarsely")
     return facts
+
+
+def _noise(noise: ImuNoiseReport, style: str) -> Text:
+    gyro = noise.noise.gyroscope_noise_density_rad_s_sqrt_hz
+    accel = noise.noise.accelerometer_noise_density_m_s2_sqrt_hz
+    name = "" if noise.origin == "measured" else f"{noise.origin}: "
+    return Text.assemble((f"{gyro:.1e} rad/s/√Hz, {accel:.1e} m/s²/√Hz", style), (f"   {name}{noise.source}", "dim"))
 
 
 def _motion(report: DoctorReport, imu: ImuReport) -> RenderableType:
@@ -140,9 +174,11 @@ def _motion(report: DoctorReport, imu: ImuReport) -> RenderableType:
     if timeline.rotation_norm_deg_s:
         peak = max(timeline.rotation_norm_deg_s)
         strip = sparkline(timeline.rotation_norm_deg_s, _STRIP_CELLS)
-        parts.append(Text.assemble((f"  0 to {peak:.0f} deg/s".ljust(18), "dim"), (strip, "cyan")))
+        parts.append(Text.assemble((f"  0 to {peak:.2g} deg/s".ljust(18), "dim"), (strip, "cyan")))
         still = still_strip(imu.still_spans, report.duration_s)
         parts.append(Text.assemble(("  standing still".ljust(18), "dim"), (still, "green")))
+        ends = "0 s" + f"{report.duration_s:.0f} s".rjust(_STRIP_CELLS - 3)
+        parts.append(Text(" " * 18 + ends, style="dim"))
     parts.append(_excitation(imu.excitation))
     return Group(*parts)
 
@@ -162,18 +198,50 @@ def _excitation(motion: ExcitationReport) -> RenderableType:
     return Group(table, Text(f"  moving for {motion.moving_s:.1f} s; {least}", style="dim"))
 
 
+def _planes(planes: PlanesReport) -> RenderableType:
+    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
+    table.add_column("")
+    for title in ("area", "distance", "tilt", "roughness"):
+        table.add_column(title, justify="right")
+    for plane in planes.planes:
+        tilt = "" if plane.tilt_deg is None else f"{plane.tilt_deg:.0f}°"
+        distance = f"{plane.distance_m:.1f} m"
+        table.add_row(Text(plane.name), f"{plane.area_m2:.1f} m²", distance, tilt, f"{1e3 * plane.rms_m:.0f} mm")
+    said = Text(f"  {planes.text}", style="green" if planes.determined else "yellow")
+    return Group(table, said) if planes.planes else said
+
+
 def _forecast(forecast: Forecast) -> RenderableType:
-    table = Table(box=None, padding=(0, 2, 0, 2), show_header=False)
-    for justify in ("left", "right", "left", "left"):
-        table.add_column(justify="right" if justify == "right" else "left")
-    scales = {"deg": (1.0, "deg", WEAK_DEG), "m": (1e3, "mm", WEAK_M), "s": (1e3, "ms", WEAK_S)}
-    for parameter in forecast.parameters:
-        scale, unit, weak = scales[parameter.unit]
-        digits = f"± {scale * parameter.std:.4g} {unit}"
-        remark = Text("weak", style="yellow") if parameter.weak else Text("")
-        table.add_row(parameter.name, digits, error_bar(parameter.std, weak), remark)
-    planes = f"  from {len(forecast.planes)} planes: {', '.join(forecast.planes)}" if forecast.planes else ""
-    return Group(table, Text(planes, style="dim")) if planes else table
+    if not forecast.parameters:
+        return Text(f"  {forecast.text or forecast.reason}", style="yellow")
+    by_name = {parameter.name: parameter for parameter in forecast.parameters}
+    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
+    table.add_column("")
+    for axis in "xyz":
+        table.add_column(axis, justify="right", min_width=8)
+    table.add_column("")
+    table.add_column("")
+    for title, names, scale, unit, weak in _FORECAST_ROWS:
+        found = [by_name[name] for name in names if name in by_name]
+        if found:
+            cells = [_known(parameter, scale, weak) for parameter in found]
+            blank = [Text("")] * (3 - len(cells))
+            table.add_row(title, *cells, *blank, unit, error_bar(max(p.std for p in found), weak))
+    limits = f"  weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
+    rests = f"; from {len(forecast.planes)} planes" if forecast.planes else ""
+    rests += f" and {forecast.covered_s:.0f} s of motion" if forecast.covered_s else ""
+    return Group(table, Text(limits + rests, style="dim"))
+
+
+def _known(parameter: ParameterForecast, scale: float, weak: float) -> Text:
+    """One standard deviation with two digits, and whether that is little."""
+    if parameter.weak and parameter.std > _UNKNOWN_TIMES * weak:
+        return Text("unknown", style="bold yellow")
+    value = scale * parameter.std
+    digits = max(0, 1 - floor(log10(value))) if value > 0 else 2
+    return Text(
+        f"{value:.{digits}f}" + (" weak" if parameter.weak else ""), style="yellow" if parameter.weak else "green"
+    )
 
 
 def _findings(findings: Sequence[FindingReport]) -> RenderableType:
@@ -183,12 +251,17 @@ def _findings(findings: Sequence[FindingReport]) -> RenderableType:
         style = LEVEL_STYLES[finding.level] if finding.level != "info" else ""
         sure = f" ({100 * finding.confidence:.0f} % sure)" if finding.confidence < 0.995 else ""
         evidence = ", ".join(f"{e.name} {_value(e.value)} {e.unit}".rstrip() for e in finding.evidence)
-        details = [finding.consequence, evidence, f"to override: {finding.override}" if finding.override else ""]
+        override = f"To override: {finding.override}" if finding.override else ""
+        details = [evidence, ". ".join(part for part in (_sentence(finding.consequence), override) if part)]
         words = Group(
             Text(f"{finding.text}{sure}", style=style), *(Text(line, style="dim") for line in details if line)
         )
         lines.append(Padding(bullet(_MARKS[finding.level], words, style), (0, 0, 0, 2)))
     return Group(*lines)
+
+
+def _sentence(words: str) -> str:
+    return words[:1].upper() + words[1:].rstrip(".")
 
 
 def sparkline(values: Sequence[float], cells: int) -> str:

@@ -47,11 +47,12 @@ class Services:
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
         self.workflow = Workflow(recording_store, self.files, self.feed)
+        self._launcher = launcher or ProcessLauncher(spare=settings.spare_worker)
         self.jobs = JobService(
             JobStore(self._engine),
             self.files,
             settings=settings,
-            launcher=launcher or ProcessLauncher(),
+            launcher=self._launcher,
             make_order=self.workflow.make_order,
             on_change=self.workflow.job_changed,
         )
@@ -72,6 +73,7 @@ class Services:
         """Take up what an earlier server left."""
         self.jobs.recover()
         self.recordings.resume(datetime.now(UTC))
+        self._launcher.prepare()
         self.scenes.start()
 
     def end_streams(self) -> None:
@@ -84,6 +86,7 @@ class Services:
         """Stop jobs and scenes, close the store."""
         self.end_streams()
         self.jobs.close()
+        self._launcher.close()
         self._engine.dispose()
 
     def check_ready(self) -> None:

@@ -36,6 +36,9 @@ class AppSettings(BaseSettings):
     min_free_bytes: int = Field(default=GIB, ge=0, description="disk space that must stay free after an upload")
     max_body_bytes: int = Field(default=2**20, gt=0, description="the largest body of any other request")
     concurrent_jobs: int = Field(default=2, ge=1, description="jobs that run at once; more are queued")
+    spare_worker: bool = Field(
+        default=True, description="keep a process ready for the next job: starts 2 s sooner, 150 MB"
+    )
     cancel_grace_s: float = Field(default=2.0, ge=0, description="time a cancelled job has before it is terminated")
     max_scenes: int = Field(default=16, ge=1, description="3D scenes open at once; the longest unused one closes")
     scene_idle_s: float = Field(default=900.0, gt=0, description="a scene nobody looks at closes after this time")

@@ -26,7 +26,7 @@ from calib_core.events import LogEvent
 from calib_core.settings import ReadSettings
 
 #: What starts by itself for a recording that has arrived: side by side, so that the cloud need not wait for the report.
-ON_ARRIVAL: tuple[JobKind, ...] = ("inspect", "planes")
+ON_ARRIVAL: tuple[JobKind, ...] = ("planes", "inspect")
 
 
 def state_after(job: Job, before: RecordingState) -> RecordingState:

@@ -8,6 +8,7 @@ solve      calibrate                     -> {job}/result.json, reading.json, tra
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +44,12 @@ def recording_arrays(cache: Path) -> Path:
 def proposal_arrays(cache: Path) -> Path:
     """Where the proposed planes are kept."""
     return cache / "planes"
+
+
+def warm_up() -> None:
+    """Import what the first view of a recording needs, while nobody waits for it."""
+    for name in ("calib_core.readers.load", "calib_core.pipeline.propose", "calib_core.pipeline.doctor"):
+        importlib.import_module(name)
 
 
 def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from multiprocessing.synchronize import Event as ProcessEvent
@@ -50,33 +51,101 @@ class Launcher(Protocol):
     def launch(self, order: Order) -> RunningJob:
         """Start the job."""
 
+    def prepare(self) -> None:
+        """The server has started: what makes the first job quicker may be done now."""
+
+    def close(self) -> None:
+        """The server stops: end what waits for a job."""
+
 
 class ProcessLauncher:
-    """One spawned process per job. `entry`: module:function of the job function."""
+    """One spawned process per job. `entry`: module:function of the job function.
 
-    def __init__(self, entry: str = "app.jobs.functions:run_job") -> None:
+    spare: keep one process waiting that has imported what jobs need, which takes longer than reading a cloud.
+    """
+
+    def __init__(self, entry: str = "app.jobs.functions:run_job", *, spare: bool = False) -> None:
         self._entry = entry
+        self._keeps_spare = spare
+        self._spare: Worker | None = None
+        self._lock = threading.Lock()
+        self._closed = False
 
     def launch(self, order: Order) -> RunningJob:
         """Start the job in a process of its own."""
+        with self._lock:
+            worker, self._spare = self._spare, None
+        if worker is None or not worker.process.is_alive():
+            worker = self._spawn()
+        try:
+            worker.orders.send_bytes(order.model_dump_json().encode())
+        except OSError:  # the spare ended between the look and the word
+            worker = self._spawn()
+            worker.orders.send_bytes(order.model_dump_json().encode())
+        worker.orders.close()
+        # The next spare is made when this job has ended: until then the processor is the job's.
+        return JobProcess(worker.process, worker.parcels, worker.cancel, on_end=self.prepare)
+
+    def prepare(self) -> None:
+        """Have a spare process."""
+        if self._keeps_spare:
+            threading.Thread(target=self._make_spare, name="spare-worker", daemon=True).start()
+
+    def close(self) -> None:
+        """End the spare process."""
+        with self._lock:
+            self._closed = True
+            worker, self._spare = self._spare, None
+        if worker is not None:
+            worker.end()
+
+    def _make_spare(self) -> None:
+        with self._lock:
+            if self._spare is None and not self._closed:
+                self._spare = self._spawn()
+
+    def _spawn(self) -> Worker:
+        orders, order_sender = _SPAWN.Pipe(duplex=False)
         receiver, sender = _SPAWN.Pipe(duplex=False)
         cancel = _SPAWN.Event()
         process = _SPAWN.Process(
-            target=run_worker,
-            args=(self._entry, order.model_dump_json(), sender, cancel),
-            name=f"unsweep-{order.kind}-{order.job_id[:8]}",
-            daemon=True,
+            target=run_worker, args=(self._entry, orders, sender, cancel), name="unsweep-worker", daemon=True
         )
         with _capped_threads():
             process.start()
+        orders.close()
         sender.close()  # so that the pipe ends when the child does
-        return JobProcess(process, receiver, cancel)
+        return Worker(process, order_sender, receiver, cancel)
+
+
+@dataclass(frozen=True)
+class Worker:
+    """A process that waits for its order, and the ends of what connects it."""
+
+    process: SpawnProcess
+    orders: Connection
+    parcels: Connection
+    cancel: ProcessEvent
+
+    def end(self) -> None:
+        """End it; it has no job."""
+        self.orders.close()
+        self.parcels.close()
+        self.process.terminate()
+        self.process.join(TERMINATE_GRACE_S)
 
 
 class JobProcess:
     """A worker process and the ends of what connects it."""
 
-    def __init__(self, process: SpawnProcess, pipe: Connection, cancel: ProcessEvent) -> None:
+    def __init__(
+        self,
+        process: SpawnProcess,
+        pipe: Connection,
+        cancel: ProcessEvent,
+        on_end: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._on_end = on_end
         self._process = process
         self._pipe = pipe
         self._cancel = cancel
@@ -94,6 +163,7 @@ class JobProcess:
             if self._process.is_alive():
                 self._process.kill()
                 self._process.join()
+            self._on_end()
 
     def ask_to_stop(self) -> None:
         """Set the event the job polls."""

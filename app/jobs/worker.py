@@ -30,10 +30,20 @@ JobFunction = Callable[[Order, OnEvent, ShouldCancel], Outcome]
 PARENT_POLL_S = 1.0
 
 
-def run_worker(entry: str, order_json: str, pipe: Connection, cancel: ProcessEvent) -> None:
-    """Run one job and tell its end. `entry`: module:function of a JobFunction."""
-    order = Order.model_validate_json(order_json)
-    _detach(order)
+def run_worker(entry: str, orders: Connection, pipe: Connection, cancel: ProcessEvent) -> None:
+    """Wait for one order, run it and tell its end. `entry`: module:function of a JobFunction.
+
+    What waits is spent on importing: the module's `warm_up` is called where it has one.
+    """
+    _stay_with_server()
+    warm_up = getattr(importlib.import_module(entry.partition(":")[0]), "warm_up", None)
+    if warm_up is not None and not orders.poll():
+        warm_up()
+    try:
+        order = Order.model_validate_json(orders.recv_bytes())
+    except (EOFError, OSError):
+        return  # the server wants no job of this process any more
+    _log_to_file(order)
     try:
         parcel = _perform(entry, order, pipe, cancel)
         pipe.send_bytes(parcel.model_dump_json().encode())
@@ -75,8 +85,15 @@ def _resolve(entry: str) -> JobFunction:
     return cast(JobFunction, getattr(importlib.import_module(module), name))
 
 
-def _detach(order: Order) -> None:
-    """Own log file, no Ctrl-C (the server decides), and an end when the server has ended."""
+def _stay_with_server() -> None:
+    """No Ctrl-C (the server decides), and an end when the server has ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
+
+
+def _log_to_file(order: Order) -> None:
+    """What the job prints goes into its own log file."""
     order.folder.mkdir(parents=True, exist_ok=True)
     log = os.open(order.folder / "worker.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     sys.stdout.flush()
@@ -84,9 +101,6 @@ def _detach(order: Order) -> None:
     os.dup2(log, 1)
     os.dup2(log, 2)
     os.close(log)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
 
 
 def _leave_with_parent(parent: int) -> None:

@@ -146,7 +146,8 @@ class ShownScene:
             self._server.scene.set_background_image(np.full((1, 1, 3), BACKGROUNDS[dark], dtype=np.uint8), format="png")
         if self._aim == "" or content.aim not in {"", self._aim}:
             self._look_at_all(content)
-        wanted = {item.path: item for item in content.items}
+        # A cloud without points is no cloud: viser's page complains about empty buffers.
+        wanted = {item.path: item for item in content.items if not isinstance(item, Cloud) or len(item.xyz) > 0}
         with self._server.atomic():
             for path in [path for path in self._handles if path not in wanted]:
                 self._handles.pop(path)[2].remove()

@@ -10,15 +10,19 @@ import numpy as np
 
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.lidar_report import lidar_report
+from calib_core.doctor.outlook import forecast_report, foresee, planes_report
 from calib_core.doctor.report import (
     DoctorReport,
     EvidenceReport,
     FindingReport,
+    Forecast,
     ImuReport,
     LidarReport,
+    PlanesReport,
     Timeline,
     TopicReport,
 )
+from calib_core.doctor.sampling import SampledScans
 from calib_core.doctor.timeline import timeline
 from calib_core.doctor.verdict import judge
 from calib_core.errors import Cancelled, InputError
@@ -35,6 +39,7 @@ from calib_core.readers.packet_models import packet_model
 from calib_core.readers.point_time import PointTiming, last_point_after_header_s, scan_period_s
 from calib_core.readers.reading import damage_findings, sample_clouds, span_ns
 from calib_core.readers.scans import ScanCounts, make_scan
+from calib_core.readers.stamps import plausible_stamps
 from calib_core.readers.storage import TopicSummary
 from calib_core.readers.synthesise import point_timing
 from calib_core.readers.topics import (
@@ -72,6 +77,7 @@ class _Examination:
     examined: list[tuple[Scan | None, ScanCounts]] = field(default_factory=list)
     raw_imu: RawImu | None = None
     cleaned: CleanedImu | None = None
+    sampled: SampledScans | None = None
     n_malformed: int = 0
 
 
@@ -89,7 +95,7 @@ def inspect(
         _choose(state, recording, settings)
         _detect(state, recording, settings, span)
         _read(state, recording, settings, span, on_event, should_cancel)
-        report = _report(state, recording, settings)
+        report = _report(state, recording, settings, on_event, should_cancel)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
     return report
 
@@ -147,7 +153,9 @@ def _read(
     if not names:
         return
     total = max(1, sum(t.count for t in (lidar, imu) if t is not None))
-    every = max(1, (lidar.count if lidar else 0) // EXAMINED_SCANS)
+    n_scans = lidar.count if lidar else 0
+    every = max(1, n_scans // EXAMINED_SCANS)
+    state.sampled = SampledScans(n_scans, state.period_s)
     collector = ImuCollector(imu.encoding if imu else "cdr")
     for n_seen, message in enumerate(recording.messages(names, start_ns=span[0], stop_ns=span[1])):
         if n_seen % 500 == 0:
@@ -160,14 +168,7 @@ def _read(
             collector.add(message)
         elif state.decoder is not None:
             try:
-                cloud = state.decoder(message)
-                if state.timing is not None and len(state.header_ns) % every == 0:
-                    index = len(state.header_ns)
-                    state.examined.append(
-                        make_scan(cloud, index, state.timing, settings.range_min_m, settings.range_max_m)
-                    )
-                state.header_ns.append(cloud.header_ns)
-                state.receive_ns.append(cloud.receive_ns)
+                _take(state, state.decoder(message), state.sampled, settings, every)
             except (MalformedMessage, ValueError, KeyError):
                 state.n_malformed += 1
     if imu is not None:
@@ -179,14 +180,35 @@ def _read(
             state.problems.append(error)
 
 
-def _report(state: _Examination, recording: OpenRecording, settings: ReadSettings) -> DoctorReport:
+def _take(state: _Examination, cloud: RawCloud, sampled: SampledScans, settings: ReadSettings, every: int) -> None:
+    """One cloud: its header, and its points where they are wanted for statistics or for the forecast."""
+    position = len(state.header_ns)
+    counted = position % every == 0
+    if state.timing is not None and (counted or sampled.wants(position)):
+        scan, counts = make_scan(cloud, position, state.timing, settings.range_min_m, settings.range_max_m)
+        if counted:
+            state.examined.append((scan, counts))
+        if scan is not None and sampled.wants(position):
+            sampled.add(scan)
+    state.header_ns.append(cloud.header_ns)
+    state.receive_ns.append(cloud.receive_ns)
+
+
+def _report(
+    state: _Examination,
+    recording: OpenRecording,
+    settings: ReadSettings,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
+) -> DoctorReport:
     header_ns, receive_ns = np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64)
     offset_ns = _clocks(state, header_ns, receive_ns, settings)
     try:
         state.findings.extend(damage_findings(recording, len(state.header_ns)))
     except InputError as error:
         state.problems.append(error)
-    lidar = _lidar(state, header_ns, receive_ns)
+    planes, forecast, range_std_m = _look_ahead(state, header_ns, receive_ns, offset_ns, on_event, should_cancel)
+    lidar = _lidar(state, header_ns, receive_ns, range_std_m)
     imu = _imu(state, recording)
     drawn = Timeline()
     if state.cleaned is not None and state.raw_imu is not None:
@@ -197,6 +219,8 @@ def _report(state: _Examination, recording: OpenRecording, settings: ReadSetting
         problems=state.problems,
         findings=state.findings,
         overlap_s=_overlap_s(state.cleaned.imu if state.cleaned else None, header_ns, offset_ns),
+        planes=planes,
+        forecast=forecast,
     )
     return DoctorReport(
         name=recording.name,
@@ -215,6 +239,8 @@ def _report(state: _Examination, recording: OpenRecording, settings: ReadSetting
         verdict=opinion.verdict,
         reasons=opinion.reasons,
         advice=opinion.advice,
+        planes=planes,
+        forecast=forecast,
     )
 
 
@@ -240,7 +266,32 @@ def _clocks(state: _Examination, header_ns: IntArray, receive_ns: IntArray, sett
     return offset_ns
 
 
-def _lidar(state: _Examination, header_ns: IntArray, receive_ns: IntArray) -> LidarReport | None:
+def _look_ahead(
+    state: _Examination,
+    header_ns: IntArray,
+    receive_ns: IntArray,
+    offset_ns: int,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
+) -> tuple[PlanesReport | None, Forecast | None, float | None]:
+    """The planes to expect, the forecast and the lidar's range noise, as far as there is something to find them in."""
+    sampled = state.sampled
+    if sampled is None or not header_ns.size:
+        return None, None, None
+    sampled.drop(np.flatnonzero(~plausible_stamps(header_ns, receive_ns)))
+    if not sampled.scans:
+        return None, None, None
+    imu = state.cleaned.imu if state.cleaned is not None else None
+    outlook = foresee(sampled, imu, offset_ns, on_event=on_event, should_cancel=should_cancel)
+    planes = planes_report(outlook.proposals, outlook.gravity)
+    if imu is None:
+        return planes, None, None
+    return planes, forecast_report(outlook, planes, share=sampled.share), outlook.range_std_m
+
+
+def _lidar(
+    state: _Examination, header_ns: IntArray, receive_ns: IntArray, range_std_m: float | None
+) -> LidarReport | None:
     if state.first is None or state.lidar_topic is None or state.layout is None:
         return None
     return lidar_report(
@@ -252,6 +303,7 @@ def _lidar(state: _Examination, header_ns: IntArray, receive_ns: IntArray) -> Li
         header_ns=header_ns,
         receive_ns=receive_ns,
         examined=state.examined,
+        measured_range_std_m=range_std_m,
     )
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
+from calib_core.doctor.noise import measured_noise, noise_in_words
 from calib_core.doctor.report import (
     Axes,
     ExcitationReport,
@@ -15,7 +14,7 @@ from calib_core.doctor.report import (
     Span,
     StampReport,
 )
-from calib_core.doctor.stillness import StillSpan, measured_noise, still_spans
+from calib_core.doctor.stillness import StillSpan, still_spans
 from calib_core.presets import GENERIC_IMU, find_imu_preset
 from calib_core.readers.imu import GAP_PERIODS, stamp_statistics
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray
@@ -40,12 +39,9 @@ def imu_report(
     lag_ns = int(np.median(receive_ns - header_ns)) if header_ns.size else 0
     start_s = (int(imu.stamps_ns[0]) + lag_ns - recording_start_ns) * 1e-9
     preset = find_imu_preset(wanted_preset, imu.topic, imu.frame_id)
-    used = preset or GENERIC_IMU
-    measured = measured_noise(
-        imu, spans, gyro_walk=used.noise.gyroscope_random_walk, accel_walk=used.noise.accelerometer_random_walk
-    )
+    shown_preset = preset or GENERIC_IMU
+    measured = measured_noise(imu)
     shown = tuple(Span(start_s=round(s.start_s + start_s, 3), end_s=round(s.end_s + start_s, 3)) for s in spans)
-    noise_used: Literal["measured", "preset"] = "preset" if measured is None else "measured"
     return ImuReport(
         topic=imu.topic,
         frame_id=imu.frame_id,
@@ -57,19 +53,11 @@ def imu_report(
         saturation=_saturation(imu),
         excitation=excitation(imu, spans),
         still_spans=shown,
-        measured_noise=None
-        if measured is None
-        else ImuNoiseReport(
-            origin="measured",
-            noise=measured.noise,
-            source=f"white noise of {measured.static_s:.1f} s of stillness in this recording",
-            static_s=measured.static_s,
-            gyroscope_resolution_rad_s=measured.gyro_resolution_rad_s,
-            accelerometer_resolution_m_s2=measured.accel_resolution_m_s2,
-        ),
-        preset_noise=ImuNoiseReport(origin=used.name, noise=used.noise, source=used.source),
+        measured_noise=measured,
+        preset_noise=ImuNoiseReport(origin=shown_preset.name, noise=shown_preset.noise, source=shown_preset.source),
         preset_identified=preset is not None,
-        noise_used=noise_used,
+        noise_used="preset" if measured is None else "measured" if measured.static_s > 0 else "moving",
+        noise_text=noise_in_words(measured, shown_preset, identified=preset is not None),
     )
 
 

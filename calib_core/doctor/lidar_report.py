@@ -25,6 +25,7 @@ def lidar_report(
     header_ns: IntArray,
     receive_ns: IntArray,
     examined: Sequence[tuple[Scan | None, ScanCounts]],
+    measured_range_std_m: float | None = None,
 ) -> LidarReport:
     """The report of one lidar. examined: scans decoded for statistics, spread over the recording."""
     preset = find_lidar_preset(topic, first.frame_id, layout)
@@ -44,6 +45,7 @@ def lidar_report(
         preset=LidarPresetReport(
             name=shown.name, range_std_m=shown.range_std_m, source=shown.source, identified=preset is not None
         ),
+        measured_range_std_m=measured_range_std_m,
     )
 
 

@@ -102,7 +102,10 @@ class LidarPresetReport(_Model):
 
 
 class LidarReport(_Model):
-    """The lidar that would be calibrated."""
+    """The lidar that would be calibrated.
+
+    measured_range_std_m: range noise seen on the planes, which a solve uses; None where no plane could be followed.
+    """
 
     topic: str
     frame_id: str
@@ -114,10 +117,14 @@ class LidarReport(_Model):
     point_time: PointTimeReport | None
     ranges: RangeReport | None
     preset: LidarPresetReport
+    measured_range_std_m: float | None = None
 
 
 class ImuNoiseReport(_Model):
-    """Noise densities. origin: "measured" in static seconds or a preset; resolution: the readings' smallest step."""
+    """Noise densities. origin: "measured", or a preset's name; resolution: the readings' smallest step.
+
+    static_s: of the standstill it was measured in, 0 where it was measured in motion.
+    """
 
     origin: str
     noise: ImuNoise
@@ -162,7 +169,11 @@ class ExcitationReport(_Model):
 
 
 class ImuReport(_Model):
-    """The IMU that would be calibrated."""
+    """The IMU that would be calibrated.
+
+    noise_used: by a solve that is not told otherwise: "measured" in a standstill, or "moving": what no motion explains.
+    noise_text: both numbers and which is used, for a person.
+    """
 
     topic: str
     frame_id: str
@@ -177,7 +188,8 @@ class ImuReport(_Model):
     measured_noise: ImuNoiseReport | None
     preset_noise: ImuNoiseReport
     preset_identified: bool
-    noise_used: Literal["measured", "preset"]
+    noise_used: Literal["measured", "moving", "preset"]
+    noise_text: str = ""
 
 
 class Timeline(_Model):
@@ -200,11 +212,50 @@ class ParameterForecast(_Model):
 
 
 class Forecast(_Model):
-    """What a solve of this recording would know, before it is run."""
+    """What a solve of this recording would know, before it is run.
 
+    text: for a person.   parameters: all seven, or none where `reason` says why, under the stable `code`.
+    weak: a sentence for each direction that stays weak.   planes: names of those it rests on.   advice: what to record.
+    covered_s: seconds of motion that the numbers rest on.
+    """
+
+    text: str = ""
     parameters: tuple[ParameterForecast, ...]
+    weak: tuple[str, ...] = ()
     planes: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
+    reason: str = ""
+    code: str = ""
+    covered_s: float = 0.0
+
+
+class PlaneReport(_Model):
+    """One plane that can be expected.
+
+    tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
+    the lidar.   points, rms_m: of the sampled points on it.
+    """
+
+    name: str
+    kind: Literal["floor", "ceiling", "wall", "slanted", "plane"]
+    tilt_deg: float | None
+    area_m2: float
+    distance_m: float
+    points: int
+    rms_m: float
+
+
+class PlanesReport(_Model):
+    """The planes that can be expected, largest first.
+
+    determinacy: 0 where some direction of the lidar's motion is seen by none, 1 for three equal ones at right angles.
+    determined: whether they fix the lidar's pose.   text: for a person.
+    """
+
+    planes: tuple[PlaneReport, ...]
+    determinacy: float
+    determined: bool
+    text: str
 
 
 class DoctorReport(_Model):
@@ -227,6 +278,7 @@ class DoctorReport(_Model):
     verdict: Verdict
     reasons: tuple[str, ...]
     advice: tuple[str, ...]
+    planes: PlanesReport | None = None
     forecast: Forecast | None = None
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, serialize_by_alias=True)

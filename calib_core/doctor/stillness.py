@@ -1,4 +1,4 @@
-"""Where the platform stands still, and how noisy its IMU is there."""
+"""Where the platform stands still."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.settings import ImuNoise
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray
 
 WINDOW_S = 0.25
@@ -16,8 +15,6 @@ STILL_ROTATION_RAD_S = np.deg2rad(1.5)
 STILL_ROTATION_STD_RAD_S = np.deg2rad(2.0)
 STILL_ACCELERATION_STD_M_S2 = 0.25
 MIN_SPAN_S = 1.0
-#: Noise is measured from at least this much stillness.
-MIN_NOISE_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +25,6 @@ class StillSpan:
     last: int
     start_s: float
     end_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredNoise:
-    """White noise of static readings, as densities; resolutions are the smallest steps between readings."""
-
-    noise: ImuNoise
-    static_s: float
-    gyro_resolution_rad_s: float
-    accel_resolution_m_s2: float
 
 
 def still_spans(imu: ImuData) -> tuple[StillSpan, ...]:
@@ -78,42 +65,3 @@ def _resting_bias(gyro_mean: FloatArray, gyro_std: FloatArray, accel_std: FloatA
     calm = np.argsort(unrest, kind="stable")[: max(1, unrest.size // 10)]
     bias = np.median(gyro_mean[calm], axis=0)
     return bias if np.linalg.norm(bias) < np.deg2rad(3.0) else np.zeros(3)
-
-
-def measured_noise(
-    imu: ImuData, spans: tuple[StillSpan, ...], *, gyro_walk: float, accel_walk: float
-) -> MeasuredNoise | None:
-    """White noise from the still spans, floored at the readings' resolution; None below MIN_NOISE_S of stillness.
-
-    Differences of neighbouring readings cancel bias, gravity and slow sway: their variance is twice the noise's.
-    """
-    total_s = sum(span.end_s - span.start_s for span in spans)
-    if total_s < MIN_NOISE_S:
-        return None
-    period_s = float(np.median(np.diff(imu.stamps_ns))) * 1e-9
-    gyro, gyro_step = _channel_noise(imu.gyro_rad_s, spans)
-    accel, accel_step = _channel_noise(imu.accel_m_s2, spans)
-    root = np.sqrt(period_s)
-    noise = ImuNoise(
-        gyroscope_noise_density_rad_s_sqrt_hz=max(gyro * root, 1e-9),
-        accelerometer_noise_density_m_s2_sqrt_hz=max(accel * root, 1e-9),
-        gyroscope_random_walk=gyro_walk,
-        accelerometer_random_walk=accel_walk,
-    )
-    return MeasuredNoise(noise, total_s, gyro_step, accel_step)
-
-
-def _channel_noise(channels: FloatArray, spans: tuple[StillSpan, ...]) -> tuple[float, float]:
-    """Standard deviation per reading (root mean square over axes, floored), and the resolution."""
-    differences = np.concatenate([np.diff(channels[s.first : s.last], axis=0) for s in spans])
-    # Median absolute deviation per axis: a bump on the table must not count as noise.
-    spread = 1.4826 * np.median(np.abs(differences - np.median(differences, axis=0)), axis=0) / np.sqrt(2)
-    plain = differences.std(axis=0) / np.sqrt(2)
-    # Coarse readings have a median step of zero; there the plain deviation is the better estimate.
-    per_axis = np.where(spread > 0.3 * plain, spread, plain)
-    values = np.unique(np.abs(differences[differences != 0]))
-    step = float(values[0]) if values.size else 0.0
-    if step < 1e-4 * float(per_axis.max(initial=0.0)):
-        step = 0.0  # continuous to all purposes
-    floor = step / np.sqrt(12)
-    return float(max(np.sqrt(np.mean(per_axis**2)), floor)), step

@@ -1,7 +1,8 @@
 """The doctor's opinion: good, usable within limits, or not usable, each with its reasons and what to record next.
 
-The thresholds are starting points for words. The forecast of the standard deviations, where there is one, has the
-last word on observability; here only what no forecast can mend is called unusable.
+The forecast of the standard deviations, where there is one, has the last word on what the motion and the planes
+determine; where there is none, thresholds on the IMU's motion are the next best. Only what no solve would mend is called
+unusable.
 """
 
 from __future__ import annotations
@@ -9,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from calib_core.doctor.report import ImuReport, LidarReport, Verdict
+from calib_core.doctor.report import Forecast, ImuReport, LidarReport, PlanesReport, Verdict
 from calib_core.errors import InputError
 from calib_core.types import Finding
 
 MIN_OVERLAP_S = 5.0
 SHORT_S = 15.0
-STILL_START_S = 2.0
 STILL_SOME_S = 1.0
 MIN_RATE_HZ = 95.0
 STILL_ROTATION_DEG_S = 0.7
@@ -35,6 +35,16 @@ _LIMITING = frozenset(
         "points.deskewed",
     }
 )
+_GOOD = "Topics, point times, units, motion and stillness are as a calibration needs them."
+_TURN = "Turn the rig about all three axes and move it, for 30 to 60 s."
+#: Reasons without a forecast for which a solve would refuse the recording too, and what to record.
+_FATAL: dict[str, tuple[str, ...]] = {
+    "motion.none": (_TURN,),
+    "motion.undetermined": (_TURN,),
+    "recording.too_short": ("Record 30 to 60 s.",),
+    "imu.gyroscope_unit": (),
+    "imu.axis_signs": (),
+}
 _SEVERAL = frozenset({"recording.several_lidar", "recording.several_imu"})
 
 
@@ -61,53 +71,75 @@ def judge(
     problems: Sequence[InputError],
     findings: Sequence[Finding],
     overlap_s: float | None,
+    planes: PlanesReport | None = None,
+    forecast: Forecast | None = None,
 ) -> Opinion:
     """The opinion on what was found. overlap_s: seconds that both sensors cover, None where one is missing."""
     case = _Case()
     for problem in problems:
         (case.limits if problem.code in _SEVERAL else case.fatal).append(str(problem))
+    numbers = () if forecast is None else forecast.parameters
     if overlap_s is not None:
-        _judge_length(case, overlap_s)
+        _judge_length(case, overlap_s, enough=bool(numbers) and not any(p.weak for p in numbers))
+    if forecast is not None:
+        _judge_forecast(case, forecast)
+    if planes is not None:
+        _judge_planes(case, planes)
     if imu is not None:
-        _judge_motion(case, imu)
+        if forecast is None or (not numbers and forecast.code not in _FATAL):
+            _judge_motion(case, imu)
         _judge_imu(case, imu)
     if lidar is not None:
         _judge_lidar(case, lidar)
-    for finding in findings:
-        if finding.code in _LIMITING:
-            case.limits.append(finding.text)
-        elif finding.level == "warning" and finding.confidence < 0.5:
-            case.limits.append(f"{finding.text} This is unsure; check it, or set it with {finding.override}.")
+    _judge_findings(case, findings)
+    advice = tuple(dict.fromkeys(case.advice))
     if case.fatal:
-        return Opinion("unusable", (*case.fatal, *case.limits), tuple(case.advice))
+        return Opinion("unusable", (*case.fatal, *case.limits), advice)
     if case.limits:
-        return Opinion("limited", tuple(case.limits), tuple(case.advice))
-    return Opinion(
-        "good",
-        ("Topics, point times, units, motion and stillness are as a calibration needs them.",),
-        tuple(case.advice),
-    )
+        return Opinion("limited", tuple(case.limits), advice)
+    return Opinion("good", (_GOOD if forecast is None else forecast.text,), advice)
 
 
-def _judge_length(case: _Case, overlap_s: float) -> None:
-    if overlap_s < MIN_OVERLAP_S:
+def _judge_length(case: _Case, overlap_s: float, *, enough: bool) -> None:
+    """enough: whether the forecast says that the calibration is well determined all the same."""
+    if overlap_s < MIN_OVERLAP_S and not enough:
         case.fatal.append(
             f"Lidar and IMU cover only {overlap_s:.1f} s together; at least {MIN_OVERLAP_S:g} s are"
             f" needed, check the clocks or record longer."
         )
-    elif overlap_s < SHORT_S:
+    elif overlap_s < SHORT_S and not enough:
         case.limits.append(f"Lidar and IMU cover {overlap_s:.1f} s together, which is short.")
+    if overlap_s < SHORT_S:
         case.advice.append("Record 30 to 60 s.")
 
 
+def _judge_forecast(case: _Case, forecast: Forecast) -> None:
+    """The forecast has the last word on what the motion and the planes determine."""
+    if forecast.code == "planes.none":
+        return
+    if forecast.reason:
+        sentence = f"{forecast.reason[0].upper()}{forecast.reason[1:]}."
+        if forecast.code in _FATAL:
+            case.fatal.append(sentence)
+            case.advice.extend(_FATAL[forecast.code])
+        else:
+            case.limits.append(f"What a solve would know cannot be told beforehand: {forecast.reason}.")
+        return
+    case.limits.extend(forecast.weak)
+    unnamed = [p.name for p in forecast.parameters if p.weak]
+    if unnamed and not forecast.weak:
+        case.limits.append(forecast.text)
+    case.advice.extend(forecast.advice)
+
+
 def _judge_motion(case: _Case, imu: ImuReport) -> None:
+    """By the IMU alone, where there is no forecast."""
     motion = imu.excitation
     strongest = max(motion.rotation_rms_deg_s)
     if strongest < STILL_ROTATION_DEG_S and max(motion.acceleration_rms_m_s2) < STILL_ACCELERATION_M_S2:
         case.fatal.append(f"The rig stands still throughout ({strongest:.2f} deg/s): a calibration needs motion.")
-        case.advice.append("Turn the rig about all three axes and move it, for 30 to 60 s.")
-        return
-    if strongest < WEAK_ROTATION_DEG_S:
+        case.advice.append(_TURN)
+    elif strongest < WEAK_ROTATION_DEG_S:
         case.limits.append(f"The rig hardly turns (at most {strongest:.1f} deg/s): the lever arm stays unknown.")
         case.advice.append("Turn the rig about all three axes at 20 to 60 deg/s, changing direction often.")
     elif motion.weakest_axis_rms_deg_s < WEAK_ROTATION_DEG_S:
@@ -123,19 +155,21 @@ def _judge_motion(case: _Case, imu: ImuReport) -> None:
             f"More rotation about {axis_in_words(motion.weakest_axis)} of the IMU would sharpen the answer"
             f" ({motion.weakest_axis_rms_deg_s:.1f} deg/s now, above {ADVISED_ROTATION_DEG_S:g} is better)."
         )
-    longest_s = max((span.end_s - span.start_s for span in imu.still_spans), default=0.0)
-    if longest_s < STILL_SOME_S:
-        case.limits.append(
-            "The rig never stands still for a second: noise comes from a preset and planes from one scan."
-        )
-    if longest_s < STILL_START_S:
-        case.advice.append(
-            f"Let the rig stand still for 3 to 5 s before moving it (longest now: {longest_s:.1f} s),"
-            " so that the noise can be measured."
-        )
+
+
+def _judge_planes(case: _Case, planes: PlanesReport) -> None:
+    if not planes.planes:
+        case.fatal.append(planes.text)
+    elif not planes.determined:
+        case.limits.append(planes.text)
 
 
 def _judge_imu(case: _Case, imu: ImuReport) -> None:
+    longest_s = max((span.end_s - span.start_s for span in imu.still_spans), default=0.0)
+    if longest_s < STILL_SOME_S:
+        case.advice.append(
+            "Let the rig stand still for 3 s before moving it: the planes of the start are sharper for it."
+        )
     if imu.stamps.rate_hz < MIN_RATE_HZ:
         case.limits.append(f"The IMU runs at {imu.stamps.rate_hz:.0f} Hz; 100 Hz or more is advised.")
         case.advice.append("Raise the IMU's rate to 100 Hz or more.")
@@ -146,8 +180,6 @@ def _judge_imu(case: _Case, imu: ImuReport) -> None:
             f"The {which} is clipped in {clipped:.2%} of its readings: motion there is not what it says."
         )
         case.advice.append(f"Move more gently, or widen the {which}'s range.")
-    if not imu.preset_identified and imu.measured_noise is None:
-        case.advice.append("Name the IMU with --imu-noise: its noise could neither be measured nor looked up.")
 
 
 def _judge_lidar(case: _Case, lidar: LidarReport) -> None:
@@ -156,6 +188,14 @@ def _judge_lidar(case: _Case, lidar: LidarReport) -> None:
         case.advice.append("Record to a faster disk, or record fewer topics.")
     if lidar.ranges is not None and lidar.ranges.median_m > 25:
         case.advice.append("Record closer to walls and floor: 1 to 10 m make the sharpest planes.")
+
+
+def _judge_findings(case: _Case, findings: Sequence[Finding]) -> None:
+    for finding in findings:
+        if finding.code in _LIMITING:
+            case.limits.append(finding.text)
+        elif finding.level == "warning" and finding.confidence < 0.5:
+            case.limits.append(f"{finding.text} This is unsure; check it, or set it with {finding.override}.")
 
 
 def axis_in_words(axis: tuple[float, float, float]) -> str:

@@ -18,6 +18,8 @@ _READINGS = struct.Struct("<37d")
 _ROS1_HEADER = struct.Struct("<IIII")
 _CDR_HEADER = struct.Struct("<IiII")
 _LITTLE_ENDIAN_CDR = 0x00000100
+_BIG_ENDIAN_CDR = 0
+_BIG_READINGS, _BIG_CDR_HEADER = struct.Struct(">37d"), struct.Struct(">IiII")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +53,21 @@ class ImuCollector:
         """Take one message; a malformed one is counted, not raised."""
         # Thousands of messages a minute: the usual byte order goes around Wire's checks, which struct repeats.
         payload = message.payload
+        readings = _READINGS
         try:
             if self.encoding == "ros1":
                 _, seconds, nanoseconds, length = _ROS1_HEADER.unpack_from(payload)
                 pos = 16 + length
             else:
                 magic, seconds, nanoseconds, length = _CDR_HEADER.unpack_from(payload)
-                if magic != _LITTLE_ENDIAN_CDR:
-                    raise ValueError("not little-endian CDR")
+                if magic == _BIG_ENDIAN_CDR:
+                    readings = _BIG_READINGS
+                    _, seconds, nanoseconds, length = _BIG_CDR_HEADER.unpack_from(payload)
+                elif magic != _LITTLE_ENDIAN_CDR:
+                    raise ValueError("no CDR")
                 pos = 16 + length
                 pos += -(pos - 4) % 8
-            values = _READINGS.unpack_from(payload, pos)
+            values = readings.unpack_from(payload, pos)
             if nanoseconds >= NS_PER_S or length > MAX_STRING_BYTES:
                 raise ValueError("header")
             header_ns = seconds * NS_PER_S + nanoseconds

@@ -189,7 +189,9 @@ def _mirrored_axes(windows: _Windows, scale: float, still: float, topic: str) ->
         return None
     axes = ", ".join(axis for axis, sign in zip("xyz", signs[best], strict=True) if sign < 0)
     rival = sorted(misfits)[1]
-    if misfits[best] > _NAMES_RAD or rival < _NAMES_TIMES * misfits[best]:  # the rig's own accelerations blur which of two patterns it is
+    if (
+        misfits[best] > _NAMES_RAD or rival < _NAMES_TIMES * misfits[best]
+    ):  # the rig's own accelerations blur which of two patterns it is
         text = f"The gyroscope on {topic} turns against the accelerometer: the sign of some axis of either is flipped."
     else:
         text = f"Gyroscope axis {axes} on {topic} turns against the accelerometer: its sign looks flipped."

@@ -34,6 +34,7 @@ _BY_FIELDS: tuple[tuple[str, str, frozenset[str]], ...] = (
     ("livox-driver2-pointcloud2", "livox", frozenset({"tag", "line", "timestamp"})),
     ("livox-driver1-pointcloud2", "livox", frozenset({"tag", "line"})),
     ("nebula", "", frozenset({"return_type", "channel", "azimuth", "elevation", "distance", "time_stamp"})),
+    ("nebula", "", frozenset({"ring", "return_type", "azimuth", "distance", "time_stamp"})),
     ("seyond", "seyond", frozenset({"timestamp", "scan_id", "scan_idx", "is_2nd_return"})),
     ("ouster", "ouster", frozenset({"t", "reflectivity", "ring", "range"})),
     ("aeva", "aeva", frozenset({"time_offset_ns", "velocity", "reflectivity"})),

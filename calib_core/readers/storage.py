@@ -88,10 +88,16 @@ def normalised_type(name: str) -> str:
 
 
 def unpacked(payload: bytes) -> bytes:
-    """The message itself where the recorder compressed messages one by one (CDR never starts with zstd's magic)."""
+    """The message itself where the recorder compressed messages one by one (CDR never starts with zstd's magic).
+
+    A damaged one is given on as it is: it costs itself alone, counted by its decoder as no message of its type.
+    """
     if payload[:4] != ZSTD_MAGIC:
         return payload
-    return zstd.ZstdDecompressor().decompress(payload, MAX_MESSAGE_BYTES)
+    try:
+        return zstd.ZstdDecompressor().decompress(payload, MAX_MESSAGE_BYTES)
+    except zstd.ZstdError:
+        return payload
 
 
 class RosbagsStorage:

@@ -21,6 +21,8 @@ from calib_core.doctor.report import (
     ImuNoiseReport,
     ImuReport,
     ParameterForecast,
+    PlaneReport,
+    PlanesReport,
     SaturationReport,
     Span,
     StampReport,
@@ -133,13 +135,43 @@ def test_report_says_it_all() -> None:
         "1 gap, 50 messages missing, the longest gap 0.53 s",
         "g and rad/s; at rest it reads 9.806",
         "0.10 % clipped",
-        "± 40 mm",
+        "40 weak",
+        "Next: unsweep calibrate room.bag",
         "Looks like g [not m/s2].",
-        "to override: --accelerometer-unit m_s2",
+        "To override: --accelerometer-unit m_s2",
     ):
         assert words in text
     assert text.index("Looks like g") < text.index("A quiet one."), "warnings first"
     assert text.count("Turn more.") == 1
+    assert text.index("40 weak") < text.index("Turn more.") < text.index("Usable with limits."), "the verdict last"
+
+
+def test_forecast_has_two_digits_and_no_number_for_what_is_unknown() -> None:
+    """Fails if ten metres of a prior are shown as if they were a forecast, or metres are not turned into millimetres."""
+    parameters = (
+        ParameterForecast(name="rx", std=0.00234, unit="deg", weak=False),
+        ParameterForecast(name="tx", std=0.00062, unit="m", weak=False),
+        ParameterForecast(name="ty", std=9.13, unit="m", weak=True),
+        ParameterForecast(name="dt", std=0.0000161, unit="s", weak=False),
+    )
+    text = shown(report_block(report(forecast=Forecast(parameters=parameters, covered_s=20.1))))
+    for words in ("0.0023", "0.62", "unknown", "0.016", "20 s of motion"):
+        assert words in text
+    assert "9130" not in text
+    silent = Forecast(parameters=(), reason="nothing moved", text="No forecast: nothing moved.")
+    assert "No forecast: nothing moved." in shown(report_block(report(forecast=silent)))
+
+
+def test_planes_to_expect_are_listed() -> None:
+    """Fails if a plane without a known tilt ends in a crash, or the sentence that sums them up is left out."""
+    wall = PlaneReport(
+        name="wall 1", kind="wall", tilt_deg=88.6, area_m2=9.9, distance_m=1.25, points=900, rms_m=0.0164
+    )
+    other = wall.model_copy(update={"name": "plane 2", "kind": "plane", "tilt_deg": None})
+    planes = PlanesReport(planes=(wall, other), determinacy=0.9, determined=True, text="They fix it.")
+    text = shown(report_block(report(planes=planes)))
+    for words in ("wall 1", "9.9 m²", "1.2 m", "89°", "16 mm", "They fix it.", "plane 2"):
+        assert words in text
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -16,6 +19,8 @@ from calib_core.simulate import simulate
 from tests.app.support import world
 
 BAG_S = 7.0
+#: Modules that only jobs need.
+HEAVY = ("calib_core.pipeline.calibrate", "calib_core.readers.load", "calib_core.doctor.examine", "numba", "open3d")
 
 
 @pytest.fixture(scope="module")
@@ -106,3 +111,17 @@ def test_is_final_needs_the_end_of_the_rest(scans, expected):
     """
     proposals = world.make_proposals()
     assert is_final(proposals, scans) is expected
+
+
+def test_the_server_starts_without_the_estimator():
+    """What takes seconds to import is imported by the processes that need it.
+
+    Fails with the doctor's `inspect` imported beside its report's models.
+    """
+    told = subprocess.run(
+        [sys.executable, "-c", "import sys, app.main; print([n for n in sys.modules if n in sys.argv[1:]])", *HEAVY],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout.strip() == "[]"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from datetime import datetime
 
 import pytest
 
-from tests.app.support.live import serving
+from app.jobs.launch import ProcessLauncher
+from app.jobs.orders import Finished, Order
+from tests.app.support.live import FAKE_JOBS, PATIENCE_S, serving
 
 
 def final(message):
@@ -128,3 +131,42 @@ def test_a_sample_is_simulated_then_inspected(shared_live):
     shared_live.wait(lambda: shared_live.job_states(made["id"]).get("planes") == "done")
     assert shared_live.http.get(f"/api/recordings/{made['id']}").json()["size_bytes"] == 9
     assert shared_live.http.post("/api/recordings", json={"sample": "../../etc"}).status_code == 422
+
+
+def test_a_spare_process_takes_the_job_and_is_replaced(tmp_path):
+    """The process that waits runs the next job, another one waits afterwards, none is left behind.
+
+    Oracle: process ids. Fails with the spare not taken; with close() leaving it waiting.
+    """
+    launcher = ProcessLauncher(FAKE_JOBS, spare=True)
+    launcher._make_spare()
+    waiting = launcher._spare.process
+    order = Order(
+        job_id="1" * 32, kind="inspect", recording_name="a.bag", source=tmp_path, cache=tmp_path, folder=tmp_path / "j"
+    )
+    running = launcher.launch(order)
+    assert running._process.pid == waiting.pid
+    assert isinstance(list(running.parcels())[-1], Finished)
+    end = time.monotonic() + PATIENCE_S
+    while launcher._spare is None:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    successor = launcher._spare.process
+    assert successor.pid != waiting.pid
+    launcher.close()
+    assert not successor.is_alive()
+    launcher._make_spare()
+    assert launcher._spare is None
+
+
+def test_a_spare_process_that_died_is_no_loss(tmp_path):
+    """Killed while it waited, it is passed over. Fails with the order sent to whatever is there."""
+    launcher = ProcessLauncher(FAKE_JOBS, spare=True)
+    launcher._make_spare()
+    launcher._spare.process.kill()
+    launcher._spare.process.join()
+    order = Order(
+        job_id="2" * 32, kind="inspect", recording_name="a.bag", source=tmp_path, cache=tmp_path, folder=tmp_path / "j"
+    )
+    assert isinstance(list(launcher.launch(order).parcels())[-1], Finished)
+    launcher.close()

@@ -10,7 +10,7 @@ import pytest
 from calib_core.readers import load
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
-from tests.core.readers.layouts import LAYOUTS, PERIOD_NS, start_ns
+from tests.core.readers.layouts import LAYOUTS
 
 N_SCANS = 55
 
@@ -21,9 +21,13 @@ def test_layout_reads_back_exactly(name: str, container: str, tmp_path: Path) ->
     """Mutation: drop `is_bigendian` in `cloud_dtype`; take Livox's CDR stride as 19; keep the origin in `_returns`."""
     layout = LAYOUTS[name]
     cdr = container == "ros2"
+    if layout.cdr_only and not cdr:
+        return
     truths = [layout.make(k, cdr) for k in range(N_SCANS)]
-    clouds = [(layout.topic, layout.type, start_ns(k) + PERIOD_NS + 5_000_000, t.payload) for k, t in enumerate(truths)]
-    messages = build.in_order(clouds, build.still_imu(5.5, cdr=cdr))
+    received = [build.EPOCH_NS + (k + 1) * layout.period_ns + 5_000_000 for k in range(N_SCANS)]
+    clouds = [(layout.topic, layout.type, at, t.payload) for at, t in zip(received, truths, strict=True)]
+    order = ">" if layout.cdr_only else "<"
+    messages = build.in_order(clouds, build.still_imu(5.5, cdr=cdr, order=order))
     path = build.write_ros2(tmp_path / "r", messages) if cdr else build.write_ros1(tmp_path / "r.bag", messages)
 
     loaded = load(path, ReadSettings())
@@ -40,6 +44,7 @@ def test_layout_reads_back_exactly(name: str, container: str, tmp_path: Path) ->
     assert found.confidence > 0.5
     assert loaded.lidar.layout == layout.name
     assert len(loaded.scans) == N_SCANS
+    assert loaded.imu.stamps_ns.size == 550
     for scan, expected in zip(loaded.scans, truths, strict=True):
         points = scan.points
         np.testing.assert_array_equal(points["xyz"], expected.xyz[expected.valid])

@@ -76,3 +76,86 @@ def test_an_empty_scan_is_an_empty_cloud() -> None:
     """Mutation: index packet 0 of none."""
     payload = build.velodyne_scan([], cdr=True, stamp_ns=build.EPOCH_NS)
     assert VelodyneDecoder("cdr")(RawMessage("/v", 1, payload)).points.size == 0
+
+
+#: Elevation and azimuth of the lasers in firing order, in degrees, from the vendor's tables.
+VLP32C_DEG = (
+    (-25, 1.4), (-1, -4.2), (-1.667, 1.4), (-15.639, -1.4), (-11.31, 1.4), (0, -1.4), (-0.667, 4.2), (-8.843, -1.4),
+    (-7.254, 1.4), (0.333, -4.2), (-0.333, 1.4), (-6.148, -1.4), (-5.333, 4.2), (1.333, -1.4), (0.667, 4.2), (-4, -1.4),
+    (-4.667, 1.4), (1.667, -4.2), (1, 1.4), (-3.667, -4.2), (-3.333, 4.2), (3.333, -1.4), (2.333, 1.4), (-2.667, -1.4),
+    (-3, 1.4), (7, -1.4), (4.667, 1.4), (-2.333, -4.2), (-2, 4.2), (15, -1.4), (10.333, 1.4), (-1.333, -1.4),
+)  # fmt: skip
+HDL32E_DEG = tuple((-30.67 + 21.33 * (n % 2) + 4 / 3 * (n // 2), 0.0) for n in range(32))
+
+
+def packet_of_32(number: int, distances: np.ndarray, *, block_us: float, product: int) -> bytes:
+    """12 blocks of one firing sequence of 32 lasers. distances: (12, 32) in the sensor's unit."""
+    body = b""
+    for block in range(12):
+        azimuth = round((number * 12 + block) * block_us * 1e-6 * TURN_DEG_S * 100) % 36000
+        body += struct.pack("<HH", 0xEEFF, azimuth)
+        for laser in range(32):
+            body += struct.pack("<HB", int(distances[block, laser]), 40 + laser)
+    return body + struct.pack("<IBB", 1_000_000 + round(number * 12 * block_us), 0x37, product)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(
+    ("product", "table", "unit_m", "block_us", "firing_us", "together", "tolerance_m"),
+    [
+        (0x28, VLP32C_DEG, 0.004, 55.296, 2.304, 2, 0.01),
+        (0x21, HDL32E_DEG, 0.002, 46.080, 1.152, 1, 0.01),
+    ],
+)
+def test_sensors_of_32_lasers(
+    product: int,
+    table: tuple[tuple[float, float], ...],
+    unit_m: float,
+    block_us: float,
+    firing_us: float,
+    together: int,
+    tolerance_m: float,
+    order: str,
+) -> None:
+    """Mutation: leave `physical` (lasers that fire in pairs) out for the VLP-32C; take host stamps as little-endian.
+
+    together: lasers that fire at once.   tolerance_m: at 40 m; the azimuths of these packets are rounded to 0.01 deg.
+    """
+    rng = np.random.default_rng(3)
+    n_packets = 60
+    distances = rng.integers(int(1.0 / unit_m), int(40.0 / unit_m), (n_packets, 12, 32))
+    packets = [
+        (
+            build.EPOCH_NS + round(k * 12 * block_us * 1000),
+            packet_of_32(k, distances[k], block_us=block_us, product=product),
+        )
+        for k in range(n_packets)
+    ]
+    payload = build.velodyne_scan(packets, cdr=True, stamp_ns=build.EPOCH_NS, order=order)
+    cloud = VelodyneDecoder("cdr")(RawMessage("/v", 1, payload))
+    rings = sorted(range(32), key=lambda laser: table[laser][0])
+    expected = []
+    for k in range(n_packets):
+        for block in range(12):
+            at_us = (k * 12 + block) * block_us
+            is_last = block == 11 and product == 0x28
+            for laser, (elevation_deg, turned_deg) in enumerate(table):
+                # the driver advances the azimuth by one firing time per laser, pairs or not
+                advance_us = 0.0 if is_last else laser * firing_us
+                start_deg = round(at_us * 1e-6 * TURN_DEG_S * 100) / 100
+                azimuth = math.radians(start_deg + advance_us * 1e-6 * TURN_DEG_S + turned_deg)
+                distance = unit_m * distances[k, block, laser]
+                flat = distance * math.cos(math.radians(elevation_deg))
+                height = distance * math.sin(math.radians(elevation_deg))
+                time_s = (at_us + laser // together * firing_us) * 1e-6
+                expected.append(
+                    (flat * math.cos(azimuth), -flat * math.sin(azimuth), height, rings.index(laser), time_s)
+                )
+    want = np.array(expected)
+    got = np.stack([cloud.points[n].astype(np.float64) for n in ("x", "y", "z", "ring", "time")], 1)
+    assert got.shape == want.shape
+    want, got = (a[np.lexsort((np.round(a[:, 4] * 1e5), a[:, 3]))] for a in (want, got))
+    np.testing.assert_array_equal(got[:, 3], want[:, 3])
+    assert np.abs(got[:, 4] - want[:, 4]).max() < 3e-6
+    assert np.abs(got[:, :3] - want[:, :3]).max() < tolerance_m
+    assert abs(cloud.header_ns - build.EPOCH_NS) <= 500  # the counter knows microseconds

@@ -1,0 +1,176 @@
+"""The planes to expect and the forecast, put into words and into the report's models."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, PlanesReport
+from calib_core.doctor.sampling import SampledScans
+from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.pipeline.forecast import NO_PLANES, Outlook, forecast
+from calib_core.pipeline.observability import LIMITS, UNITS, Knowledge
+from calib_core.planes.segment import determinacy
+from calib_core.types import FloatArray, ImuData, PlaneProposals, Recording
+
+_NAMES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
+_UNITS = ("deg", "deg", "deg", "m", "m", "m", "s")
+#: As the search for a reference scan has it: below this, some direction is seen by hardly any plane.
+_LEAST_DETERMINACY = 0.02
+_LEVEL_DEG = 25.0
+_UPRIGHT_DEG = 65.0
+
+
+def foresee(
+    sampled: SampledScans,
+    imu: ImuData | None,
+    offset_ns: int,
+    *,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> Outlook:
+    """The planes and, where there is an IMU, what a solve would know. offset_ns: coarse, between the clocks."""
+    readings = imu or ImuData(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+    recording = Recording(name="", imu=readings, scans=sampled.scans, coarse_offset_ns=offset_ns)
+    try:
+        return forecast(recording, sampled.points, share=sampled.share, on_event=on_event, should_cancel=should_cancel)
+    except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
+        # What else the doctor has to say must not be lost with it.
+        reason = f"the sampled points and readings fit no motion at all ({error})"
+        return Outlook(NO_PLANES, code="forecast.failed", reason=reason)
+
+
+def planes_report(proposals: PlaneProposals, gravity: FloatArray | None) -> PlanesReport:
+    """The expected planes. gravity: (3,) [m/s2] in the planes' frame, None where it is not known."""
+    kinds, tilts = [], []
+    for patch in proposals.patches:
+        kind, tilt = _kind(patch.plane.normal, gravity)
+        kinds.append(kind)
+        tilts.append(tilt)
+    several = {kind for kind, count in Counter(kinds).items() if count > 1 or kind == "plane"}
+    seen: Counter[str] = Counter()
+    planes = []
+    for patch, kind, tilt in zip(proposals.patches, kinds, tilts, strict=True):
+        seen[kind] += 1
+        word = "slope" if kind == "slanted" else kind
+        planes.append(
+            PlaneReport(
+                name=f"{word} {seen[kind]}" if kind in several else word,
+                kind=kind,
+                tilt_deg=tilt,
+                area_m2=round(patch.area_m2, 2),
+                distance_m=round(abs(patch.plane.offset_m), 3),
+                points=patch.n_points,
+                rms_m=round(patch.rms_m, 5),
+            )
+        )
+    normals = np.array([patch.plane.normal for patch in proposals.patches])
+    spread = 3.0 * determinacy(normals) if len(normals) >= 3 else 0.0
+    determined = spread >= 3.0 * _LEAST_DETERMINACY
+    text = _planes_in_words(planes, determined=determined)
+    return PlanesReport(planes=tuple(planes), determinacy=round(spread, 4), determined=determined, text=text)
+
+
+def _kind(normal: FloatArray, gravity: FloatArray | None) -> tuple[str, float | None]:
+    """What a plane is to someone who stands upright, and its tilt [deg]. normal: towards the lidar."""
+    if gravity is None:
+        return "plane", None
+    upward = float(-normal @ gravity / np.linalg.norm(gravity))
+    tilt = float(np.degrees(np.arccos(min(abs(upward), 1.0))))
+    if tilt < _LEVEL_DEG:
+        return ("floor" if upward > 0 else "ceiling"), round(tilt, 1)
+    return ("wall" if tilt > _UPRIGHT_DEG else "slanted"), round(tilt, 1)
+
+
+def _planes_in_words(planes: Sequence[PlaneReport], *, determined: bool) -> str:
+    if not planes:
+        return "No plane was found in any scan: record in front of walls and floor, at 1 to 20 m."
+    words = {"wall": ("wall", "walls"), "slanted": ("slope", "slopes"), "plane": ("plane", "planes")}
+    counted = []
+    for kind, count in Counter(plane.kind for plane in planes).items():
+        one, many = words.get(kind, (kind, f"{kind}s"))
+        counted.append(f"{count} {many}" if count > 1 else one)
+    listed = joined(counted)
+    number = f"{len(planes)} planes" if len(planes) > 1 else "One plane"
+    said = number if listed == number else f"{number} ({listed})" if len(planes) > 1 else f"{number} ({planes[0].name})"
+    if determined:
+        return f"{said}; together they fix where the lidar is."
+    return f"{said}, which leave a direction of the lidar's motion open: turn towards planes that face another way."
+
+
+def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> Forecast:
+    """The forecast. share: of the recording that was looked at."""
+    names = tuple(plane.name for plane in planes.planes)
+    knowledge = outlook.knowledge
+    if knowledge is None:
+        return Forecast(
+            text=f"No forecast: {outlook.reason}.",
+            parameters=(),
+            planes=names,
+            reason=outlook.reason,
+            code=outlook.code,
+        )
+    std = np.sqrt(np.diag(knowledge.covariance))
+    parameters = tuple(
+        ParameterForecast(
+            name=_NAMES[i],
+            std=float(np.degrees(std[i]) if i < 3 else std[i]),
+            unit=_UNITS[i],
+            weak=bool(weak),
+        )
+        for i, weak in enumerate(weak_parameters(knowledge))
+    )
+    text = in_words(parameters)
+    if share < 1.0:
+        text += f" Looked at: the first {outlook.covered_s:.0f} s, {100 * share:.0f} % of the recording."
+    return Forecast(
+        text=text,
+        parameters=parameters,
+        weak=tuple(direction.text for direction in knowledge.weak),
+        planes=names,
+        advice=outlook.advice,
+        covered_s=round(outlook.covered_s, 2),
+    )
+
+
+def weak_parameters(knowledge: Knowledge) -> list[bool]:
+    """Of the seven parameters, those that the data alone leave beyond the contract's limits."""
+    return [bool(weak) for weak in knowledge.data_std > LIMITS * UNITS]
+
+
+def in_words(parameters: Sequence[ParameterForecast]) -> str:
+    """One sentence on all seven."""
+    by_name: dict[str, ParameterForecast] = {parameter.name: parameter for parameter in parameters}
+    known: list[str] = []
+    unknown: list[str] = []
+    for group, preposition, names in (
+        ("rotation", "about", ("rx", "ry", "rz")),
+        ("translation", "along", ("tx", "ty", "tz")),
+        ("time offset", "", ("dt",)),
+    ):
+        good = [by_name[n] for n in names if not by_name[n].weak]
+        bad = [n[-1] for n in names if by_name[n].weak]
+        if good:
+            where = f" {preposition} {joined([p.name[-1] for p in good])}" if bad else ""
+            known.append(f"the {group}{where} to {_amount(max(good, key=lambda p: p.std))}")
+        if bad:
+            where = f" {preposition} {joined(bad)}" if good else ""
+            unknown.append(f"the {group}{where}")
+    if not known:
+        return "A solve would know nothing of it well."
+    text = f"A solve would know {joined(known)} (1 sigma)"
+    return f"{text}, but not {joined(unknown, 'nor')}." if unknown else f"{text}."
+
+
+def _amount(parameter: ParameterForecast) -> str:
+    scale, unit = {"deg": (1.0, "deg"), "m": (1e3, "mm"), "s": (1e3, "ms")}[parameter.unit]
+    value = scale * parameter.std
+    digits = max(0, 1 - int(np.floor(np.log10(max(value, 1e-9)))))
+    return f"{value:.{digits}f} {unit}"
+
+
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Words as a list: a, b and c."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"

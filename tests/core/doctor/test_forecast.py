@@ -1,0 +1,102 @@
+"""The forecast against what whole solves of short recordings then know. All scenarios: `python -m bench.forecast`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.doctor.outlook import forecast_report, foresee, planes_report, weak_parameters
+from calib_core.doctor.report import Forecast
+from calib_core.doctor.sampling import SampledScans
+from calib_core.pipeline.calibrate import calibrate
+from calib_core.pipeline.forecast import forecast
+from calib_core.result import COVARIANCE_ORDER, CalibrationResult
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import generate
+from calib_core.simulate.motions import ONE_AXIS, STILL
+from calib_core.types import Recording
+from tests.core.pipeline.conftest import SHORT
+
+FACTOR = 1.5
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Six seconds of fast turning about all axes."""
+    return generate(SHORT, seed=4)[0]
+
+
+def foretold(recording: Recording) -> Forecast:
+    sampled = SampledScans.of(recording)
+    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns)
+    return forecast_report(outlook, planes_report(outlook.proposals, outlook.gravity), share=sampled.share)
+
+
+def stds(result: CalibrationResult) -> np.ndarray:
+    """The seven of a result [deg, m, s]."""
+    assert result.uncertainty is not None
+    std = np.sqrt(np.diag(np.array(result.uncertainty.covariance)))
+    return np.concatenate([np.degrees(std[:3]), std[3:]])
+
+
+def test_what_is_foretold_is_what_a_solve_knows(recording: Recording) -> None:
+    """Mutation: count each sampled point once only (`stands_for` left out): every ratio above 1.5."""
+    told = foretold(recording)
+    result = calibrate(recording, CalibrateSettings()).result
+    assert result.status == "calibrated"
+    assert [p.name for p in told.parameters] == list(COVARIANCE_ORDER)
+    assert not any(p.weak for p in told.parameters)
+    assert told.weak == ()
+    ratio = np.array([p.std for p in told.parameters]) / stds(result)
+    assert ((ratio > 1 / FACTOR) & (ratio < FACTOR)).all(), ratio
+    assert told.covered_s == pytest.approx(6.0, abs=0.3)
+    assert {"floor", "ceiling", "wall 1", "wall 2"} <= set(told.planes)
+
+
+def test_what_is_foretold_to_be_weak_is_weak() -> None:
+    """Mutation: judge with the calibration anywhere along the open direction (no `hold`): the turn about it seems weak too.
+
+    Turning about one axis: the lever arm along it, a mixture of x, y and z, stays open; nothing else does.
+    """
+    turning = generate(replace(SHORT, motion=ONE_AXIS, duration_s=8.0), seed=2)[0]
+    told = foretold(turning)
+    result = calibrate(turning, CalibrateSettings()).result
+    assert result.status == "weak"
+    assert [p.name for p in told.parameters if p.weak] == ["tx", "ty", "tz"]
+    assert len(told.weak) == len(result.observability.weak_directions) == 1
+    assert list(told.advice) == result.observability.advice
+    ratio = np.array([p.std for p in told.parameters]) / stds(result)
+    assert ((ratio > 1 / FACTOR) & (ratio < FACTOR)).all(), ratio
+
+
+def test_a_standstill_has_no_forecast_but_planes() -> None:
+    """Mutation: linearise a motion that is none: seven numbers that mean nothing."""
+    still = generate(replace(SHORT, motion=STILL), seed=1)[0]
+    sampled = SampledScans.of(still)
+    outlook = foresee(sampled, still.imu, 0)
+    assert (outlook.knowledge, outlook.code) == (None, "motion.none")
+    assert len(outlook.proposals.patches) >= 5
+
+
+def test_half_a_recording_foretells_the_whole(recording: Recording) -> None:
+    """Mutation: leave the share out, or scale standard deviations by it instead of variances."""
+    sampled = SampledScans.of(recording)
+    whole = forecast(replace(recording, scans=sampled.scans), sampled.points)
+    half = forecast(replace(recording, scans=sampled.scans), sampled.points, share=0.5)
+    assert whole.knowledge is not None
+    assert half.knowledge is not None
+    assert half.knowledge.data_std == pytest.approx(whole.knowledge.data_std * np.sqrt(0.5), rel=0.01)
+    assert weak_parameters(half.knowledge) == [False] * 7
+
+
+def test_a_coarser_sample_foretells_the_same(recording: Recording) -> None:
+    """Mutation: weigh by the number of sampled points. A third of them says the same, within a tenth."""
+    sampled = SampledScans.of(recording)
+    scans = [replace(s, points=s.points[::3]) if i > 2 else s for i, s in enumerate(sampled.scans)]
+    dense = forecast(replace(recording, scans=sampled.scans), sampled.points)
+    sparse = forecast(replace(recording, scans=scans), sampled.points)
+    assert dense.knowledge is not None
+    assert sparse.knowledge is not None
+    assert sparse.knowledge.data_std == pytest.approx(dense.knowledge.data_std, rel=0.1)

@@ -1,0 +1,94 @@
+"""From where the planes are followed, and what is made of scans that cannot be: simulated motion, known truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.events import LogEvent, ignore_event, never_cancel
+from calib_core.geometry import log
+from calib_core.pipeline.calibrate import make_context
+from calib_core.pipeline.follow import Followed, follow
+from calib_core.pipeline.propose import find_reference, named_planes
+from calib_core.pipeline.track import track
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import Recording
+
+
+def _errors(recording: Recording, truth: Truth, found: Followed) -> tuple[float, float]:
+    """Worst turn [deg] and shift [m] between the track and the truth, in the frame of its reference."""
+    start = np.array([(recording.scans[m.position].stamp_ns - truth.epoch_ns) * 1e-9 for m in found.motions])
+    at = [m.position for m in found.motions].index(found.reference)
+    R, p = truth.map_lidar(start)
+    R, p = R[at].T @ R, (p - p[at]) @ R[at]
+    turned = log(np.swapaxes(R, 1, 2) @ np.array([m.R for m in found.motions]))
+    moved = np.array([m.p for m in found.motions]) - p
+    return float(np.degrees(np.linalg.norm(turned, axis=1).max())), float(np.linalg.norm(moved, axis=1).max())
+
+
+def _half_empty(recording: Recording) -> Recording:
+    """Seven empty scans cut a recording of sixty after its first twelve."""
+    scans = [replace(s, points=s.points[:0]) if 12 <= i < 19 else s for i, s in enumerate(recording.scans)]
+    return replace(recording, scans=scans)
+
+
+def _follow(recording: Recording, *, given: bool) -> tuple[Followed, list[str]]:
+    said: list[str] = []
+
+    def listen(event: object) -> None:
+        if isinstance(event, LogEvent):
+            said.append(event.code)
+
+    settings = CalibrateSettings()
+    ctx = make_context(recording, settings, listen, never_cancel)
+    _, fits = find_reference(recording.scans, settings)
+    return follow(ctx, named_planes(fits), 0, given=given), said
+
+
+def test_another_reference_is_taken_where_the_first_leads_nowhere(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when the first reference's twelve scans are kept, or the poses stay in the first one's frame."""
+    recording = _half_empty(noisy[0])
+    found, said = _follow(recording, given=False)
+    assert found.reference > 18
+    assert "track.reference" in said
+    assert [m.position for m in found.motions] == list(range(19, len(recording.scans)))
+    turned, moved = _errors(recording, noisy[1], found)
+    assert turned < 4.0
+    assert moved < 0.08
+
+
+def test_given_planes_keep_their_scan_and_their_number(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when planes that a person chose are left for other ones elsewhere."""
+    recording = _half_empty(noisy[0])
+    found, said = _follow(recording, given=True)
+    assert found.reference == 0
+    assert len(found.motions) == 12
+    assert "track.reference" not in said
+
+
+@pytest.mark.parametrize(("first", "last", "goes_on"), [(20, 22, True), (20, 27, False)])
+def test_short_blindness_is_bridged_and_longer_ends_the_track(
+    clean: tuple[Recording, Truth], first: int, last: int, goes_on: bool
+) -> None:
+    """Fails when one empty scan ends the track, when seven do not, or when bridged scans claim to have been seen."""
+    recording, truth = clean
+    scans = [replace(s, points=s.points[:0]) if first <= i < last else s for i, s in enumerate(recording.scans)]
+    motions = track(scans, truth.planes, 0)
+    assert len(motions) == (len(scans) if goes_on else first)
+    if goes_on:
+        assert [m.position for m in motions if m.share == 0.0] == list(range(first, last))
+        turned, moved = _errors(recording, truth, Followed(0, [], [m for m in motions if m.share > 0.0]))
+        assert turned < 4.0
+        assert moved < 0.08
+
+
+def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when anything random without a seed, or left over from the last run, enters."""
+    ctx = make_context(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
+    _, fits = find_reference(noisy[0].scans, CalibrateSettings())
+    one, other = (follow(ctx, named_planes(fits), 0, given=False) for _ in range(2))
+    np.testing.assert_array_equal([m.R for m in one.motions], [m.R for m in other.motions])
+    np.testing.assert_array_equal([m.p for m in one.motions], [m.p for m in other.motions])
