@@ -113,8 +113,16 @@ def interpolating(hyper: Hyper, period_s: float) -> Hyper:
     length = np.maximum(hyper.length_scale_s, 2.5 * period_s)
     band_hz = min(_BAND_HZ, 0.1 / period_s)
     # Matern 5/2: S(f) = s^2 16 l / (3 sqrt(5)) (1 + (2 pi f l)^2 / 5)^-3.
-    density = hyper.signal_std**2 * 16.0 * length / (3.0 * np.sqrt(5.0)) / (1.0 + (2 * np.pi * band_hz * length) ** 2 / 5) ** 3
-    return Hyper(length, hyper.signal_std, np.minimum(hyper.noise_std, np.sqrt(1e-4 * density / period_s)), hyper.smoothness)
+    density = (
+        hyper.signal_std**2
+        * 16.0
+        * length
+        / (3.0 * np.sqrt(5.0))
+        / (1.0 + (2 * np.pi * band_hz * length) ** 2 / 5) ** 3
+    )
+    return Hyper(
+        length, hyper.signal_std, np.minimum(hyper.noise_std, np.sqrt(1e-4 * density / period_s)), hyper.smoothness
+    )
 
 
 def upsample(

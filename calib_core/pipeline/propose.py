@@ -29,6 +29,8 @@ _STILL_DEG = 0.25
 _STILL_M = 0.012
 _CLOUD_POINTS = 200_000
 _CELL_M = 0.2
+#: Planes that face the same way are told apart from this distance on.
+_DISTINCT_M = 0.25
 
 
 def scan_points(scan: Scan, field_of_view_deg: float | None = None) -> FloatArray:
@@ -88,6 +90,7 @@ def propose_planes(
     on_event(StageEvent(stage="planes", fraction=0.0, text="looking for planes"))
     scans = recording.scans
     reference, fits = find_reference(scans, settings, should_cancel=should_cancel)
+    fits = distinct(fits, scan_points(scans[reference], settings.field_of_view_deg))
     still = [reference]
     if len(fits) >= 3:
         still = still_after(scans, reference, named_planes(fits))
@@ -97,7 +100,7 @@ def propose_planes(
     stride = max(1, len(cloud) // _CLOUD_POINTS + 1)
     cloud, intensity = cloud[::stride], intensity[::stride]
     if len(still) > 1:
-        merged = segment_planes(cloud, seed=settings.random_seed)
+        merged = distinct(segment_planes(cloud, seed=settings.random_seed), cloud)
         if len(merged) >= len(fits):
             fits = merged
     patch = np.full(len(cloud), -1, dtype=np.int16)
@@ -115,6 +118,22 @@ def propose_planes(
         reference_scans=tuple(still),
         static=len(still) >= 3,
     )
+
+
+def distinct(fits: Sequence[PlaneFit], cloud_m: FloatArray) -> list[PlaneFit]:
+    """The fits without those that lie along a larger one: a door a hand's breadth in front of its wall.
+
+    Both would make each other's points ambiguous, and the pair be lost. cloud_m: (N, 3), what the fits were found in.
+    """
+    kept: list[PlaneFit] = []
+    for fit in fits:
+        centre = cloud_m[fit.inliers].mean(axis=0)
+        if not any(
+            f.normal @ fit.normal > np.cos(np.radians(8.0)) and abs(f.normal @ centre + f.offset_m) < _DISTINCT_M
+            for f in kept
+        ):
+            kept.append(fit)
+    return kept
 
 
 def named_planes(fits: Sequence[PlaneFit]) -> list[Plane]:

@@ -8,10 +8,11 @@ import pytest
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
 from calib_core.geometry import log, plane_axes
-from calib_core.pipeline.propose import grow_plane, make_patch, propose_planes, scan_points
+from calib_core.pipeline.propose import distinct, grow_plane, make_patch, propose_planes, scan_points
+from calib_core.planes.segment import PlaneFit
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import Plane, PlaneProposals, Recording
+from calib_core.types import FloatArray, Plane, PlaneProposals, Recording
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +129,24 @@ def test_a_patch_of_nothing_has_no_outline() -> None:
     assert patch.outline_m.shape == (0, 3)
     assert not patch.confirmed
     assert make_patch(Plane("p", np.array([0.0, 0.0, 1.0]), 1.0), np.zeros((0, 3))).rms_m == 0.0
+
+
+def test_a_door_proud_of_its_wall_is_no_plane_of_its_own() -> None:
+    """Fails when both are kept: each would make the other's points ambiguous.
+
+    A wall, a door 6 cm in front of it, and a parallel partition 40 cm in front of it.
+    """
+    rng = np.random.default_rng(4)
+
+    def sheet(x_m: float, count: int) -> FloatArray:
+        return np.column_stack([x_m + 0.002 * rng.normal(size=count), rng.uniform(-1, 1, (count, 2))])
+
+    sheets = [sheet(3.0, 600), sheet(2.94, 200), sheet(2.6, 150)]
+    cloud = np.concatenate(sheets)
+    ends = np.cumsum([len(s) for s in sheets])
+    fits = []
+    for end, s, x in zip(ends, sheets, (3.0, 2.94, 2.6), strict=True):
+        mine = np.zeros(len(cloud), bool)
+        mine[end - len(s) : end] = True
+        fits.append(PlaneFit(np.array([-1.0, 0.0, 0.0]), x, mine, 0.002))
+    assert [f.offset_m for f in distinct(fits, cloud)] == [3.0, 2.6]
