@@ -100,6 +100,7 @@ class ShownScene:
         self._dark: bool | None = None
         self._aim = ""
         self._camera: Camera | None = None
+        self._whole: FloatArray | None = None
         self._server.scene.set_up_direction("+z")
 
         def clicked(event: viser.SceneClickEvent) -> None:
@@ -232,10 +233,12 @@ class ShownScene:
         return cast(_Removable, handle)
 
     def _turn(self, client: viser.ClientHandle) -> None:
-        """Have a browser look where all look at first."""
-        start = self._server.initial_camera
+        """Have a browser look at the whole, as wide as its canvas is."""
+        if self._whole is None:
+            return
+        middle, away = whole_view(self._whole, fov_rad=float(client.camera.fov), aspect=float(client.camera.aspect))
         with client.atomic():
-            client.camera.position, client.camera.look_at = start.position, start.look_at
+            client.camera.position, client.camera.look_at = away, middle
 
     def _look_at_all(self, content: Content) -> None:
         """Look at the middle of all clouds from above one corner, in browsers that are here and those that come."""
@@ -243,8 +246,9 @@ class ShownScene:
         if not clouds:
             return
         points = np.concatenate(clouds).astype(np.float64)
-        aspect = ASPECT if self._camera is None else self._camera.aspect
-        middle, away = whole_view(points, fov_rad=float(self._server.initial_camera.fov), aspect=aspect)
+        self._whole = points[:: max(1, len(points) // 5000)]
+        fov_rad = float(self._server.initial_camera.fov)
+        middle, away = whole_view(self._whole, fov_rad=fov_rad, aspect=ASPECT)
         self._server.initial_camera.look_at = middle
         self._server.initial_camera.position = away
         if self._aim != "":

@@ -159,7 +159,7 @@ def _title(cloud: Cloud, source: Source) -> Label:
     if len(cloud.xyz) == 0:
         return Label(f"/titles/{source}", TITLES[source], np.zeros(3))
     low, high = np.percentile(cloud.xyz, [2, 98], axis=0)
-    above = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 0.4])
+    above = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 1.1])
     return Label(f"/titles/{source}", TITLES[source], above.astype(np.float64))
 
 

@@ -30,7 +30,7 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     matrix = np.array(api.ask("GET", f"/api/results/{job}")["T_imu_lidar"]["matrix"])
     for text, there in (("T_lidar_imu", np.linalg.inv(matrix)), ("T_imu_lidar", matrix)):
         page.get_by_text(text, exact=True).click()
-        expect(numbers.get_by_role("row", name="p x")).to_contain_text(f"{abs(there[0, 3]) * 1e3:.0f}"[:2])
+        expect(numbers.get_by_role("row", name="p x")).to_contain_text(f"{int(abs(there[0, 3]) * 1e3)}.")
         shown = np.array([float(word) for word in page.get_by_role("group", name="the matrix").inner_text().split()])
         np.testing.assert_allclose(shown.reshape(4, 4), there, atol=1e-6)
     expect(page.get_by_role("figure", name="axes drawn in the IMU's frame")).to_be_visible()
@@ -82,7 +82,7 @@ def test_a_weak_result_says_what_to_record_next(page: Page, one_axis: tuple[str,
     Fails with the advice left out of the page; with the verdict of a weak answer drawn as a good one.
     """
     page.goto(f"/r/{one_axis[0]}/result?job={one_axis[1]}")
-    expect(page.get_by_role("heading", name="Weak")).to_be_visible()
+    expect(page.get_by_role("heading", name="Weak", exact=True)).to_be_visible()
     advice = page.get_by_role("region", name="What is weak, and what to record next")
     expect(advice).to_contain_text("What to record next")
     expect(advice.get_by_role("listitem").first).to_be_visible()
