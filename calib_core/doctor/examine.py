@@ -26,7 +26,8 @@ from calib_core.doctor.sampling import SampledScans
 from calib_core.doctor.timeline import timeline
 from calib_core.doctor.verdict import judge
 from calib_core.errors import Cancelled, InputError
-from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.pipeline.forecast import sample_scan
 from calib_core.readers.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.cloud import RawCloud
 from calib_core.readers.container import OpenRecording, open_recording
@@ -57,6 +58,10 @@ from calib_core.types import Finding, ImuData, IntArray, Scan
 
 #: Scans decoded for the statistics, spread evenly; headers are read of all.
 EXAMINED_SCANS = 120
+#: And of each no more points: a lidar of 128 beams would otherwise fill the memory.
+EXAMINED_POINTS = 60_000
+#: Share of the work that reading is; the rest is looking ahead.
+_READING = 0.4
 
 
 @dataclass(slots=True)
@@ -162,7 +167,11 @@ def _read(
             if should_cancel():
                 raise Cancelled("Inspecting was stopped.")
             on_event(
-                StageEvent(stage="inspect", fraction=min(1.0, n_seen / total), text=f"{n_seen} of {total} messages")
+                StageEvent(
+                    stage="inspect",
+                    fraction=_READING * min(1.0, n_seen / total),
+                    text=f"{n_seen} of {total} messages",
+                )
             )
         if imu is not None and message.topic == imu.name:
             collector.add(message)
@@ -187,7 +196,7 @@ def _take(state: _Examination, cloud: RawCloud, sampled: SampledScans, settings:
     if state.timing is not None and (counted or sampled.wants(position)):
         scan, counts = make_scan(cloud, position, state.timing, settings.range_min_m, settings.range_max_m)
         if counted:
-            state.examined.append((scan, counts))
+            state.examined.append((scan and sample_scan(scan, EXAMINED_POINTS), counts))
         if scan is not None and sampled.wants(position):
             sampled.add(scan)
     state.header_ns.append(cloud.header_ns)
@@ -282,7 +291,13 @@ def _look_ahead(
     if not sampled.scans:
         return None, None, None
     imu = state.cleaned.imu if state.cleaned is not None else None
-    outlook = foresee(sampled, imu, offset_ns, on_event=on_event, should_cancel=should_cancel)
+
+    def later(event: StageEvent | IterationEvent | LogEvent) -> None:
+        if isinstance(event, StageEvent):
+            event = event.model_copy(update={"fraction": _READING + (1.0 - _READING) * event.fraction})
+        on_event(event)
+
+    outlook = foresee(sampled, imu, offset_ns, on_event=later, should_cancel=should_cancel)
     planes = planes_report(outlook.proposals, outlook.gravity)
     if imu is None:
         return planes, None, None

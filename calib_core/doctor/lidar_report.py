@@ -78,6 +78,8 @@ def _ranges(examined: Sequence[tuple[Scan | None, ScanCounts]]) -> RangeReport |
         median_m=float(median),
         p95_m=float(p95),
         maximum_m=float(distances.max()),
-        points_per_scan=int(np.median([scan.points.size for scan in scans])),
+        points_per_scan=int(
+            np.median([c.sent - c.no_return - c.out_of_time for scan, c in examined if scan is not None])
+        ),
         no_return_share=lost / max(sent, 1),
     )

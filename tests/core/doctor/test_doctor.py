@@ -101,6 +101,19 @@ def test_lidar_only_and_imu_only_are_reported(tmp_path: Path) -> None:
     assert report.imu is not None
 
 
+def test_progress_only_grows(tmp_path: Path) -> None:
+    """Mutation: let looking ahead begin at zero again, after reading has come to its end."""
+    bag = build.write_ros1(
+        tmp_path / "r.bag", build.in_order(build.velodyne_messages(30, cdr=False), imu_messages(*tilting(6)))
+    )
+    told: list[float] = []
+    inspect(bag, ReadSettings(), on_event=lambda event: told.append(event.fraction) if event.event == "stage" else None)
+    assert told == sorted(told)
+    assert told[0] == 0.0
+    assert told[-1] == 1.0
+    assert any(0.4 < fraction < 1.0 for fraction in told)
+
+
 def test_dropped_scans_are_counted(tmp_path: Path) -> None:
     """Mutation: count every step above the median as a lost scan."""
     scans = build.velodyne_messages(200, cdr=False)
