@@ -160,7 +160,7 @@ def test_a_spare_process_takes_the_job_and_is_replaced(tmp_path):
 
 
 def test_a_spare_process_that_died_is_no_loss(tmp_path):
-    """Killed while it waited, it is passed over. Fails with the order sent to whatever is there."""
+    """Killed while it waited, it is passed over. Fails with the order sent to it without a look or a second try."""
     launcher = ProcessLauncher(FAKE_JOBS, spare=True)
     launcher._make_spare()
     launcher._spare.process.kill()
