@@ -34,15 +34,17 @@ function precise(value: number): string {
 interface ForecastProps {
   forecast: ForecastReport;
   planes: DoctorReport["planes"];
+  /** Sentences that stand above already. */
+  said: readonly string[];
 }
 
 /** What a solve would know, before it is run, and the planes that rests on. */
-export function Forecast({ forecast, planes }: ForecastProps) {
+export function Forecast({ forecast, planes, said }: ForecastProps) {
   const headline = forecast.parameters.length === 0 ? forecast.reason : forecast.text;
   return (
     <section aria-label="Forecast" className={css.forecastCard} data-weak={forecast.parameters.length === 0 || forecast.weak.length > 0}>
       <h2>What a solve would know</h2>
-      {headline !== "" && <p>{headline}</p>}
+      {headline !== "" && !said.includes(headline) && <p>{headline}</p>}
       {planes !== null && planes !== undefined && planes.text !== "" && <p className="dim">{planes.text}</p>}
       {forecast.parameters.length > 0 && (
         <ul className={css.forecast}>

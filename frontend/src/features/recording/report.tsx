@@ -53,7 +53,7 @@ export function Report({ recording, report }: { recording: Recording; report: Do
       )}
       {change.isError && <Fault error={change.error} />}
       <Findings title="What to look at" findings={problems} pending={change.isPending} onFix={fix} />
-      {report.forecast !== null && report.forecast !== undefined && <Forecast forecast={report.forecast} planes={report.planes} />}
+      {report.forecast !== null && report.forecast !== undefined && <Forecast forecast={report.forecast} planes={report.planes} said={report.reasons} />}
       {advice.length > 0 && (
         <section aria-label="Advice">
           <h2 className={css.heading}>For a better recording</h2>

@@ -109,21 +109,38 @@ function lidarFacts({ lidar }: DoctorReport): Fact[] {
     ["Scans", `${count(lidar.scans)} at ${fixed(lidar.stamps.rate_hz, 1)} Hz`],
     ["Points a scan", ranges === null ? "–" : count(ranges.points_per_scan)],
     ["Point time", time === null ? "none" : `${time.field}, ${time.unit}`],
-    ["Range noise", `${fixed(lidar.preset.range_std_m * 1000, 0)} mm`],
+    ["Range noise", rangeNoise(lidar)],
     ["Ranges", ranges === null ? "–" : `${fixed(ranges.p05_m, 1)} to ${fixed(ranges.p95_m, 1)} m`],
   ];
 }
 
+function rangeNoise(lidar: NonNullable<DoctorReport["lidar"]>): string {
+  const measured = lidar.measured_range_std_m;
+  if (measured === null || measured === undefined) return `${fixed(lidar.preset.range_std_m * 1000, 0)} mm, preset`;
+  return `${fixed(measured * 1000, 1)} mm, measured on planes`;
+}
+
+function noiseOrigin(imu: NonNullable<DoctorReport["imu"]>): string {
+  switch (imu.noise_used) {
+    case "measured":
+      return "measured while still";
+    case "moving":
+      return "measured in motion";
+    case "preset":
+      return `preset ${imu.preset_noise.origin}`;
+  }
+}
+
 function imuFacts({ imu }: DoctorReport): Fact[] {
   if (imu === null) return [];
-  const noise = imu.noise_used === "measured" && imu.measured_noise ? imu.measured_noise : imu.preset_noise;
+  const noise = imu.measured_noise ?? imu.preset_noise;
   const gyroDeg = (noise.noise.gyroscope_noise_density_rad_s_sqrt_hz * 180) / Math.PI;
   const accelUg = (noise.noise.accelerometer_noise_density_m_s2_sqrt_hz / 9.80665) * 1e6;
   return [
     ["Readings", `${count(imu.readings)} at ${fixed(imu.stamps.rate_hz, 0)} Hz`],
     ["Units", `${imu.accelerometer_unit.replace("m_s2", "m/s²")}, ${imu.gyroscope_unit.replace("_", "/")}`],
     ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 3)} m/s²`],
-    ["Noise", imu.noise_used === "measured" ? "measured while still" : `preset ${imu.preset_noise.origin}`],
+    ["Noise", noiseOrigin(imu)],
     ["Gyroscope", `${fixed(gyroDeg, 4)} °/s/√Hz`],
     ["Accelerometer", `${fixed(accelUg, 0)} µg/√Hz`],
   ];
