@@ -25,6 +25,10 @@ from calib_core.types import FloatArray, Plane
 _ENOUGH = 0.6
 _ELSEWHERE = (0.5, 0.25, 0.75, 0.12, 0.88)
 _BETTER = 1.2
+#: So much motion settles the start values of a solve.
+_SETTLED_S = 3.0
+_MOVING_RAD_S = 0.1
+_MOVING_M_S = 0.1
 #: A reference scan that turned or moved by more than this during its sweep is straightened.
 _BENT_RAD = 0.01
 _BENT_M = 0.02
@@ -44,6 +48,19 @@ class Followed:
         """Scans whose motion was found, not bridged."""
         return sum(m.share > 0 for m in self.motions)
 
+    def worth(self, ctx: Context) -> float:
+        """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU.
+
+        It does so only from start values that some seconds of motion have settled.
+        """
+        moving = [
+            m.position
+            for m in self.motions
+            if m.share > 0 and (np.linalg.norm(m.omega_rad_s) > _MOVING_RAD_S or np.linalg.norm(m.v_m_s) > _MOVING_M_S)
+        ]
+        later = len(ctx.recording.scans) - 1 - self.motions[-1].position
+        return self.seen + (0.5 * later if ctx.clocks.sweep_s[moving].sum() > _SETTLED_S else 0.0)
+
 
 def follow(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
     """The longest track. given: the planes are the user's: they are neither changed nor added to, nor is their frame left."""
@@ -62,7 +79,7 @@ def follow(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool
         if not found:
             continue
         other = _unbent(ctx, _attempt(ctx, found, position, given=False))
-        if other.seen > _BETTER * best.seen:
+        if other.worth(ctx) > _BETTER * best.worth(ctx):
             best = other
     if best.reference != reference:
         at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
