@@ -16,6 +16,7 @@ TYPE = "sensor_msgs/msg/PointCloud2"
 _CODES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 MAX_POINTS = 1 << 24
 _MAX_FIELDS = 128
+_MAX_POINT_BYTES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ def parse_pointcloud2(payload: bytes | memoryview, encoding: Encoding) -> CloudM
     size = wire.u32()
     body_pos = wire.pos
     body = wire.view(size)
-    if height * width > MAX_POINTS or (height * width and point_step == 0):
+    if height * width > MAX_POINTS or point_step > _MAX_POINT_BYTES or (height * width and point_step == 0):
         raise MalformedMessage(f"{height} x {width} points of {point_step} bytes")
     return CloudMessage(header_ns, frame_id, height, width, fields, is_bigendian, point_step, row_step, body, body_pos)
 

@@ -33,6 +33,8 @@ class SqliteRecovery:
         except sqlite3.Error as error:
             raise StorageError(str(error)) from error
         for topic_id, name, kind in rows:
+            if not isinstance(topic_id, int):
+                continue  # a damaged page: the row is read, its columns are not what they were
             self._names[int(topic_id)] = TopicSummary(str(name), normalised_type(str(kind)), 0, "cdr")
         counts: dict[int, int] = {}
         self.start_ns, self.end_ns = 1 << 62, 0

@@ -129,9 +129,9 @@ class RosbagsStorage:
                 last_ns = receive_ns
                 yield message
             return
-        except (MemoryError, GeneratorExit):
+        except GeneratorExit:
             raise
-        except Exception as error:  # noqa: BLE001 - decompressors and readers raise what they like at damage
+        except Exception as error:  # noqa: BLE001 - decompressors raise what they like; absurd sizes are MemoryErrors
             reason = str(error) or type(error).__name__
         yield from self._after_damage(reason, topics, last_ns, stop_ns)
 

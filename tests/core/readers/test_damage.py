@@ -170,3 +170,14 @@ def test_paths_that_are_no_recording(tmp_path: Path) -> None:
         open_recording(tmp_path / "nowhere.bag")
     with pytest.raises(UnreadableRecording, match=r"holds no \.mcap"):
         open_recording(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "seeds"),
+    [("message.db3", (158, 851)), ("none.db3", (94, 163)), ("none.mcap", (235,)), ("zstd.mcap", (494, 584))],
+)
+def test_damage_that_once_ended_the_program(name: str, seeds: tuple[int, ...], tmp_path: Path) -> None:
+    """Mutation: drop `_MAX_POINT_BYTES`; take a damaged topic's id as it is; let MemoryError pass `RosbagsStorage`."""
+    intact = damage.recording(tmp_path, name, n_scans=24, n_columns=30).read_bytes()
+    tally = damage.run(name, ((f"seed {s}", damage.flipped(intact, s)) for s in seeds), tmp_path)
+    assert not tally.defects
