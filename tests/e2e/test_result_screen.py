@@ -31,7 +31,9 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     for text, there in (("T_lidar_imu", np.linalg.inv(matrix)), ("T_imu_lidar", matrix)):
         page.get_by_text(text, exact=True).click()
         expect(numbers.get_by_role("row", name="p x")).to_contain_text(f"{int(abs(there[0, 3]) * 1e3)}.")
-        shown = np.array([float(word) for word in page.get_by_role("group", name="the matrix").inner_text().split()])
+        shown = np.array(
+            [float(word) for word in page.get_by_role("group", name="the matrix", exact=True).inner_text().split()]
+        )
         np.testing.assert_allclose(shown.reshape(4, 4), there, atol=1e-6)
     expect(page.get_by_role("figure", name="axes drawn in the IMU's frame")).to_be_visible()
     page.get_by_role("combobox", name="Format").select_option("urdf")
