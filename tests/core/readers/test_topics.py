@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from calib_core.doctor import inspect
@@ -101,23 +102,38 @@ def test_packets_of_an_unknown_velodyne(tmp_path: Path) -> None:
     assert "0x55" in text
 
 
-def test_clouds_without_time_name_what_to_change(tmp_path: Path) -> None:
-    """Mutation: leave `help_text` out of the sentence."""
-    import numpy as np
+XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+#: Drivers' clouds without time: topic, frame, further fields, what the sentence must tell to change.
+TIMELESS = {
+    "livox format 0": (
+        "/livox/lidar",
+        "livox_frame",
+        [("intensity", "<f4"), ("tag", "u1"), ("line", "u1")],
+        "CustomMsg",
+    ),
+    "ouster xyz": ("/ouster/points", "os_lidar", [], "point_type:=original"),
+    "ouster xyzi": ("/points", "os_sensor", [("intensity", "<f4")], "point_type:=original"),
+    "ouster xyzir": ("/ouster/points", "os_lidar", [("intensity", "<f4"), ("ring", "<u2")], "point_type:=original"),
+    "robosense xyzi": ("/rslidar_points", "rslidar", [("intensity", "<f4")], "POINT_TYPE=XYZIRT"),
+    "sick default": ("/cloud", "world", [("i", "<f4")], "cloud_all_fields_"),
+    "anything else": ("/points", "lidar", [("intensity", "<f4")], "a driver setting that keeps it"),
+}
 
+
+@pytest.mark.parametrize("name", TIMELESS)
+def test_clouds_without_time_name_what_to_change(name: str, tmp_path: Path) -> None:
+    """Mutation: leave `help_text` out of the sentence; drop an entry of `layouts._HELP`."""
+    topic, frame_id, fields, advice = TIMELESS[name]
     scan = build.sweep()
-    points = np.zeros(
-        scan["ring"].size,
-        [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("tag", "u1"), ("line", "u1")],
-    )
+    points = np.zeros(scan["ring"].size, [*XYZ, *fields])
     points["x"], points["y"], points["z"] = scan["xyz"].T
+    kind = "sensor_msgs/msg/PointCloud2"
     stream = [
-        ("/livox/lidar", "sensor_msgs/msg/PointCloud2", m[2], build.pointcloud2(points, cdr=False, stamp_ns=m[2]))
-        for m in clouds()
+        (topic, kind, m[2], build.pointcloud2(points, cdr=False, stamp_ns=m[2], frame_id=frame_id)) for m in clouds()
     ]
     text = refused(bag(tmp_path, stream, imu()), ReadSettings(), PointTimeError)
-    assert "/livox/lidar" in text
-    assert "CustomMsg" in text
+    assert topic in text
+    assert advice in text
     assert "--synthesise-point-time" in text
 
 
@@ -128,8 +144,6 @@ def test_other_sentences(tmp_path: Path) -> None:
         load(path, ReadSettings(start_s=100.0))
     with pytest.raises(InputError, match="No scan on /velodyne_points holds a point between 500 m and"):
         load(path, ReadSettings(range_min_m=500.0, range_max_m=600.0))
-    import numpy as np
-
     flat = np.zeros(10, [("range", "<f4"), ("time", "<f4")])
     stream = [
         ("/r", "sensor_msgs/msg/PointCloud2", m[2], build.pointcloud2(flat, cdr=False, stamp_ns=m[2])) for m in clouds()
