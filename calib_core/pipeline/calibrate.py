@@ -17,7 +17,6 @@ from threadpoolctl import threadpool_limits
 
 from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.geometry import log
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.links import NoiseDensity
 from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
@@ -26,11 +25,10 @@ from calib_core.pipeline.follow import follow
 from calib_core.pipeline.full import solve, start_values
 from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.pipeline.observability import Knowledge, advice, assess
+from calib_core.pipeline.plausible import gravity_std, implausible, inflation, standing_still
 from calib_core.pipeline.propose import find_reference, propose_planes
-from calib_core.pipeline.repeatability import BLOCKS, repeatability
-from calib_core.pipeline.report import away_m, euler_xyz_deg, misfit, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.pipeline.report import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.pipeline.rounds import Solved
-from calib_core.pipeline.track import ScanMotion
 from calib_core.presets import find_imu_preset
 from calib_core.result import (
     CalibrationResult,
@@ -49,18 +47,8 @@ from calib_core.types import InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate", "find_reference"]
 
-#: Less motion than this over the whole recording is standing still.
-_LEAST_TURN_RAD = np.radians(1.0)
-_LEAST_MOVE_M = 0.05
-#: How far the mean squared residual may stray before the solve has not explained the data.
+#: How far the mean squared residual of single points may stray before the solve has not explained the data.
 _WORST_CHI2 = 4.0
-_WORST_MISFIT = 30.0
-_WORST_AWAY_M = 0.008
-#: The misfit of a recording without anything but noise is 0.4 to 1; beyond this it is taken for what it is.
-_USUAL_MISFIT = 1.5
-#: No working IMU is off by more than this.
-_WORST_GYRO_BIAS_RAD_S = 0.25
-_WORST_ACCEL_BIAS_M_S2 = 2.0
 
 
 @dataclass(frozen=True)
@@ -154,13 +142,13 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
             )
         followed = follow(ctx, used_planes, reference, given=planes is not None)
         reference, used_planes, motions = followed.reference, followed.planes, followed.motions
-        still = _standing_still(motions)
+        still = standing_still(motions, len(recording.scans))
         if still is not None:
-            return refuse("motion.none", still)
+            return refuse(*still)
         lidar, start = start_values(ctx, motions, guess)
         add = planes is None
         solved = solve(ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=add)
-        if len(motions) < len(recording.scans) and _implausible(ctx, solved) is not None:
+        if len(motions) < len(recording.scans) and implausible(ctx, solved) is not None:
             ctx.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
             solved = solve(
                 ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=False, may_extend=False
@@ -183,14 +171,14 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
             f"the best answer leaves residuals {np.sqrt(chi2):.1f} times their noise on {points} points; the stamps, the "
             "per-point times or the planes are not what they seem: see `unsweep inspect`",
         )
-    wrong = _implausible(ctx, solved)
+    wrong = implausible(ctx, solved)
     if wrong is not None:
         return refuse("solve.inconsistent", wrong)
     frozen = not settings.estimate_time_offset
     knowledge = assess(
         solved.minimum.solution.information,
         solved.problem.priors,
-        inflation=_inflation(ctx, solved, frozen_offset=frozen),
+        inflation=inflation(ctx, solved, frozen_offset=frozen),
         frozen_offset=frozen,
     )
     if not knowledge.rotation_known:
@@ -252,62 +240,6 @@ def _reference(ctx: Context, planes: Sequence[Plane] | None) -> tuple[int, list[
     return proposals.reference_scans[0], [patch.plane for patch in proposals.patches]
 
 
-def _standing_still(motions: Sequence[ScanMotion]) -> str | None:
-    """Why the motion is no motion, or None."""
-    first = motions[0]
-    turn = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
-    move = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
-    if turn > _LEAST_TURN_RAD or move > _LEAST_MOVE_M:
-        return None
-    return (
-        f"the lidar stood still: it turned {np.degrees(turn):.2f} deg and moved {move * 1e3:.0f} mm in the whole recording; "
-        "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
-    )
-
-
-def _inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
-    """Factor on every standard deviation where the recording contradicts the noise model; says so."""
-    assert solved.minimum.solution is not None
-    information = solved.minimum.solution.information
-    plain = assess(information, solved.problem.priors, frozen_offset=frozen_offset)
-    repeat = repeatability(solved.problem, solved.estimate, information, plain.covariance)
-    rest = misfit(solved.problem, solved.estimate)
-    factor = max(repeat.inflation, np.sqrt(rest) if rest > _USUAL_MISFIT else 1.0)
-    if factor > 1.0:
-        ctx.say(
-            "warning",
-            "solve.disagreement",
-            f"the parts of the recording disagree by more than noise explains ({np.sqrt(repeat.ratio):.1f} times over "
-            f"{BLOCKS} blocks, {np.sqrt(rest):.1f} times plane by plane): a scale error of the IMU, ranges that are off, or "
-            f"surfaces that are not flat; all standard deviations are {factor:.1f} times what noise alone would give",
-        )
-    return float(factor)
-
-
-def _implausible(ctx: Context, solved: Solved) -> str | None:
-    """Why an answer that the descent is content with cannot be true, or None."""
-    hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
-    gravity = ctx.settings.gravity
-    magnitude = float(np.linalg.norm(solved.estimate.gravity))
-    away = abs(magnitude - gravity.magnitude_m_s2)
-    if gravity.std_m_s2 > 0 and away > max(6.0 * gravity.std_m_s2, 6.0 * _gravity_std(solved)):
-        return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
-    gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
-    accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
-    if gyro_bias > _WORST_GYRO_BIAS_RAD_S or accel_bias > _WORST_ACCEL_BIAS_M_S2:
-        return (
-            f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s2, more "
-            f"than any that works; {hint}"
-        )
-    rest = misfit(solved.problem, solved.estimate)
-    if rest > _WORST_MISFIT and away_m(solved.problem, solved.estimate) > _WORST_AWAY_M:
-        return (
-            f"the best answer leaves averaged distances {np.sqrt(rest):.0f} times what range noise allows, so the motion "
-            f"does not explain the points; {hint}"
-        )
-    return None
-
-
 def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
     """The lidar's solved motion at every knot, in the map frame."""
     e = solved.estimate
@@ -326,7 +258,7 @@ def _document(
     e = solved.estimate
     cov = knowledge.covariance
     std = np.sqrt(np.diag(cov))
-    gravity_std = _gravity_std(solved)
+    gravity_std_m_s2 = gravity_std(solved)
     rate = ctx.recording.imu.gyro_rad_s
     residuals = plane_residuals(solved.problem, e)
     R0, p0 = solved.map_pose
@@ -355,7 +287,7 @@ def _document(
             rotation_std_deg=np.degrees(std[:3]).tolist(),
             translation_std_m=std[3:6].tolist(),
             time_offset_std_s=float(std[6]),
-            gravity_std_m_s2=gravity_std,
+            gravity_std_m_s2=gravity_std_m_s2,
             covariance=cov.tolist(),
         ),
         observability=Observability(
@@ -376,14 +308,6 @@ def _document(
         ),
         provenance=provenance(ctx.recording, ctx.settings),
     )
-
-
-def _gravity_std(solved: Solved) -> float:
-    """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
-    assert solved.minimum.solution is not None
-    block = np.linalg.inv(solved.minimum.solution.information)[7:10, 7:10]
-    up = solved.estimate.gravity / np.linalg.norm(solved.estimate.gravity)
-    return float(np.sqrt(max(up @ block @ up, 0.0)))
 
 
 def provenance(recording: Recording, settings: CalibrateSettings) -> Provenance:

@@ -200,7 +200,7 @@ class Carrier:
             window = minimise(problem, window, max_iterations=10, tolerance=1e-3).estimate
             self.drift.see(normals[np.unique(known_again.plane)])
             straying = self.drift.along(normals)
-        count = np.zeros(len(normals))
+        count: FloatArray = np.zeros(len(normals))
         returns = 1
         settled: Micro | None = None
         for extra in (_GATE_M, 0.8 * _GATE_M):
@@ -213,7 +213,7 @@ class Carrier:
             problem = replace(problem, bins=gather(micro, problem.motion(window), window))
             window = minimise(problem, window, max_iterations=6, tolerance=1e-3).estimate
             fresh = micro.time_s > fresh_s
-            count = np.bincount(micro.plane[fresh], micro.count[fresh], len(normals))
+            count = np.bincount(micro.plane[fresh], micro.count[fresh], len(normals)).astype(np.float64)
             returns = sum(
                 len(r.ctx.recording.scans[i].points) for i in inside if r.ctx.clocks.scan_s[i] > fresh_s - 0.05
             )

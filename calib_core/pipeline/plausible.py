@@ -1,0 +1,98 @@
+"""Whether an answer can be true: no motion to tell from, residuals beyond noise, an IMU or a gravity that cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.geometry import log
+from calib_core.pipeline.context import Context
+from calib_core.pipeline.observability import assess
+from calib_core.pipeline.repeatability import BLOCKS, repeatability
+from calib_core.pipeline.report import away_m, misfit
+from calib_core.pipeline.rounds import Solved
+from calib_core.pipeline.track import ScanMotion
+
+#: Less motion than this over the whole recording is standing still.
+_LEAST_TURN_RAD = np.radians(1.0)
+_LEAST_MOVE_M = 0.05
+#: How far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres.
+_WORST_MISFIT = 30.0
+_WORST_AWAY_M = 0.008
+#: The misfit of a recording without anything but noise is 0.4 to 1; beyond this it is taken for what it is.
+_USUAL_MISFIT = 1.5
+#: No working IMU is off by more than this.
+_WORST_GYRO_BIAS_RAD_S = 0.25
+_WORST_ACCEL_BIAS_M_S2 = 2.0
+
+
+def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str] | None:
+    """Code and sentence where the followed scans show no motion: it stood still, or the planes were lost too soon to tell."""
+    first = motions[0]
+    turn = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
+    move = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
+    if turn > _LEAST_TURN_RAD or move > _LEAST_MOVE_M:
+        return None
+    if len(motions) < 0.5 * scans:
+        lost = (
+            f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still; give "
+            "planes that stay in view (three that face different ways), or start the recording in front of them"
+        )
+        return "planes.lost", lost
+    stood = (
+        f"the lidar stood still: it turned {np.degrees(turn):.2f} deg and moved {move * 1e3:.0f} mm in the whole recording; "
+        "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
+    )
+    return "motion.none", stood
+
+
+def inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
+    """Factor on every standard deviation where the recording contradicts the noise model; says so."""
+    assert solved.minimum.solution is not None
+    information = solved.minimum.solution.information
+    plain = assess(information, solved.problem.priors, frozen_offset=frozen_offset)
+    repeat = repeatability(solved.problem, solved.estimate, information, plain.covariance)
+    rest = misfit(solved.problem, solved.estimate)
+    factor = max(repeat.inflation, np.sqrt(rest) if rest > _USUAL_MISFIT else 1.0)
+    if factor > 1.0:
+        ctx.say(
+            "warning",
+            "solve.disagreement",
+            f"the parts of the recording disagree by more than noise explains ({np.sqrt(repeat.ratio):.1f} times over "
+            f"{BLOCKS} blocks, {np.sqrt(rest):.1f} times plane by plane): a scale error of the IMU, ranges that are off, or "
+            f"surfaces that are not flat; all standard deviations are {factor:.1f} times what noise alone would give",
+        )
+    return float(factor)
+
+
+def implausible(ctx: Context, solved: Solved) -> str | None:
+    """Why an answer that the descent is content with cannot be true, or None."""
+    hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
+    gravity = ctx.settings.gravity
+    magnitude = float(np.linalg.norm(solved.estimate.gravity))
+    away = abs(magnitude - gravity.magnitude_m_s2)
+    if gravity.std_m_s2 > 0 and away > max(6.0 * gravity.std_m_s2, 6.0 * gravity_std(solved)):
+        return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
+    gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
+    accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
+    if gyro_bias > _WORST_GYRO_BIAS_RAD_S or accel_bias > _WORST_ACCEL_BIAS_M_S2:
+        return (
+            f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s2, more "
+            f"than any that works; {hint}"
+        )
+    rest = misfit(solved.problem, solved.estimate)
+    if rest > _WORST_MISFIT and away_m(solved.problem, solved.estimate) > _WORST_AWAY_M:
+        return (
+            f"the best answer leaves averaged distances {np.sqrt(rest):.0f} times what range noise allows, so the motion "
+            f"does not explain the points; {hint}"
+        )
+    return None
+
+
+def gravity_std(solved: Solved) -> float:
+    """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
+    assert solved.minimum.solution is not None
+    block = np.linalg.inv(solved.minimum.solution.information)[7:10, 7:10]
+    up = solved.estimate.gravity / np.linalg.norm(solved.estimate.gravity)
+    return float(np.sqrt(max(up @ block @ up, 0.0)))
