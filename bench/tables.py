@@ -6,12 +6,19 @@ import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TypeVar, get_type_hints
-
-R = TypeVar("R")
+from typing import Any, ClassVar, Protocol, TypeVar, get_type_hints
 
 
-def append_row(path: Path, row: DataclassInstance, names: Sequence[str]) -> None:
+class Row(Protocol):
+    """Any dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+R = TypeVar("R", bound=Row)
+
+
+def append_row(path: Path, row: Row, names: Sequence[str]) -> None:
     """Add one record. names: of the parts of its tuples; a field `errors` becomes errors_rx, errors_ry, ..."""
     path.parent.mkdir(parents=True, exist_ok=True)
     cells = dict(_cells(row, names))
@@ -39,7 +46,7 @@ def read_rows(path: Path, kind: type[R], names: Sequence[str]) -> Iterator[R]:
             yield kind(**values)
 
 
-def _cells(row: DataclassInstance, names: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _cells(row: Row, names: Sequence[str]) -> Iterator[tuple[str, str]]:
     for field in fields(row):
         value = getattr(row, field.name)
         if isinstance(value, tuple):
