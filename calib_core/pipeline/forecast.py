@@ -213,15 +213,16 @@ class _Preview(Rounds):
             extend(self)
             if self.last > enough:
                 share *= self.looked
-        elif self.priors.held:
-            # Start values may lie anywhere along an open direction; a solve holds them at zero, which bends the rest.
-            self.associate(Gate(extra_m=0.06), stride=1)
-            self.solve(4)
-        gate = Gate(extra_m=0.05)
+        else:
+            # Start values are off by what is noise in a start; those along an open direction may lie anywhere, and a
+            # solve holds them at zero: either would pass for noise of the lidar, or bend what is known of the rest.
+            self.associate(Gate(extra_m=0.06), stride=2)
+            self.solve(3)
         view = self.view(self.motion(), self.estimate)
         step = max(1, len(self.positions) // _NOISE_SCANS)
-        self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, None)
-        self.associate(gate, stride=1)
+        self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, Gate(extra_m=0.02), None)
+        # A gate that is wider than the noise would count its width as noise.
+        self.associate(Gate(), stride=1)
         assert self.micro is not None
         weight = self.stands_for[self.micro.scan][:, None]
         whole = replace(self.micro, scatter=self.micro.scatter * weight)

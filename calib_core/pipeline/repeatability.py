@@ -9,7 +9,8 @@ a block on the calibration, all else shared (planes, gravity, biases) following,
 
 for C the stated covariance and B equal blocks. Their spread J = B / (B - 1) sum (s_b - mean)(s_b - mean)' is then C^-1, and
 trace(C J) / 7 is 1. The sum over blocks follows chi-square with 7 (B - 1) degrees of freedom; beyond its 99.9 % quantile
-the covariance is multiplied by the ratio, below it by nothing.
+the covariance is multiplied by the ratio, below it by nothing. Directions that the data do not determine are left out, of
+C and of the 7.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from scipy.stats import chi2
 
 from calib_core.imu.links import Links
 from calib_core.pipeline.joint import JointProblem
+from calib_core.pipeline.observability import UNITS, undetermined
 from calib_core.pipeline.state import CALIBRATION, Estimate
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
 from calib_core.types import FloatArray
@@ -47,7 +49,10 @@ def repeatability(
     problem: JointProblem, estimate: Estimate, information: FloatArray, covariance: FloatArray, *, blocks: int = BLOCKS
 ) -> Repeatability:
     """The blocks' spread against the stated covariance (7, 7) at the joint estimate. information: (S, S) of the shared."""
-    limit = float(chi2.ppf(_CONFIDENCE, CALIBRATION * (blocks - 1)) / (CALIBRATION * (blocks - 1)))
+    known, rank = determined_part(covariance)
+    if rank == 0:
+        return Repeatability(1.0, 1.0)
+    limit = float(chi2.ppf(_CONFIDENCE, rank * (blocks - 1)) / (rank * (blocks - 1)))
     others = np.linalg.pinv(information[CALIBRATION:, CALIBRATION:], rcond=1e-15, hermitian=True)
     follow = np.hstack([np.eye(CALIBRATION), -information[:CALIBRATION, CALIBRATION:] @ others])
     edges = np.linspace(0, len(problem.readings.knots_s), blocks + 1).astype(int)
@@ -57,7 +62,20 @@ def repeatability(
         return Repeatability(1.0, limit)
     away = pulls - pulls.mean(axis=0)
     spread = away.T @ away * blocks / (blocks - 1)
-    return Repeatability(float(np.trace(covariance @ spread)) / CALIBRATION, limit)
+    return Repeatability(float(np.trace(known @ spread)) / rank, limit)
+
+
+def determined_part(covariance: FloatArray) -> tuple[FloatArray, int]:
+    """The covariance along the directions that the data determine (7, 7), and how many they are.
+
+    Along the others it is a prior's, metres wide: the blocks' pulls there are noise, and times metres would be called a
+    disagreement.
+    """
+    data = np.linalg.inv(covariance) * UNITS[:, None] * UNITS
+    open_directions = undetermined(0.5 * (data + data.T))
+    outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
+    known = np.linalg.pinv(outside @ data @ outside, rcond=1e-13, hermitian=True)
+    return known * UNITS[:, None] * UNITS, CALIBRATION - open_directions.shape[1]
 
 
 def _gradient(problem: JointProblem, estimate: Estimate, first: int, last: int) -> FloatArray:

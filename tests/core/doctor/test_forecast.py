@@ -64,6 +64,7 @@ def test_what_is_foretold_to_be_weak_is_weak() -> None:
     told = foretold(turning)
     result = calibrate(turning, CalibrateSettings()).result
     assert result.status == "weak"
+    assert "solve.disagreement" not in [message.code for message in result.messages]
     assert [p.name for p in told.parameters if p.weak] == ["tx", "ty", "tz"]
     assert len(told.weak) == len(result.observability.weak_directions) == 1
     assert list(told.advice) == result.observability.advice

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.pipeline.calibrate import Calibration, calibrate
-from calib_core.pipeline.repeatability import Repeatability
+from calib_core.pipeline.repeatability import Repeatability, determined_part
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording
@@ -44,6 +44,21 @@ def test_a_gyroscope_that_reads_too_much_widens_every_error_bar(
 def test_nothing_is_inflated_below_the_limit(ratio: float, inflation: float) -> None:
     """Fails when the ratio is taken below its limit too, or as a factor on standard deviations."""
     assert Repeatability(ratio, 2.0).inflation == inflation
+
+
+def test_what_is_open_is_no_disagreement() -> None:
+    """Fails when the stated covariance is taken as it is: along an open lever arm it is a prior's, ten metres wide."""
+    std = np.array([1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-5])
+    way = np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.8, 0.0])
+    known, rank = determined_part(np.diag(std**2))
+    assert rank == 7
+    np.testing.assert_allclose(known, np.diag(std**2), rtol=1e-6, atol=1e-18)
+    known, rank = determined_part(np.diag(std**2) + 100.0 * np.outer(way, way))
+    assert rank == 6
+    across = np.array([0.0, 0.0, 0.0, 0.0, 0.8, -0.6, 0.0])
+    assert way @ known @ way == pytest.approx(0.0, abs=1e-9)
+    assert across @ known @ across == pytest.approx(1e-6, rel=1e-3)
+    assert known[0, 0] == pytest.approx(1e-8, rel=1e-3)
 
 
 def test_an_accelerometer_that_cannot_be_is_refused_with_its_bias(noisy: tuple[Recording, Truth]) -> None:
