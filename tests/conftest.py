@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 END_TO_END = Path(__file__).resolve().parent / "e2e"
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the browser tests first and on one worker: they are the longest chain, and browsers disturb each other."""
     for item in items:
