@@ -2,6 +2,7 @@
 
     python -m bench.forecast                    all scenarios
     python -m bench.forecast vehicle attic      these; the rows of the others stay as they are
+    python -m bench.forecast --forecasts        the forecasts anew; the solves' numbers stay as they are
     python -m bench.forecast --table            the table from the rows, nothing is run
 
 A forecast holds where every parameter that the solve does not call weak is within a factor of 1.5 of the solve's
@@ -15,14 +16,14 @@ import csv
 import sys
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from bench.store import RESULTS
 from calib_core.doctor.outlook import forecast_report, foresee, planes_report
-from calib_core.doctor.report import Forecast
+from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.doctor.sampling import SampledScans
 from calib_core.pipeline.calibrate import calibrate
 from calib_core.pipeline.observability import LIMITS, UNITS
@@ -74,29 +75,30 @@ def compare(slug: str, seed: int = SEED) -> list[Row]:
     """Both on one recording of a scenario."""
     recording, _ = generate(slug, seed=seed)
     start = time.process_time()
-    forecast = forecast_of(recording)
-    between = time.process_time()
     result = calibrate(recording, CalibrateSettings()).result
-    end = time.process_time()
-    foretold = {p.name: p for p in forecast.parameters}
-    rows = []
-    for name, (std, weak) in zip(COVARIANCE_ORDER, solved(result), strict=True):
-        told = foretold.get(name)  # type: ignore[call-overload]
-        rows.append(
-            Row(
-                scenario=slug,
-                parameter=name,
-                forecast=np.nan if told is None else told.std,
-                solve=std,
-                forecast_weak=told is None or told.weak,
-                solve_weak=weak,
-                status=result.status,
-                said=forecast.reason,
-                forecast_cpu_s=round(between - start, 1),
-                solve_cpu_s=round(end - between, 1),
-            )
-        )
-    return rows
+    spent_s = round(time.process_time() - start, 1)
+    unknown = Row(slug, "", np.nan, np.nan, True, True, result.status, "", 0.0, spent_s)
+    rows = [
+        replace(unknown, parameter=name, solve=std, solve_weak=weak)
+        for name, (std, weak) in zip(COVARIANCE_ORDER, solved(result), strict=True)
+    ]
+    return foretell(rows, recording)
+
+
+def foretell(rows: Sequence[Row], recording: Recording) -> list[Row]:
+    """The rows of one scenario with its forecast anew."""
+    start = time.process_time()
+    forecast = forecast_of(recording)
+    spent_s = round(time.process_time() - start, 1)
+    told: dict[str, ParameterForecast] = {p.name: p for p in forecast.parameters}
+    fresh = [replace(row, forecast=np.nan, forecast_weak=True, said=forecast.reason) for row in rows]
+    fresh = [
+        replace(row, forecast=told[row.parameter].std, forecast_weak=told[row.parameter].weak)
+        if row.parameter in told
+        else row
+        for row in fresh
+    ]
+    return [replace(row, forecast_cpu_s=spent_s) for row in fresh]
 
 
 def forecast_of(recording: Recording) -> Forecast:
@@ -190,6 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run, write both files; 1 where a forecast does not hold."""
     parser = argparse.ArgumentParser(prog="python -m bench.forecast", description="Forecast beside solve.")
     parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help="all where none is named")
+    parser.add_argument("--forecasts", action="store_true", help="only the forecasts anew, beside solves run before")
     parser.add_argument("--table", action="store_true", help="only write the table anew")
     chosen = parser.parse_args(arguments)
     unknown = [slug for slug in chosen.scenarios if slug not in SCENARIOS]
@@ -197,7 +200,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(SCENARIOS)}.\n")
         return 2
     for slug in () if chosen.table else chosen.scenarios or SCENARIOS:
-        fresh = compare(slug)
+        before = [row for row in read_rows() if row.scenario == slug]
+        again = chosen.forecasts and before
+        fresh = foretell(before, generate(slug, seed=SEED)[0]) if again else compare(slug)
         write_rows([*(row for row in read_rows() if row.scenario != slug), *fresh])
         wrong = [row.parameter for row in fresh if not row.holds]
         sys.stderr.write(f"{slug}: {'holds' if not wrong else 'fails for ' + ' '.join(wrong)}\n")

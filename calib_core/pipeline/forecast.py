@@ -23,7 +23,7 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, n
 from calib_core.factors.bins import Gate
 from calib_core.geometry import log
 from calib_core.imu.links import upsample
-from calib_core.pipeline.associate import gather, measure_noise
+from calib_core.pipeline.associate import gather
 from calib_core.pipeline.calibrate import make_context
 from calib_core.pipeline.context import Context, NoStart
 from calib_core.pipeline.extend import extend
@@ -54,7 +54,6 @@ _COARSER = 2
 #: Less motion than this over the whole recording is standing still, as the solve has it.
 _LEAST_TURN_RAD = np.radians(1.0)
 _LEAST_MOVE_M = 0.05
-_NOISE_SCANS = 60
 _FEW_SCANS = 8
 NO_PLANES = PlaneProposals(
     (), np.zeros((0, 3), np.float32), np.zeros(0, np.int16), np.zeros(0, np.float32), (0,), static=False
@@ -205,7 +204,7 @@ class _Preview(Rounds):
 
     def knowledge(self, share: float) -> Knowledge:
         """What the joint problem would know of the calibration, at the smoothed motion. Raises NoStart."""
-        self.associate(Gate(extra_m=0.12), stride=1)
+        self.associate(Gate(extra_m=0.12), stride=2)
         problem, _ = self.solve(2, frozen=tuple(range(CALIBRATION)))
         self.hold(problem)
         enough = len(self.readings.knots_s) - _WORTH_S / self.readings.spacing_s
@@ -218,9 +217,7 @@ class _Preview(Rounds):
             # solve holds them at zero: either would pass for noise of the lidar, or bend what is known of the rest.
             self.associate(Gate(extra_m=0.06), stride=2)
             self.solve(3)
-        view = self.view(self.motion(), self.estimate)
-        step = max(1, len(self.positions) // _NOISE_SCANS)
-        self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, Gate(extra_m=0.02), None)
+        self.learn(Gate(extra_m=0.02))
         # A gate that is wider than the noise would count its width as noise.
         self.associate(Gate(), stride=1)
         assert self.micro is not None
