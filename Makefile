@@ -36,7 +36,7 @@ run: system-run client
 test: system-test client modules $(STAMPS)/test
 	$(NPM) run test
 	browser=$$($(BIN)/python tools/browser.py) && \
-	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto --dist loadgroup
+	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto
 
 check: system-run client modules $(STAMPS)/test
 	$(BIN)/ruff check .

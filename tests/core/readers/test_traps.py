@@ -28,7 +28,6 @@ def true_answer(twin: api.Recording) -> traps.Answer:
     return traps.answer(twin)
 
 
-@pytest.mark.xdist_group("traps")
 @pytest.mark.parametrize(
     "name", [name for name in TRAPS if TRAPS[name].same_answer and TRAPS[name].shift_ns is not None]
 )
@@ -44,7 +43,6 @@ def test_a_trap_is_detected_and_read_as_its_twin(name: str, twin: api.Recording,
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("traps")
 @pytest.mark.parametrize("name", ["IMU in g and deg/s", "stamp at the end", "lidar clock since its start"])
 def test_a_trap_does_not_reach_the_answer(name: str, true_answer: traps.Answer, tmp_path: Path) -> None:
     """Mutation: forget `coarse_offset_ns` in the result's offset; forget pi/180 in `clean_imu`."""
