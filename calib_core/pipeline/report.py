@@ -133,6 +133,16 @@ def misfit(problem: JointProblem, estimate: Estimate) -> float:
     return float(np.mean(mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30))) if len(a) else 0.0
 
 
+def plane_misfit(problem: JointProblem, estimate: Estimate) -> FloatArray:
+    """The misfit plane by plane, (P,)."""
+    bins = problem.bins
+    a, _ = problem.planes_seen(estimate)
+    mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a)
+    square = mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    planes = len(estimate.normals)
+    return np.bincount(bins.plane, square, planes) / np.maximum(np.bincount(bins.plane, minlength=planes), 1)
+
+
 def away_m(problem: JointProblem, estimate: Estimate) -> float:
     """Root mean square of the bins' mean distances in metres, each bin by its points."""
     bins = problem.bins

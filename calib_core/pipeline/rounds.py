@@ -23,12 +23,12 @@ from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.motion import Motion
 from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
 from calib_core.pipeline.priors import Held, Priors
-from calib_core.pipeline.report import iteration_event, moved_in_gate, plane_chi2
+from calib_core.pipeline.report import iteration_event, moved_in_gate, plane_chi2, plane_misfit
 from calib_core.pipeline.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
 from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray
 
 #: Points a scan in the coarse rounds, and in the survey of the planes' extents; scans that tell the lidar's noise.
 _COARSE = 3000
@@ -36,6 +36,9 @@ _SURVEY = 4000
 _NOISE_SCANS = 24
 #: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
 _COARSE_TOLERANCE = 0.05
+#: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
+_BAD_TIMES = 5.0
+_WANDERING_TIMES = 4.0
 #: Points are gated anew where the solve has moved planes by more than this part of a point's own standard deviation:
 #: a gate laid about a wrong motion keeps those points that confirm it.
 _SETTLED = 0.3
@@ -122,6 +125,8 @@ class Rounds:
             problem, _ = self.solve_coarse(10)
             if moved_in_gate(problem, before, self.estimate) < _SETTLED:
                 break
+        if self.may_add_planes:
+            self.cull(settled=True)
         gate = Gate(margin_m=self.margin_m)
         self.learn(gate)
         for _ in range(_SETTLING):
@@ -284,17 +289,21 @@ class Rounds:
         self.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
         return True
 
-    def cull(self) -> None:
-        """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined."""
+    def cull(self, *, settled: bool = False) -> None:
+        """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
+
+        settled: the motion is as good as it gets. Then a plane's averages count too: clutter may scatter hardly more than
+        a wall, but where it lies wanders from sweep to sweep.
+        """
         assert self.micro is not None
         problem = self.problem()
         problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
         chi2, points = plane_chi2(problem, self.estimate)
         if points.sum() == 0:
             return
-        order = np.argsort(chi2)
-        typical = chi2[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
-        keep = (points > 0) & (chi2 < 5.0 * typical)
+        keep = (points > 0) & usual(chi2, points, _BAD_TIMES)
+        if settled:
+            keep &= usual(plane_misfit(problem, self.estimate), points, _WANDERING_TIMES)
         if keep.all() or keep.sum() < 3:
             return
         dropped = [name for name, kept in zip(self.names, keep, strict=True) if not kept]
@@ -327,3 +336,10 @@ class Rounds:
             only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
             held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
         self.priors = replace(self.priors, held=tuple(held))
+
+
+def usual(badness: FloatArray, points: FloatArray, times: float) -> BoolArray:
+    """Which planes are not several times as bad as the one in the middle, counted by points. (P,) each."""
+    order = np.argsort(badness)
+    typical = badness[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
+    return np.asarray(badness < times * typical)
