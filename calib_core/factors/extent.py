@@ -62,9 +62,8 @@ class ExtentSurvey:
     def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray) -> None:
         """Count returns: the cell in which their rays meet the plane, and whether they lie on it or beside it."""
         flat = (plane * 2 * HALF_CELLS + cell[:, 0]) * 2 * HALF_CELLS + cell[:, 1]
-        size, shape = self.on.size, self.on.shape
-        self.on += np.bincount(flat[on_plane], minlength=size).reshape(shape)
-        self.beside += np.bincount(flat[~on_plane], minlength=size).reshape(shape)
+        for total, mine in ((self.on, flat[on_plane]), (self.beside, flat[~on_plane])):
+            np.add.at(total.reshape(-1), mine, 1)
 
     def finish(self, *, least: int = 8, share: float = 0.75, island: float = 0.02) -> PlaneExtents:
         """The cells with at least `least` returns of which `share` lie on the plane, without islands.
@@ -72,23 +71,23 @@ class ExtentSurvey:
         An island is a patch, apart from the others, with less than this share of the plane's returns: where a pot stands on
         the ground, its foot lies on the ground's plane too, and nothing but its foot is seen there.
         """
-        inside = (self.on >= least) & (self.on >= share * (self.on + self.beside))
+        inside = np.zeros(self.on.shape, bool)
+        for plane, (on, beside) in enumerate(zip(self.on, self.beside, strict=True)):
+            # A plane fills a small part of its grid.
+            seen = on >= least
+            rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+            if len(rows) == 0:
+                continue
+            box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+            flat = seen[box] & (on[box] >= share * (on[box] + beside[box]))
+            inside[plane][box] = _without_islands(flat, on[box], island)
         inside[:, [0, -1], :] = False
         inside[:, :, [0, -1]] = False
-        for plane in range(len(inside)):
-            inside[plane] = _without_islands(inside[plane], self.on[plane], island)
         return PlaneExtents(self.normals, inside)
 
 
 def _without_islands(inside: BoolArray, on: IntArray, share: float) -> BoolArray:
     """The cells in patches of at least this share of all returns. Cells two apart belong together: rings leave gaps."""
-    rows, columns = np.nonzero(inside)
-    if len(rows) == 0:
-        return inside
-    box = slice(max(rows.min() - 3, 0), rows.max() + 4), slice(max(columns.min() - 3, 0), columns.max() + 4)
-    cells = inside[box]
-    patch, count = ndimage.label(ndimage.binary_dilation(cells, np.ones((3, 3)), iterations=1), np.ones((3, 3)))
-    returns = np.bincount(patch[cells], on[box][cells], count + 1)
-    out = np.zeros_like(inside)
-    out[box] = cells & (returns >= share * returns.sum())[patch]
-    return out
+    patch, count = ndimage.label(ndimage.binary_dilation(inside, np.ones((3, 3)), iterations=1), np.ones((3, 3)))
+    returns = np.bincount(patch[inside], on[inside], count + 1)
+    return np.asarray(inside & (returns >= share * returns.sum())[patch])

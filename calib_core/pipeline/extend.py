@@ -19,7 +19,7 @@ from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents, reach_ar
 from calib_core.factors.knots import KnotStates
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.links import Links, UpsampledImu, preintegrate
-from calib_core.pipeline.associate import Micro, associate, gather, micro_of, survey
+from calib_core.pipeline.associate import Micro, associate, gather, micro_of
 from calib_core.pipeline.drift import Drift
 from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.state import Estimate, no_bins
@@ -94,6 +94,8 @@ class Carrier:
         r = self.rounds
         self.solved_span = r.last - r.first
         for extra in (2 * _GATE_M, _GATE_M) if self.drift.farthest_m() > _GATE_M else (_GATE_M,):
+            # A plane goes on for ever, the floor under things does not: what merely lies near it pulls the motion.
+            r.survey(Gate(extra_m=extra, margin_m=r.margin_m))
             r.associate(Gate(extra_m=extra, margin_m=r.margin_m), stride=r.coarse_stride())
             problem, _ = r.solve_coarse(6)
             r.hold(problem)
@@ -103,9 +105,7 @@ class Carrier:
     def _new_reach(self) -> PlaneExtents:
         """After a solve of the whole: the cells of the planes seen so far, and what may join on to them."""
         r = self.rounds
-        view = r.view(r.motion(), r.estimate)
-        gate = Gate(extra_m=_GATE_M, margin_m=r.margin_m)
-        return reach_around(survey(view, r.positions, r.lidar_noise, gate, stride=r.coarse_stride()), _JOIN_ON_M)
+        return reach_around(r.survey(Gate(extra_m=_GATE_M, margin_m=r.margin_m)), _JOIN_ON_M)
 
     def _spread(self, micro: Micro, window: Estimate, problem: JointProblem) -> None:
         """Let the planes reach on from where their points lie now. micro: of the fresh scans."""

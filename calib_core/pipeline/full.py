@@ -36,6 +36,9 @@ from calib_core.types import FloatArray, InitialGuess, Plane
 BIAS_NODE_SPACING_S = 5.0
 #: With less turning than this (rms) the gyroscope says nothing of the rotation, and the accelerometer has to.
 LEAST_TURNING_RAD_S = 0.03
+#: Of an IMU that nobody has named: gyroscope [rad/s per sqrt(s)], accelerometer [m/s2 per sqrt(s)]. Three times what good
+#: ones are said to have. A walk taken for smaller than it is bends the whole trajectory; one taken for larger costs nothing.
+USUAL_WALK = (3e-5, 3e-4)
 _AXES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 
 
@@ -139,12 +142,16 @@ def first_estimate(
 
 
 def knots_over(ctx: Context, first_s: float, last_s: float, time_offset_s: float) -> FloatArray:
-    """Knots on the IMU's clock that cover a span of the lidar's, as far as the IMU does."""
+    """Knots on the IMU's clock that cover a span of the lidar's, as far as the IMU does.
+
+    Their grid begins with the IMU's first sample, so that it does not depend on where the search for the offset started.
+    """
     spacing = knot_spacing_s(ctx.clocks.imu_s)
-    low = max(ctx.clocks.imu_s[0], first_s - time_offset_s - 3 * spacing)
-    high = min(ctx.clocks.imu_s[-1], last_s - time_offset_s + 3 * spacing)
-    count = int(np.floor((high - low) / spacing)) + 1
-    return low + spacing * np.arange(max(count, 0))
+    origin = float(ctx.clocks.imu_s[0])
+    low = max(origin, first_s - time_offset_s - 3 * spacing)
+    high = min(float(ctx.clocks.imu_s[-1]), last_s - time_offset_s + 3 * spacing)
+    first, last = int(np.ceil((low - origin) / spacing - 1e-6)), int(np.floor((high - origin) / spacing + 1e-6))
+    return origin + spacing * np.arange(first, last + 1)
 
 
 def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -> Priors:
@@ -159,7 +166,7 @@ def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -
             value = ctx.clocks.offset_s(round(prior.value * 1e9))
         rows.append(PriorRow(column, value, prior.std))
     reference = guess.R_imu_lidar if guess is not None and guess.R_imu_lidar is not None else start.R_imu_lidar
-    walk = (1e-5, 1e-4)
+    walk = USUAL_WALK
     noise = settings.imu_noise
     if noise is not None and not isinstance(noise, str):
         walk = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)

@@ -33,16 +33,21 @@ from calib_core.types import BoolArray, FloatArray
 #: Points a scan in the coarse rounds, and in the survey of the planes' extents; scans that tell the lidar's noise.
 _COARSE = 3000
 _SURVEY = 4000
-_NOISE_SCANS = 24
+_NOISE_SCANS = 16
 #: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
 _COARSE_TOLERANCE = 0.05
 #: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
 _BAD_TIMES = 5.0
 _WANDERING_TIMES = 4.0
 #: Points are gated anew where the solve has moved planes by more than this part of a point's own standard deviation:
-#: a gate laid about a wrong motion keeps those points that confirm it.
+#: a gate laid about a wrong motion keeps those points that confirm it. Nothing that matters depends on the last of those
+#: moves, but whether two starts end at the same cost to a millionth does: a point more or less is a ten-millionth of it.
 _SETTLED = 0.3
+_UNMOVED = 5e-5
 _SETTLING = 5
+#: Room in the gates while planes' extents are learnt, and while the motion settles.
+_LEARNING_M = 0.02
+_SETTLING_M = 0.01
 #: Hits nearer to another plane than this are ambiguous, in standard deviations of the range: a point within half of it
 #: may be nearer to the wrong plane. And the least and the most of it.
 _MARGIN_SIGMAS = 6.0
@@ -107,28 +112,22 @@ class Rounds:
         problem, _ = self.solve_coarse(4, frozen=tuple(range(CALIBRATION)))
         self.hold(problem)
         for extra in (0.12, 0.06):
+            self.survey(Gate(extra_m=extra, margin_m=self.margin_m))
             self.associate(Gate(extra_m=extra, margin_m=self.margin_m), stride=self.coarse_stride())
             problem, _ = self.solve_coarse(10)
             self.hold(problem)
         if self.may_extend:
             extend(self)
         if self.may_add_planes and self.discover(self.positions):
+            self.survey(Gate(extra_m=0.05, margin_m=self.margin_m))
             self.associate(Gate(extra_m=0.05, margin_m=self.margin_m), stride=self.coarse_stride())
             self.solve_coarse(8)
         if self.may_add_planes:
             self.cull()
-        gate = Gate(extra_m=0.02, margin_m=self.margin_m)
-        self.learn(gate)
-        for _ in range(_SETTLING):
-            self.associate(replace(gate, extra_m=0.01), stride=self.coarse_stride())
-            before = self.estimate
-            problem, _ = self.solve_coarse(10)
-            if moved_in_gate(problem, before, self.estimate) < _SETTLED:
-                break
-        if self.may_add_planes:
-            self.cull(settled=True)
+        self.settle()
+        if self.may_add_planes and self.cull(settled=True):
+            self.settle()
         gate = Gate(margin_m=self.margin_m)
-        self.learn(gate)
         for _ in range(_SETTLING):
             self.associate(gate, stride=1)
             before = self.estimate
@@ -149,6 +148,30 @@ class Rounds:
             tuple(self.names),
             self.number,
         )
+
+    def anchor(self) -> None:
+        """Lay the map frame on the lidar at the first used scan's time, wherever the estimate has let it drift.
+
+        Planes' cells are counted in the map frame: it must not depend on where the search began.
+        """
+        e = self.estimate
+        when = np.array([float(self.ctx.clocks.scan_s[self.reference]) - e.time_offset_s])
+        pose = self.motion().lidar_at(when, e.R_imu_lidar, e.p_imu_lidar)
+        self.estimate = e.seen_from(pose.R[0], pose.p[0])
+
+    def settle(self) -> None:
+        """With a part of the points, to where planes' extents, noise, gates and motion no longer change one another.
+
+        That place depends on the recording alone, not on the start values: what follows is the same from any start.
+        """
+        for _ in range(_SETTLING):
+            self.anchor()
+            self.learn(Gate(extra_m=_LEARNING_M, margin_m=self.margin_m))
+            self.associate(Gate(extra_m=_SETTLING_M, margin_m=self.margin_m), stride=self.coarse_stride())
+            before = self.estimate
+            problem, _ = self.solve(15)
+            if moved_in_gate(problem, before, self.estimate) < _UNMOVED:
+                break
 
     def _to_fixed_point(self) -> JointProblem:
         """Solve, preintegrate about the new biases, solve again, until nothing changes."""
@@ -217,10 +240,16 @@ class Rounds:
         view = self.view(self.motion(), self.estimate)
         self.micro = associate(view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count)
 
-    def learn(self, gate: Gate) -> None:
-        """How far each plane reaches and how noisy the lidar is."""
+    def survey(self, gate: Gate) -> PlaneExtents:
+        """How far each plane reaches."""
         view = self.view(self.motion(), self.estimate)
         self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY))
+        return self.extents
+
+    def learn(self, gate: Gate) -> None:
+        """How far each plane reaches and how noisy the lidar is."""
+        self.survey(gate)
+        view = self.view(self.motion(), self.estimate)
         step = max(1, len(self.positions) // _NOISE_SCANS)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
 
@@ -289,10 +318,10 @@ class Rounds:
         self.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
         return True
 
-    def cull(self, *, settled: bool = False) -> None:
+    def cull(self, *, settled: bool = False) -> bool:
         """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
 
-        settled: the motion is as good as it gets. Then a plane's averages count too: clutter may scatter hardly more than
+        Returns whether any was.   settled: the motion is as good as it gets. Then a plane's averages count too: clutter may scatter hardly more than
         a wall, but where it lies wanders from sweep to sweep.
         """
         assert self.micro is not None
@@ -300,12 +329,12 @@ class Rounds:
         problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
         chi2, points = plane_chi2(problem, self.estimate)
         if points.sum() == 0:
-            return
+            return False
         keep = (points > 0) & usual(chi2, points, _BAD_TIMES)
         if settled:
             keep &= usual(plane_misfit(problem, self.estimate), points, _WANDERING_TIMES)
         if keep.all() or keep.sum() < 3:
-            return
+            return False
         dropped = [name for name, kept in zip(self.names, keep, strict=True) if not kept]
         self.ctx.say(
             "warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}"
@@ -314,6 +343,7 @@ class Rounds:
         e = self.estimate
         self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
         self.micro = None
+        return True
 
     def hold(self, problem: JointProblem) -> None:
         """Hold the directions that the data do not determine: translation at zero, the others where they are.

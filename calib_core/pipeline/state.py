@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,6 +67,18 @@ class Estimate:
     accel_bias: FloatArray
     normals: FloatArray
     offsets_m: FloatArray
+
+    def seen_from(self, R: FloatArray, p: FloatArray) -> Estimate:
+        """The same estimate with another map frame, whose axes and origin lie at R (3, 3), p (3,) of the present one."""
+        s = self.states
+        states = KnotStates(R.T @ s.R, (s.p - p) @ R, s.v @ R)
+        return replace(
+            self,
+            states=states,
+            gravity=self.gravity @ R,
+            normals=self.normals @ R,
+            offsets_m=self.offsets_m + self.normals @ p,
+        )
 
 
 @dataclass(frozen=True)
