@@ -41,6 +41,8 @@ def add_links_kernel(
     links = first.shape[0]
     per_link = 15 if nodes > 1 else 9
     shared = np.empty((9, per_link))
+    border_first, border_second = np.empty((9, per_link)), np.empty((9, per_link))
+    own = np.empty((per_link, per_link))
     column = np.empty(per_link, np.int64)
     gyro_start = gravity_start + 3
     accel_start = gyro_start + 3 * nodes
@@ -61,6 +63,8 @@ def add_links_kernel(
                 if nodes > 1:
                     shared[r, 9 + c] = f * D_gyro[link, r, c]
                     shared[r, 12 + c] = f * D_accel[link, r, c]
+        # Summed up in small arrays of fixed columns, then put in place once: the inner loops run along memory.
+        border_first[:], border_second[:], own[:] = 0.0, 0.0, 0.0
         for m in range(9):
             res = residual[link, m]
             for i in range(9):
@@ -69,15 +73,25 @@ def add_links_kernel(
                 gradient[k + 1, i] += b * res
                 for j in range(9):
                     diagonal[k, i, j] += a * first[link, m, j]
+                for j in range(9):
                     diagonal[k + 1, i, j] += b * second[link, m, j]
+                for j in range(9):
                     lower[k, i, j] += b * first[link, m, j]
                 for c in range(per_link):
-                    border[k, i, column[c]] += a * shared[m, c]
-                    border[k + 1, i, column[c]] += b * shared[m, c]
+                    border_first[i, c] += a * shared[m, c]
+                for c in range(per_link):
+                    border_second[i, c] += b * shared[m, c]
             for c in range(per_link):
-                gradient_shared[column[c]] += shared[m, c] * res
+                a = shared[m, c]
+                gradient_shared[column[c]] += a * res
                 for e in range(per_link):
-                    corner[column[c], column[e]] += shared[m, c] * shared[m, e]
+                    own[c, e] += a * shared[m, e]
+        for c in range(per_link):
+            for i in range(9):
+                border[k, i, column[c]] += border_first[i, c]
+                border[k + 1, i, column[c]] += border_second[i, c]
+            for e in range(per_link):
+                corner[column[c], column[e]] += own[c, e]
 
 
 @numba.njit(cache=True, nogil=True)

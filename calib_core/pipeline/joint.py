@@ -87,6 +87,10 @@ class JointProblem:
         index = np.arange(9 if self.hold_velocity else 6)
         if self.hold_velocity or not self.planes_hold_frame:
             system.diagonal[self.gauge_knot, index, index] += 1e8
+        else:
+            # Planes that were not all in view leave the chain free to shift: held to a metre, m/s and rad it stays in place.
+            every = np.arange(9)
+            system.diagonal[self.gauge_knot, every, every] += 1.0
         vel = np.arange(6, 9)
         system.diagonal[:, vel, vel] += 1e-6
         pose = np.arange(6)

@@ -100,8 +100,7 @@ def _gradient(problem: JointProblem, estimate: Estimate, first: int, last: int) 
         planes_hold_frame=True,
     )
     own = replace(estimate, states=estimate.states.part(first, last))
-    solution = solve_arrow(part.linearise(own))
-    return -(solution.information @ solution.step_shared)
+    return solve_arrow(part.linearise(own)).gradient_shared
 
 
 def _links(links: Links, first: int, last: int) -> Links:

@@ -30,9 +30,11 @@ from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_ar
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import BoolArray, FloatArray
 
-#: Points a scan in the coarse rounds, and in the survey of the planes' extents; scans that tell the lidar's noise.
-_COARSE = 3000
-_SURVEY = 4000
+#: Points in the coarse rounds, and in the survey of the planes' extents: in all, but within these bounds a scan. And scans
+#: that tell the lidar's noise.
+_COARSE = 600_000
+_SURVEY = 800_000
+_A_SCAN = (800, 4000)
 _NOISE_SCANS = 16
 #: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
 _COARSE_TOLERANCE = 0.05
@@ -43,8 +45,8 @@ _WANDERING_TIMES = 4.0
 #: a gate laid about a wrong motion keeps those points that confirm it. Nothing that matters depends on the last of those
 #: moves, but whether two starts end at the same cost to a millionth does: a point more or less is a ten-millionth of it.
 _SETTLED = 0.3
-_UNMOVED = 5e-5
-_SETTLING = 5
+_UNMOVED = 2e-4
+_SETTLING = 4
 #: Room in the gates while planes' extents are learnt, and while the motion settles.
 _LEARNING_M = 0.02
 _SETTLING_M = 0.01
@@ -103,6 +105,7 @@ class Rounds:
     micro: Micro | None = None
     minimum: Minimum[Estimate] | None = None
     number: int = 0
+    _view: View | None = None
 
     def run(self) -> Solved:
         """Coarse to fine, to the fixed point."""
@@ -165,7 +168,8 @@ class Rounds:
         That place depends on the recording alone, not on the start values: what follows is the same from any start.
         """
         for _ in range(_SETTLING):
-            self.anchor()
+            if self.ctx.settings.estimate_planes:  # otherwise the frame is that of the planes given
+                self.anchor()
             self.learn(Gate(extra_m=_LEARNING_M, margin_m=self.margin_m))
             self.associate(Gate(extra_m=_SETTLING_M, margin_m=self.margin_m), stride=self.coarse_stride())
             before = self.estimate
@@ -218,6 +222,12 @@ class Rounds:
         readings = self.readings.part(self.first, self.last)
         return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
 
+    def present_view(self) -> View:
+        """The scans under the present estimate; laid out once, however often it is asked for."""
+        if self._view is None or self._view.estimate is not self.estimate:
+            self._view = self.view(self.motion(), self.estimate)
+        return self._view
+
     def view(self, motion: Motion, estimate: Estimate) -> View:
         ctx = self.ctx
         return View(
@@ -237,24 +247,25 @@ class Rounds:
             if done[0] % 20 == 0:
                 self.ctx.stage("associate", done[0] / len(self.positions), f"round {self.number + 1}")
 
-        view = self.view(self.motion(), self.estimate)
+        view = self.present_view()
         self.micro = associate(view, self.positions, self.lidar_noise, gate, self.extents, stride=stride, on_scan=count)
 
     def survey(self, gate: Gate) -> PlaneExtents:
         """How far each plane reaches."""
-        view = self.view(self.motion(), self.estimate)
+        view = self.present_view()
         self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY))
         return self.extents
 
     def learn(self, gate: Gate) -> None:
         """How far each plane reaches and how noisy the lidar is."""
         self.survey(gate)
-        view = self.view(self.motion(), self.estimate)
+        view = self.present_view()
         step = max(1, len(self.positions) // _NOISE_SCANS)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
 
-    def _stride(self, target: int) -> int:
-        """Every so many-th point, for about `target` points a scan."""
+    def _stride(self, total: int) -> int:
+        """Every so many-th point, for about `total` points in all."""
+        target = float(np.clip(total / len(self.positions), *_A_SCAN))
         some = self.positions[:: max(1, len(self.positions) // 20)]
         typical = np.median([len(self.ctx.recording.scans[i].points) for i in some])
         return max(1, int(typical // target))
@@ -290,7 +301,7 @@ class Rounds:
 
     def discover(self, positions: list[int]) -> bool:
         """Planes that the reference scan did not show, among the points that lie on none; whether any were found."""
-        view = self.view(self.motion(), self.estimate)
+        view = self.present_view()
         step = max(1, len(positions) // 60)
         some = positions[::step]
         strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, 1500, 0.15)))
@@ -321,8 +332,8 @@ class Rounds:
     def cull(self, *, settled: bool = False) -> bool:
         """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
 
-        Returns whether any was.   settled: the motion is as good as it gets. Then a plane's averages count too: clutter may scatter hardly more than
-        a wall, but where it lies wanders from sweep to sweep.
+        Returns whether any was.   settled: the motion is as good as it gets. Then a plane's averages count too: clutter may
+        scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
         """
         assert self.micro is not None
         problem = self.problem()

@@ -12,7 +12,7 @@ of the shared parameters with the chain marginalised: the calibration's own info
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,13 +58,15 @@ class ArrowSystem:
 class ArrowSolution:
     """The step that solves H step = -gradient, and the border's information. step: (K, n), step_shared: (S,).
 
-    Frozen columns do not move; their information is FROZEN, apart from everything.
+    Frozen columns do not move; their information is FROZEN, apart from everything.   gradient_shared: (S,), the border's
+    with the chain eliminated; 0 where frozen.
     """
 
     step: FloatArray
     step_shared: FloatArray
     information: FloatArray
     predicted_decrease: float
+    gradient_shared: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 #: Relative to unit diagonal: what the border's information cannot resolve after eliminating the chain in double precision.
@@ -118,8 +120,9 @@ def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     step = -(W[:, :, shared] + W[:, :, :shared] @ moved)
     substitute_kernel(diagonal, lower, step)
     step *= scale
-    step_shared, information = np.zeros(size), np.eye(size) * FROZEN
+    step_shared, information, remaining = np.zeros(size), np.eye(size) * FROZEN, np.zeros(size)
     step_shared[free] = moved
+    remaining[free] = reduced
     information[np.ix_(free, free)] = schur
     slope = float(np.sum(step * system.gradient) + moved @ gradient_shared)
-    return ArrowSolution(step, step_shared, information, -0.5 * slope)
+    return ArrowSolution(step, step_shared, information, -0.5 * slope, remaining)

@@ -37,7 +37,7 @@ def test_given_planes_guess_and_offset_are_used_as_given(noisy: tuple[Recording,
         gravity=Gravity(magnitude_m_s2=9.80665, std_m_s2=0.0),
         imu_noise=ImuNoise(gyroscope_noise_density_rad_s_sqrt_hz=2e-4, accelerometer_noise_density_m_s2_sqrt_hz=2e-3),
         bias_model="constant",
-        priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 0.003, std=1e-6),),
+        priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 2e-4, std=1e-6),),
     )
     result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
     errors = _errors(result, truth)
@@ -47,7 +47,8 @@ def test_given_planes_guess_and_offset_are_used_as_given(noisy: tuple[Recording,
     assert (np.degrees(np.abs(errors[:3])) < 4.0 * np.array(result.uncertainty.rotation_std_deg)).all()
     assert max(result.uncertainty.rotation_std_deg) < 0.1
     assert np.abs(errors[3:5]).max() < 0.02
-    assert errors[5] == pytest.approx(0.003, abs=2e-4)
+    # The data alone leave more than a millimetre open: so near to the prior it comes by the prior only.
+    assert errors[5] == pytest.approx(2e-4, abs=2e-5)
     for found, given in zip(result.quality.planes, truth.planes, strict=True):
         assert found.points <= 150 * len(recording.scans)
         np.testing.assert_allclose(found.normal, given.normal, atol=3e-3)
@@ -77,7 +78,7 @@ def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording
         gravity=Gravity(magnitude_m_s2=9.80665, std_m_s2=0.0),
         imu_noise=ImuNoise(gyroscope_noise_density_rad_s_sqrt_hz=2e-4, accelerometer_noise_density_m_s2_sqrt_hz=2e-3),
         bias_model="constant",
-        priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 0.003, std=1e-6), offset),
+        priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 2e-4, std=1e-6), offset),
     )
     result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
     errors = _errors(result, truth)
@@ -87,7 +88,8 @@ def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording
     assert (np.degrees(np.abs(errors[:3])) < 4.0 * np.array(result.uncertainty.rotation_std_deg)).all()
     assert max(result.uncertainty.rotation_std_deg) < 0.1
     assert np.abs(errors[3:5]).max() < 0.02
-    assert errors[5] == pytest.approx(0.003, abs=2e-4)
+    # The data alone leave more than a millimetre open: so near to the prior it comes by the prior only.
+    assert errors[5] == pytest.approx(2e-4, abs=2e-5)
     for found, given in zip(result.quality.planes, truth.planes, strict=True):
         assert found.points <= 150 * len(recording.scans)
         np.testing.assert_allclose(found.normal, given.normal, atol=5e-3)
