@@ -73,9 +73,11 @@ def determined_part(covariance: FloatArray) -> tuple[FloatArray, int]:
     """
     data = np.linalg.inv(covariance) * UNITS[:, None] * UNITS
     open_directions = undetermined(0.5 * (data + data.T))
-    outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
-    known = np.linalg.pinv(outside @ data @ outside, rcond=1e-13, hermitian=True)
-    return known * UNITS[:, None] * UNITS, CALIBRATION - open_directions.shape[1]
+    # In a basis of the rest: projected in all seven, round-off along what was taken out could come back as metres.
+    every = np.linalg.svd(open_directions, full_matrices=True)[0] if open_directions.shape[1] else np.eye(CALIBRATION)
+    rest = every[:, open_directions.shape[1] :]
+    known = rest @ np.linalg.inv(rest.T @ data @ rest) @ rest.T if rest.shape[1] else np.zeros_like(data)
+    return known * UNITS[:, None] * UNITS, rest.shape[1]
 
 
 def _gradient(problem: JointProblem, estimate: Estimate, first: int, last: int) -> FloatArray:

@@ -68,3 +68,19 @@ def test_an_accelerometer_that_cannot_be_is_refused_with_its_bias(noisy: tuple[R
     result = calibrate(replace(recording, imu=replace(recording.imu, accel_m_s2=force)), CalibrateSettings()).result
     assert result.status == "refused"
     assert "IMU that is off by" in result.messages[-1].text
+
+
+def test_what_the_data_leave_open_does_not_come_back_by_round_off() -> None:
+    """Fails when the open direction is projected out in all seven: an inverse of what is left lets metres back in."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        open_way = np.zeros(7)
+        open_way[3:6] = rng.standard_normal(3)
+        open_way /= np.linalg.norm(open_way)
+        stds = np.array([1e-4, 1e-4, 1e-4, 5e-4, 5e-4, 5e-4, 1.6e-5])
+        mix = np.linalg.qr(rng.standard_normal((7, 7)))[0]
+        small = np.diag(stds) @ mix @ np.diag(rng.uniform(0.3, 3.0, 7)) @ mix.T @ np.diag(stds)
+        known, rank = determined_part(small + 100.0 * np.outer(open_way, open_way))
+        assert rank == 6
+        assert open_way @ known @ open_way < 1e-6
+        assert np.trace(known[3:6, 3:6]) < 1e-5
