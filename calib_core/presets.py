@@ -144,7 +144,14 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
         0.02,
         _ARC_0_05_DEG,
         "start value; the sheet gives 3 cm typical accuracy",
-        ("velodyne", "vlp", "puck"),
+        ("vlp16", "vlp-16", "vlp_16", "puck"),
+    ),
+    LidarPreset(
+        "velodyne",
+        0.02,
+        _ARC_0_05_DEG,
+        "start value for any of the maker's; the sheets give 2 to 3 cm typical accuracy",
+        ("velodyne", "vlp", "hdl", "vls"),
     ),
     LidarPreset(
         "ouster-os",

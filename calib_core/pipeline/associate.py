@@ -254,7 +254,7 @@ def measure_noise(
     for b in np.unique(band):
         mine = d[band == b]
         if len(mine) > 100:
-            variance = _tapered_variance(mine)
+            variance = tapered_variance(mine)
             rows.append([float(c2[band == b].mean()), 1.0])
             variances.append(variance)
             weights.append(np.sqrt(len(mine)) / max(variance, 1e-12))
@@ -265,7 +265,7 @@ def measure_noise(
 _TAPERED = 0.7708825578050007
 
 
-def _tapered_variance(d: FloatArray) -> float:
+def tapered_variance(d: FloatArray) -> float:
     """Variance of the normal law in the middle of a sample that has outliers, by weights that fall to zero at four sigma.
 
     The weights taper and agree with the variance that they give, so that it is a smooth function of every distance: one

@@ -17,7 +17,8 @@ from calib_core.geometry import log
 from calib_core.pipeline.context import Context
 from calib_core.pipeline.planemap import PlaneMap
 from calib_core.pipeline.propose import named_planes, scan_points
-from calib_core.pipeline.track import ScanMotion, straighten, track
+from calib_core.pipeline.register import ScanMotion, straighten
+from calib_core.pipeline.track import track
 from calib_core.planes.segment import determinacy, segment_planes
 from calib_core.types import FloatArray, Plane
 

@@ -39,9 +39,9 @@ from calib_core.pipeline.full import (
 from calib_core.pipeline.initialise import LidarTrack
 from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import propose_planes, scan_points
+from calib_core.pipeline.register import ScanMotion
 from calib_core.pipeline.rounds import Rounds
 from calib_core.pipeline.state import CALIBRATION, BiasNodes
-from calib_core.pipeline.track import ScanMotion
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
@@ -243,7 +243,9 @@ def _preview(
     """The joint problem over the tracked scans, on a coarse chain of knots. Raises NoStart where they are too few."""
     offset = start.rotation.time_offset_s
     tracked_from, tracked_to = float(lidar.start_s[0]), float(lidar.start_s[-1] + lidar.sweep_s[-1])
-    whole = knots_over(ctx, tracked_from, float(ctx.clocks.scan_s[-1] + ctx.clocks.sweep_s[-1]), offset)[::_COARSER]
+    whole = knots_over(ctx.clocks.imu_s, tracked_from, float(ctx.clocks.scan_s[-1] + ctx.clocks.sweep_s[-1]), offset)[
+        ::_COARSER
+    ]
     inside = int(np.searchsorted(whole, tracked_to - offset))
     if inside < 20:
         raise NoStart(

@@ -28,9 +28,10 @@ from calib_core.pipeline.initialise import (
     turns_about,
 )
 from calib_core.pipeline.priors import PriorRow, Priors
+from calib_core.pipeline.register import ScanMotion
 from calib_core.pipeline.rounds import Rounds, Solved
 from calib_core.pipeline.state import BiasNodes, Estimate
-from calib_core.pipeline.track import ScanMotion, track
+from calib_core.pipeline.track import track
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 BIAS_NODE_SPACING_S = 5.0
@@ -141,17 +142,17 @@ def first_estimate(
     )
 
 
-def knots_over(ctx: Context, first_s: float, last_s: float, time_offset_s: float) -> FloatArray:
-    """Knots on the IMU's clock that cover a span of the lidar's, as far as the IMU does.
+def knots_over(imu_s: FloatArray, first_s: float, last_s: float, time_offset_s: float) -> FloatArray:
+    """Knots on the IMU's clock that cover a span of the lidar's, as far as the IMU does. imu_s: (Q,) its samples.
 
     Their grid begins with the IMU's first sample, so that it does not depend on where the search for the offset started.
     """
-    spacing = knot_spacing_s(ctx.clocks.imu_s)
-    origin = float(ctx.clocks.imu_s[0])
+    spacing = knot_spacing_s(imu_s)
+    origin = float(imu_s[0])
     low = max(origin, first_s - time_offset_s - 3 * spacing)
-    high = min(float(ctx.clocks.imu_s[-1]), last_s - time_offset_s + 3 * spacing)
+    high = min(float(imu_s[-1]), last_s - time_offset_s + 3 * spacing)
     first, last = int(np.ceil((low - origin) / spacing - 1e-6)), int(np.floor((high - origin) / spacing + 1e-6))
-    return origin + spacing * np.arange(first, last + 1)
+    return np.asarray(origin + spacing * np.arange(first, last + 1), dtype=np.float64)
 
 
 def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -> Priors:
@@ -195,7 +196,7 @@ def solve(
     """All rounds of association and joint solve."""
     offset = start.rotation.time_offset_s
     tracked_from, tracked_to = float(lidar.start_s[0]), float(lidar.start_s[-1] + lidar.sweep_s[-1])
-    whole = knots_over(ctx, tracked_from, float(ctx.clocks.scan_s[-1] + ctx.clocks.sweep_s[-1]), offset)
+    whole = knots_over(ctx.clocks.imu_s, tracked_from, float(ctx.clocks.scan_s[-1] + ctx.clocks.sweep_s[-1]), offset)
     inside = int(np.searchsorted(whole, tracked_to - offset + 2 * knot_spacing_s(ctx.clocks.imu_s)))
     if inside < 20:
         raise NoStart(

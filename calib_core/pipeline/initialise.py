@@ -26,7 +26,7 @@ from scipy.signal import fftconvolve
 from scipy.sparse.linalg import spsolve
 
 from calib_core.geometry import exp, log, mean_rotation, nearest_rotation
-from calib_core.pipeline.track import ScanMotion
+from calib_core.pipeline.register import ScanMotion
 from calib_core.types import FloatArray, IntArray
 
 _GRID_HZ = 50.0

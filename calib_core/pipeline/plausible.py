@@ -9,10 +9,10 @@ import numpy as np
 from calib_core.geometry import log
 from calib_core.pipeline.context import Context
 from calib_core.pipeline.observability import assess
+from calib_core.pipeline.register import ScanMotion
 from calib_core.pipeline.repeatability import BLOCKS, repeatability
 from calib_core.pipeline.report import away_m, misfit
 from calib_core.pipeline.rounds import Solved
-from calib_core.pipeline.track import ScanMotion
 
 #: Less motion than this over the whole recording is standing still.
 _LEAST_TURN_RAD = np.radians(1.0)

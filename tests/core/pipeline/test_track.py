@@ -9,7 +9,8 @@ import pytest
 
 from calib_core.geometry import log
 from calib_core.pipeline.planemap import PlaneMap
-from calib_core.pipeline.track import ScanMotion, TrackSettings, register, sample_points, track
+from calib_core.pipeline.register import ScanMotion, TrackSettings, register, sample_points
+from calib_core.pipeline.track import track
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import TURNING_AWAY
 from calib_core.simulate.rooms import FREE_CORNER
