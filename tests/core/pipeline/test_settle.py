@@ -101,10 +101,13 @@ def test_knots_lie_on_one_grid_whatever_the_offset(noisy: tuple[Recording, Truth
 def test_the_variance_of_the_middle_is_that_of_the_noise(wrong: float) -> None:
     """Fails when weights are cut off instead of tapered, or outliers count."""
     rng = np.random.default_rng(4)
-    d = 0.02 * rng.standard_normal(60_000)
+    d = 0.02 * rng.standard_normal(20_000)
     d[: int(wrong * len(d))] = rng.uniform(-1.0, 1.0, int(wrong * len(d)))
     variance = tapered_variance(d)
-    assert np.sqrt(variance) == pytest.approx(0.02, rel=0.015)
-    # Smooth: every distance moved by a ten-thousandth of its noise moves it by no more than that, wherever points lie.
-    moved = tapered_variance(d + 2e-6 * rng.standard_normal(len(d)))
-    assert moved == pytest.approx(variance, rel=2e-6)
+    assert np.sqrt(variance) == pytest.approx(0.02, rel=0.025)
+    # Smooth: wherever a point lies, a thousandth of the noise further is worth no more than a millionth.
+    for place in np.linspace(0.0, 0.12, 301):
+        d[-1] = place
+        here = tapered_variance(d)
+        d[-1] = place + 2e-5
+        assert tapered_variance(d) == pytest.approx(here, rel=1e-6)
