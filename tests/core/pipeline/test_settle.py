@@ -105,9 +105,10 @@ def test_the_variance_of_the_middle_is_that_of_the_noise(wrong: float) -> None:
     d[: int(wrong * len(d))] = rng.uniform(-1.0, 1.0, int(wrong * len(d)))
     variance = tapered_variance(d)
     assert np.sqrt(variance) == pytest.approx(0.02, rel=0.025)
-    # Smooth: wherever a point lies, a thousandth of the noise further is worth no more than a millionth.
+    # Smooth: no place where a point a fiftieth of the noise further off is worth a jump; a cut is one of 4e-4.
+    before = None
     for place in np.linspace(0.0, 0.12, 301):
         d[-1] = place
         here = tapered_variance(d)
-        d[-1] = place + 2e-5
-        assert tapered_variance(d) == pytest.approx(here, rel=1e-6)
+        assert before is None or here == pytest.approx(before, rel=3e-5)
+        before = here
