@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel
+from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel, select_kernel, within_kernel
 from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
@@ -137,29 +137,36 @@ def find_hits(
 
 def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
     """Row and column of every hit in its plane's grid, (N, 2), -1 where there is no plane. extents_normals: (P, 3)."""
-    planes, slices = len(extents_normals), len(hits.poses.p)
-    axes = plane_axes(extents_normals).reshape(2 * planes, 3)
-    u = (axes @ hits.poses.R).reshape(slices, planes, 2, 3)
-    origin = (hits.poses.p @ axes.T).reshape(slices, planes, 2)
+    u, origin = _grids(hits.poses, extents_normals)
     cell = np.empty((len(hits.plane), 2), np.int64)
     cells_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, cell)
     return cell
 
 
+def _grids(poses: SlicePoses, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The planes' in-plane axes seen from the lidar (S, P, 2, 3), and its in-plane coordinates (S, P, 2)."""
+    planes, slices = len(normals), len(poses.p)
+    axes = plane_axes(normals).reshape(2 * planes, 3)
+    return (axes @ poses.R).reshape(slices, planes, 2, 3), (poses.p @ axes.T).reshape(slices, planes, 2)
+
+
 def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> tuple[BoolArray, FloatArray]:
     """Which points count and with what weight [1/m^2]: (N,), (N,)."""
-    std = noise.distance_std_m(hits.cosine)
-    extra = np.full(1, gate.extra_m) if gate.extra_of_plane_m is None else gate.extra_of_plane_m[hits.plane]
-    keep = (hits.plane >= 0) & (np.abs(hits.d) < gate.sigmas * std + extra) & (hits.ambiguous_m > gate.margin_m)
-    keep &= extra >= 0
-    if extents is not None:
-        keep &= extents.contain(hits.plane, cells_of(hits, extents.normals))
+    n = len(hits.plane)
+    keep, weight = np.empty(n, np.bool_), np.empty(n)
+    extra = gate.extra_of_plane_m
+    if extra is None:
+        extra = np.full(int(hits.plane.max(initial=0)) + 1, gate.extra_m)
     # What widens the gate is an error of the motion, and counts as noise: a clutter point at grazing incidence, let in by
     # it, would otherwise outweigh a wall.
-    spread = np.maximum(extra, 0.0)
-    scale = gate.robust_sigmas * std + spread
-    robust = np.maximum(1.0 - (hits.d / scale) ** 2, 0.0) ** 2
-    return keep, robust / (std**2 + (spread / _GATE_STDS) ** 2)
+    select_kernel(
+        hits.plane, hits.d, hits.cosine, hits.ambiguous_m, extra, noise.range_std_m, noise.surface_std_m,
+        gate.sigmas, gate.margin_m, gate.robust_sigmas, _GATE_STDS, keep, weight,
+    )  # fmt: skip
+    if extents is not None:
+        u, origin = _grids(hits.poses, extents.normals)
+        within_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, extents.inside, keep)
+    return keep, weight
 
 
 def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> MicroBins:

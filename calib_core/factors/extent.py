@@ -27,10 +27,6 @@ class PlaneExtents:
     normals: FloatArray
     inside: NDArray[np.bool_]
 
-    def contain(self, plane: IntArray, cell: IntArray) -> BoolArray:
-        """Whether each hit's cell belongs to its plane. plane: (N,), -1 for none. cell: (N, 2)."""
-        return (plane >= 0) & self.inside[plane, cell[:, 0], cell[:, 1]]
-
     def area_m2(self, plane: int) -> float:
         """Area of a plane's cells."""
         return float(self.inside[plane].sum()) * CELL_M**2

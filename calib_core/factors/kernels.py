@@ -110,6 +110,65 @@ def cells_kernel(
 
 
 @numba.njit(cache=True, nogil=True)
+def within_kernel(
+    plane: IntArray,
+    slice_index: IntArray,
+    x_hit: FloatArray,
+    u: FloatArray,
+    origin: FloatArray,
+    cell_m: float,
+    half: int,
+    inside: BoolArray,
+    keep: BoolArray,
+) -> None:
+    """Takes hits outside of their plane's cells out of keep (N,). inside: (P, rows, columns); the others as in cells_kernel."""
+    for i in range(plane.shape[0]):
+        if not keep[i]:
+            continue
+        j, k = plane[i], slice_index[i]
+        row, column = origin[k, j, 0], origin[k, j, 1]
+        for b in range(3):
+            row += u[k, j, 0, b] * x_hit[i, b]
+            column += u[k, j, 1, b] * x_hit[i, b]
+        r = min(max(int(np.floor(row / cell_m)) + half, 0), 2 * half - 1)
+        c = min(max(int(np.floor(column / cell_m)) + half, 0), 2 * half - 1)
+        keep[i] = inside[j, r, c]
+
+
+@numba.njit(cache=True, nogil=True)
+def select_kernel(
+    plane: IntArray,
+    d: FloatArray,
+    cosine: FloatArray,
+    ambiguous_m: FloatArray,
+    extra_of_plane_m: FloatArray,
+    range_std_m: float,
+    surface_std_m: float,
+    sigmas: float,
+    margin_m: float,
+    robust_sigmas: float,
+    extra_stds: float,
+    keep: BoolArray,
+    weight: FloatArray,
+) -> None:
+    """Fills keep and weight [1/m^2], (N,) each, of hits. extra_of_plane_m: (P,) room in the gates; below zero none is kept."""
+    for i in range(plane.shape[0]):
+        j = plane[i]
+        keep[i] = False
+        weight[i] = 0.0
+        if j < 0:
+            continue
+        extra = extra_of_plane_m[j]
+        variance = (range_std_m * cosine[i]) ** 2 + surface_std_m**2
+        std = np.sqrt(variance)
+        if extra < 0.0 or not abs(d[i]) < sigmas * std + extra or not ambiguous_m[i] > margin_m:
+            continue
+        keep[i] = True
+        shortfall = max(1.0 - (d[i] / (robust_sigmas * std + extra)) ** 2, 0.0)
+        weight[i] = shortfall**2 / (variance + (extra / extra_stds) ** 2)
+
+
+@numba.njit(cache=True, nogil=True)
 def collapse_kernel(
     keep: BoolArray,
     plane: IntArray,
@@ -296,13 +355,14 @@ def spread_kernel(
     row = np.empty(n, np.int64)
     column = np.empty(n, np.int64)
     for i in range(n):
-        away = np.sqrt(np.sum((x_map[i] - eye) ** 2))
+        x, y, z = x_map[i, 0], x_map[i, 1], x_map[i, 2]
+        away = np.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2 + (z - eye[2]) ** 2)
         near[i] = 1 + int(away / (20.0 * cell_m))
         owner[i] = _owner(x_map[i], normals, offsets, eye, near_m + 0.003 * away)
         j = owner[i]
         if j >= 0:
-            row[i] = _cell(np.sum(axes[j, 0] * x_map[i]), cell_m, width)
-            column[i] = _cell(np.sum(axes[j, 1] * x_map[i]), cell_m, width)
+            row[i] = _cell(axes[j, 0, 0] * x + axes[j, 0, 1] * y + axes[j, 0, 2] * z, cell_m, width)
+            column[i] = _cell(axes[j, 1, 0] * x + axes[j, 1, 1] * y + axes[j, 1, 2] * z, cell_m, width)
     for _ in range(passes):
         changed = False
         for i in range(n):
@@ -310,14 +370,11 @@ def spread_kernel(
             if j < 0 or not reach[j, row[i], column[i]]:
                 continue
             k = near[i]
-            block = reach[
-                j,
-                max(row[i] - k, 0) : min(row[i] + k + 1, width),
-                max(column[i] - k, 0) : min(column[i] + k + 1, width),
-            ]
-            if not block.all():
-                block[:] = True
-                changed = True
+            for r in range(max(row[i] - k, 0), min(row[i] + k + 1, width)):
+                for c in range(max(column[i] - k, 0), min(column[i] + k + 1, width)):
+                    if not reach[j, r, c]:
+                        reach[j, r, c] = True
+                        changed = True
             owner[i] = -1
         if not changed:
             break

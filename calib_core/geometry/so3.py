@@ -66,9 +66,17 @@ def exp(phi: FloatArray) -> FloatArray:
     """The rotation of each rotation vector. phi: (..., 3) [rad]. Returns (..., 3, 3)."""
     if phi.ndim == 1:
         return _exp_one(float(phi[0]), float(phi[1]), float(phi[2]))
-    theta = np.linalg.norm(phi, axis=-1)
-    k = hat(phi)
-    return np.eye(3) + _sinc(theta)[..., None, None] * k + _coefficient_b(theta)[..., None, None] * (k @ k)
+    x, y, z = phi[..., 0], phi[..., 1], phi[..., 2]
+    xx, yy, zz = x * x, y * y, z * z
+    theta = np.sqrt(xx + yy + zz)
+    a, b = _sinc(theta), _coefficient_b(theta)
+    ax, ay, az = a * x, a * y, a * z
+    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    out = np.empty((*phi.shape[:-1], 3, 3))
+    out[..., 0, 0], out[..., 1, 1], out[..., 2, 2] = 1 - b * (yy + zz), 1 - b * (xx + zz), 1 - b * (xx + yy)
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = xy - az, xz + ay, yz - ax
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = xy + az, xz - ay, yz + ax
+    return out
 
 
 def _exp_one(x: float, y: float, z: float) -> FloatArray:

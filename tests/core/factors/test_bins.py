@@ -201,7 +201,7 @@ def test_selection_and_weights_point_by_point() -> None:
         assert without[i] == near
         assert keep[i] == (near and cells[i, 0] < HALF_CELLS)
         u = hits.d[i] / (6.0 * std + 0.01)
-        assert weight[i] == pytest.approx((1 - u**2) ** 2 / (std**2 + 0.0025**2) if abs(u) < 1 else 0.0)
+        assert weight[i] == pytest.approx((1 - u**2) ** 2 / (std**2 + 0.0025**2) if near else 0.0)
     assert 0 < keep.sum() < without.sum() < len(keep)
 
 
