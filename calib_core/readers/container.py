@@ -8,6 +8,7 @@ path ── archive? ── unpack to a temporary folder ──┐
 from __future__ import annotations
 
 import heapq
+import re
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, closing
@@ -113,12 +114,12 @@ class OpenRecording:
         try:
             return RosbagsStorage(file, partial(recovered, file))
         except StorageError as error:
-            reason = str(error).rstrip(".")
+            reason = plain_reason(error)
         try:
             return recovered(file, reason)
         except (StorageError, OSError) as error:
             raise UnreadableRecording(
-                f"The file {file.name} is no readable recording ({str(error).rstrip('.')}); expected {_ACCEPTED}."
+                f"The file {file.name} is no readable recording ({plain_reason(error)}); expected {_ACCEPTED}."
             ) from error
 
     def __enter__(self) -> Self:
@@ -140,6 +141,11 @@ def open_recording(path: Path) -> OpenRecording:
         ) from error
     except OSError as error:
         raise UnreadableRecording(f"The recording {path.name} cannot be read: {error.strerror or error}.") from error
+
+
+def plain_reason(error: Exception) -> str:
+    """What an error says, without the marks of the errors that it was made from: ('...',) becomes its text."""
+    return re.sub(r"\(?['\"]([^'\"]*?)\.?['\"],?\)", r"\1", str(error)).rstrip(".")
 
 
 def recovered(file: Path, reason: str) -> Storage:

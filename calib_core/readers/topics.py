@@ -93,6 +93,14 @@ def _choose(
             candidates=names,
         )
     if not fitting:
+        types = (*CLOUD_TYPES, *PACKET_TYPES) if what == "lidar" else (imu_messages.TYPE,)
+        silent = next((t for t in topics if t.type in types and not t.count), None)
+        if silent is not None:
+            raise TopicError(
+                f"The recording {recording} holds not one whole message of its {what} topic {silent.name} ({silent.type}):"
+                " it was cut short, or nothing was published; record or copy it again.",
+                code=f"recording.no_{what.lower()}",
+            )
         seen = _listed([f"{t.name} ({t.type})" for t in topics][:8]) or "no topics at all"
         raise TopicError(
             f"The recording {recording} has no {what} topic with messages; it holds {seen}.",

@@ -47,6 +47,18 @@ def test_no_lidar_and_no_imu(tmp_path: Path) -> None:
     assert "/velodyne_points (sensor_msgs/msg/PointCloud2)" in text
 
 
+def test_a_topic_without_a_whole_message_is_named_with_what_to_do(tmp_path: Path) -> None:
+    """Mutation: do not look for topics of the right type that hold nothing."""
+    whole = bag(tmp_path, clouds(), imu())
+    cut = tmp_path / "cut.bag"
+    cut.write_bytes(whole.read_bytes()[:9000])
+    text = refused(cut, ReadSettings(), TopicError)
+    assert "not one whole message of its lidar topic /velodyne_points" in text
+    assert "cut short" in text
+    report = inspect(cut, ReadSettings())
+    assert not any("('" in reason for reason in report.reasons)
+
+
 def test_several_topics_are_asked_for(tmp_path: Path) -> None:
     """Mutation: return fitting[0] where several fit."""
     path = bag(tmp_path, clouds("/a"), clouds("/b"), imu("/imu1"), imu("/imu2"))
