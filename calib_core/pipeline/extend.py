@@ -45,6 +45,9 @@ _JOIN_ON_M = 0.6
 #: A carried scan is looked at anew for planes where the known ones explain less than this share of what they did at first.
 _EXPLAINED = 0.6
 _FRESH_LOOK_S = 1.5
+#: The whole is solved again when so many times as much of it is carried; at its end even for a little more.
+_DOUBLED = 2.0
+_LITTLE_MORE = 1.05
 
 
 def extend(rounds: Rounds) -> None:
@@ -86,7 +89,8 @@ class Carrier:
             if self._should_look_again(share):
                 self.looked_at = r.last
                 self._look_again()
-            if came_back.any() or r.last - r.first >= 2 * self.solved_span or r.last == total:
+            grown = (r.last - r.first) / self.solved_span
+            if came_back.any() or grown >= _DOUBLED or (r.last == total and grown > _LITTLE_MORE):
                 self._solve_all()
         self._let_go()
 

@@ -356,15 +356,23 @@ class Rounds:
         self.micro = None
         return True
 
+    def _information(self, problem: JointProblem) -> FloatArray | None:
+        """Of the shared unknowns (S, S), from the solve that just ended unless it held more than the settings do."""
+        solved = self.minimum.solution if self.minimum is not None else None
+        if solved is not None and problem.frozen == self._frozen():
+            return solved.information
+        try:
+            return solve_arrow(replace(problem, frozen=self._frozen()).linearise(self.estimate)).information
+        except NotPositiveDefinite:
+            return None
+
     def hold(self, problem: JointProblem) -> None:
         """Hold the directions that the data do not determine: translation at zero, the others where they are.
 
         What was held is let go only when the data, judged with it held, say clearly more than noise could.
         """
-        problem = replace(problem, frozen=self._frozen())
-        try:
-            information = solve_arrow(problem.linearise(self.estimate)).information
-        except NotPositiveDefinite:
+        information = self._information(problem)
+        if information is None:
             return
         data = data_information(information, self.priors)
         if not self.ctx.settings.estimate_time_offset:
