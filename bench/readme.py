@@ -1,25 +1,47 @@
-"""The README's table of accuracy, made from the committed results: `python -m bench readme` writes it anew."""
+"""The README's table of accuracy, made from the committed campaign: `python -m bench readme` writes it anew."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from bench.metrics import Metric
-from bench.store import FOLDER, RESULTS, read_results
-from bench.workloads import WORKLOADS
+from bench.accuracy import by_scenario
+from bench.bounds import read_bounds
+from bench.campaign import read_runs
+from bench.figures import TWINS
+from bench.runs import PARAMETERS
+from bench.statistics import accuracy, bound_accuracy, consistency
+from bench.store import FOLDER, RESULTS
 
 README = FOLDER.parent / "README.md"
 START, END = "<!-- bench -->\n", "<!-- /bench -->\n"
 _HEAD = (
-    "| recording | runs | rotation, rms (expected) | translation, rms (expected) "
-    "| time offset, rms (expected) | NEES / 7 |\n"
-    "| --- | --- | --- | --- | --- | --- |\n"
+    "| recording | runs | rotation, rms (bound) | translation, rms (bound) | time offset, rms (bound) "
+    "| NEES / 7 | 95 % intervals cover |\n"
+    "| --- | --- | --- | --- | --- | --- | --- |\n"
 )
+#: Fewer runs than this make no row: their mean says little.
+_LEAST_RUNS = 30
 
 
 def table(folder: Path = RESULTS) -> str:
-    """One row for each workload that has committed results."""
-    rows = [_row(name, read_results(name, folder)) for name in WORKLOADS if (folder / f"{name}.json").is_file()]
+    """One row for each scenario of the campaign that has a bound."""
+    bounds = read_bounds(folder)
+    rows = []
+    for name, runs in by_scenario(read_runs(folder)).items():
+        solved = [run for run in runs if run.is_solved]
+        if name not in bounds or name in TWINS or len(solved) < _LEAST_RUNS:
+            continue
+        found, limit, judged = accuracy(runs), bound_accuracy(bounds[name]), consistency(runs)
+        cells = [
+            name,
+            f"{len(runs)}",
+            f"{found.rotation_deg:.4f} deg ({limit.rotation_deg:.4f})",
+            f"{found.translation_mm:.2f} mm ({limit.translation_mm:.2f})",
+            f"{found.offset_ms:.4f} ms ({limit.offset_ms:.4f})",
+            f"{judged.mean_nees / len(PARAMETERS):.2f}",
+            f"{100 * judged.pooled:.1f} %",
+        ]
+        rows.append("| " + " | ".join(cells) + " |\n")
     return _HEAD + "".join(rows) if rows else "Not measured yet.\n"
 
 
@@ -28,18 +50,3 @@ def with_table(text: str, made: str) -> str:
     before, _, rest = text.partition(START)
     _, _, after = rest.partition(END)
     return before + START + made + END + after
-
-
-def _row(name: str, metrics: dict[str, Metric]) -> str:
-    def value(key: str) -> float:
-        return metrics[f"{name}.{key}"].value
-
-    cells = [
-        name,
-        f"{value('runs'):.0f}",
-        f"{value('e_R_rms_deg'):.4f} deg ({value('sigma_R_deg'):.4f})",
-        f"{value('e_p_rms_mm'):.2f} mm ({value('sigma_p_mm'):.2f})",
-        f"{value('e_dt_rms_ms'):.4f} ms ({value('sigma_dt_ms'):.4f})",
-        f"{value('nees_over_freedom'):.2f}",
-    ]
-    return "| " + " | ".join(cells) + " |\n"
