@@ -296,9 +296,17 @@ def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray
     if len(rows) == 0:
         return start
     if len(rows) == 1:
-        return LidarNoise(max(float(np.sqrt(variances[0] / rows[0, 0])), 1e-4), 1e-4)
+        return LidarNoise(_told(variances[0] / rows[0, 0]), 1e-4)
     solution, _ = nnls(rows * weights[:, None], variances * weights)
-    return LidarNoise(max(float(np.sqrt(solution[0])), 1e-4), max(float(np.sqrt(solution[1])), 1e-4))
+    return LidarNoise(_told(solution[0]), _told(solution[1]))
+
+
+def _told(variance: float) -> float:
+    """A standard deviation to three digits, no more than are known, and not below 0.1 mm.
+
+    Further digits change with a single point that comes or goes, and the cost of the whole solve with them.
+    """
+    return max(float(f"{np.sqrt(variance):.3g}"), 1e-4)
 
 
 def rebinned(problem: JointProblem, micro: Micro, estimate: Estimate) -> Bins:
