@@ -151,7 +151,7 @@ def knots_over(ctx: Context, first_s: float, last_s: float, time_offset_s: float
     low = max(origin, first_s - time_offset_s - 3 * spacing)
     high = min(float(ctx.clocks.imu_s[-1]), last_s - time_offset_s + 3 * spacing)
     first, last = int(np.ceil((low - origin) / spacing - 1e-6)), int(np.floor((high - origin) / spacing + 1e-6))
-    return origin + spacing * np.arange(first, last + 1)
+    return np.asarray(origin + spacing * np.arange(first, last + 1), dtype=np.float64)
 
 
 def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -> Priors:
@@ -221,6 +221,7 @@ def solve(
         positions=[m.position for m in motions if covered[m.position]],
         reference=reference,
         names=[plane.name for plane in planes],
+        outlines_m=[plane.outline_m for plane in planes],
         may_add_planes=may_add_planes,
         may_extend=may_extend,
     )
