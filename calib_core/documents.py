@@ -23,6 +23,8 @@ ROTATION_TOLERANCE = 1e-2
 OUTLINE_OFF_PLANE_M = 0.05
 #: Sine of a corner that is none: the middle of a straight side.
 STRAIGHT = 1e-6
+#: Corners this near to each other are one.
+SAME_CORNER_M = 1e-6
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -134,24 +136,17 @@ def _outline(plane: Plane, corners_m: list[list[float]], path: Path) -> FloatArr
             f"but one is {off_m:.3g} m off it; correct them."
         )
     edges = np.roll(corners, -1, axis=0) - corners
-    turns = np.cross(edges, np.roll(edges, -1, axis=0)) @ plane.normal
-    around = np.linalg.norm(edges, axis=1)
-    bends = turns / np.maximum(around * np.roll(around, -1), 1e-30)  # sines of the angles at the corners
-    one_way = (bends > -STRAIGHT).all() or (bends < STRAIGHT).all()
-    winding = float(np.abs(np.arctan2(bends, _cosines(edges))).sum())
-    if not one_way or np.abs(bends).max() < STRAIGHT or winding > 2.0 * np.pi + 0.1:
+    edges = edges[np.linalg.norm(edges, axis=1) > SAME_CORNER_M]  # their directions would be rounding
+    ahead = np.roll(edges, -1, axis=0)
+    turns_rad = np.arctan2(np.cross(edges, ahead) @ plane.normal, np.sum(edges * ahead, axis=1))
+    # Whoever walks around a convex outline turns once, and never back: what crosses, is hollow or a line turns further.
+    flat = bool((np.abs(np.sin(turns_rad)) < STRAIGHT).all())
+    if flat or np.abs(turns_rad).sum() > 2.0 * np.pi + 0.01:
         raise SettingsError(
             f"Expected outline_m of plane {plane.name} in {path} to be the corners of a convex polygon in order, but they "
             "turn both ways, cross or lie on a line; list them around the outline."
         )
     return corners
-
-
-def _cosines(edges: FloatArray) -> FloatArray:
-    """Of the angles between each edge (K, 3) and the next one: (K,)."""
-    ahead = np.roll(edges, -1, axis=0)
-    lengths = np.linalg.norm(edges, axis=1) * np.linalg.norm(ahead, axis=1)
-    return np.asarray(np.sum(edges * ahead, axis=1) / np.maximum(lengths, 1e-30))
 
 
 def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:

@@ -135,7 +135,11 @@ def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Rec
 
 
 def _plane(plane: OrderedPlane) -> Plane:
-    return Plane(name=plane.name, normal=np.array(plane.normal, dtype=np.float64), offset_m=plane.offset_m)
+    """The plane as it is read from a file of planes, to the last digit: the shown command repeats the run exactly."""
+    normal = np.array(plane.normal, dtype=np.float64)
+    length = float(np.linalg.norm(normal))
+    outline_m = None if plane.outline_m is None else np.array(plane.outline_m, dtype=np.float64)
+    return Plane(name=plane.name, normal=normal / length, offset_m=plane.offset_m / length, outline_m=outline_m)
 
 
 def _guess(wire: WireGuess | None) -> InitialGuess | None:

@@ -10,8 +10,9 @@ from app.arrays.proposals import has_proposals, read_proposals
 from app.errors import Conflict, NotFound
 from app.jobs.functions import proposal_arrays
 from app.jobs.orders import OrderedPlane
+from app.planes.geometry import solved_outline
 from app.planes.operations import apply
-from app.planes.state import PlaneHistory, PlaneSet, suggested
+from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
 from app.planes.wire import wire_planes
 from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
@@ -89,11 +90,7 @@ class PlaneService:
             _, history = self.current(recording_id)
         except Conflict:
             return None
-        chosen = tuple(
-            OrderedPlane(name=patch.name, normal=patch.normal, offset_m=patch.offset_m, color=patch.color)
-            for patch in history.current.patches
-            if patch.confirmed
-        )
+        chosen = tuple(ordered(patch, history.current) for patch in history.current.patches if patch.confirmed)
         if not chosen:
             raise Conflict(
                 "planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways."
@@ -157,3 +154,12 @@ class PlaneService:
                 self._proposals.popitem(last=False)
         self._proposals.move_to_end(cached)
         return key, self._proposals[cached]
+
+
+def ordered(patch: EditedPatch, planes: PlaneSet) -> OrderedPlane:
+    """A patch of a set as a solve takes it."""
+    corners_m = solved_outline(patch, planes.region)
+    outline_m = None if corners_m is None else tuple((x, y, z) for x, y, z in corners_m.tolist())
+    return OrderedPlane(
+        name=patch.name, normal=patch.normal, offset_m=patch.offset_m, color=patch.color, outline_m=outline_m
+    )

@@ -62,9 +62,7 @@ def _whole_cells(corners_m: FloatArray) -> BoolArray:
     inside = np.ones((2 * HALF_CELLS, 2 * HALF_CELLS), bool)
     ahead = np.roll(corners_m, -1, axis=0)
     x, y = corners_m.T
-    turning = np.sign(
-        x @ ahead[:, 1] - y @ ahead[:, 0]
-    )  # which way round the corners go: seen from the back, clockwise
+    turning = np.sign(x @ ahead[:, 1] - y @ ahead[:, 0])  # -1 where they go round clockwise
     for (u, v), (along, across) in zip(corners_m, turning * (ahead - corners_m), strict=True):
         a, b = -across, along
         least = -a * u - b * v + (min(a, 0.0) + min(b, 0.0)) * CELL_M

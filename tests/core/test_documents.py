@@ -93,10 +93,15 @@ def floor_with(outline_m: object) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    "outline", [[[0, 0, -1], [1, 0, -1], [0, 1, -1]], [[0, 0, -1], [0, 2, -1], [1, 2, -1], [1, 1, -1], [1, 0, -1]]]
+    "outline",
+    [
+        [[0, 0, -1], [1, 0, -1], [0, 1, -1]],
+        [[0, 0, -1], [0, 2, -1], [1, 2, -1], [1, 1, -1], [1, 0, -1]],
+        [[0, 0, -1], [1, 0, -1], [1 - 1e-12, -1e-12, -1], [0, 1, -1]],
+    ],
 )
 def test_an_outline_is_read_either_way_round(tmp_path: Path, outline: list[list[float]]) -> None:
-    """Fails if the key is ignored, one way round is refused, or a corner in the middle of a side is."""
+    """Fails if the key is ignored, one way round is refused, or a corner in the middle of a side is, or one said twice."""
     (plane,) = read_planes(written(tmp_path, floor_with(outline)))
     assert plane.outline_m is not None
     assert plane.outline_m.tolist() == outline
@@ -107,7 +112,7 @@ def test_an_outline_is_read_either_way_round(tmp_path: Path, outline: list[list[
     [
         [[0, 0, -1], [1, 0, -1]],
         [[0, 0, -1], [1, 0, -1], [2, 0, -1]],
-        [[0, 0, -1], [1, 0, -1], [0, 1, 0]],
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
         [[0, 0, -1], [1, 1, -1], [1, 0, -1], [0, 1, -1]],
         [[0, 0, -1], [4, 0, -1], [1, 1, -1], [0, 4, -1]],
         [[1, 0, -1], [-0.8, 0.6, -1], [0.3, -1, -1], [0.3, 1, -1], [-0.8, -0.6, -1]],
@@ -116,7 +121,7 @@ def test_an_outline_is_read_either_way_round(tmp_path: Path, outline: list[list[
     ids=["two", "line", "off the plane", "crossed", "hollow", "star", "flat"],
 )
 def test_an_unfit_outline_is_one_sentence(tmp_path: Path, outline: list[list[float]]) -> None:
-    """Fails if corners may lie anywhere, in any order (a five-pointed star turns one way only), or on a line."""
+    """Fails if corners may lie anywhere, on a line, or in any order: a five-pointed star turns one way only, but twice."""
     with pytest.raises(SettingsError, match=r"outline_m.*file\.json|file\.json.*outline_m"):
         read_planes(written(tmp_path, floor_with(outline)))
 
