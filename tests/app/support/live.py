@@ -96,7 +96,9 @@ class Live:
 @contextmanager
 def serving(data_dir, **settings):
     """A server over a data directory."""
-    chosen = AppSettings(data_dir=data_dir, **{"cancel_grace_s": 0.3, "min_free_bytes": 0, "spare_worker": False, **settings})
+    chosen = AppSettings(
+        data_dir=data_dir, **{"cancel_grace_s": 0.3, "min_free_bytes": 0, "spare_worker": False, **settings}
+    )
     bound = socket.socket()
     bound.bind(("127.0.0.1", 0))
     bound.listen(128)
