@@ -11,6 +11,7 @@ import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.planes import service
 from tests.app.support import world
 
 
@@ -89,6 +90,34 @@ def test_a_box_travels_from_the_selection_to_the_solve_and_its_result(shared_liv
     assert set(outlines(shared_live, recording_id).values()) == {None}
     edit(shared_live, recording_id, op="redo")
     np.testing.assert_array_equal(outlines(shared_live, recording_id)["east"], east)
+
+
+def test_a_slow_plane_of_one_recording_keeps_no_other_waiting(shared_live, monkeypatch):
+    """Oracle: the other recording's answer, while the first one's is held back. Mutation: one lock for all recordings."""
+    slow, other = shared_live.ready(), shared_live.ready()
+    begun, go_on, answered = threading.Event(), threading.Event(), threading.Event()
+
+    def grow(*_):
+        begun.set()
+        go_on.wait(30)
+
+    monkeypatch.setattr(service.api, "grow_plane", grow)
+    growing = threading.Thread(target=edit, args=(shared_live, slow), kwargs={"op": "grow", "seed_m": [1, 1, 0]})
+    growing.start()
+    assert begun.wait(20)
+
+    def toggle():
+        edit(shared_live, other, op="toggle", index=0)
+        shared_live.http.get(f"/api/recordings/{other}/jobs")
+        answered.set()
+
+    toggling = threading.Thread(target=toggle)
+    toggling.start()
+    in_time = answered.wait(10)
+    go_on.set()
+    for each in (growing, toggling):
+        each.join(20)
+    assert in_time
 
 
 def test_a_click_in_the_scene_is_seen_by_the_other_browser(shared_live):
