@@ -47,6 +47,9 @@ class Order(_Parcel):
     source: Path
     cache: Path = Field(description="the recording's arrays as read with `read_settings`; made if missing")
     folder: Path = Field(description="the job's own folder")
+    unpacked: Path | None = Field(
+        default=None, description="where the files of a recording's archive are shared by its jobs"
+    )
     scenario: str = ""
     read_settings: ReadSettings = ReadSettings()
     request: StoredRequest = StoredRequest()
