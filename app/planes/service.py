@@ -113,6 +113,7 @@ class PlaneService:
                 name=plane.name,
                 title=plane.name if plane.color is None else today.get(plane.color, plane.name),
                 color=plane_hex(place if plane.color is None else plane.color),
+                restricted=plane.outline_m is not None,
             )
             for place, plane in enumerate(planes)
         ]

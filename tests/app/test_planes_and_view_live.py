@@ -62,6 +62,8 @@ def outlines(live, recording_id):
     live.finish(job_id)
     (file,) = live.http.get(f"/api/results/{job_id}/command").json()["files"]
     found = {plane["name"]: plane.get("outline_m") for plane in json.loads(file["text"])["planes"]}
+    told = {plane["name"]: plane["restricted"] for plane in live.job(job_id)["planes"]}
+    assert told == {name: corners is not None for name, corners in found.items()}
     recorded = live.http.get(f"/api/results/{job_id}").json()["quality"]["planes"]
     assert {plane["name"]: plane.get("outline_m") for plane in recorded if plane["name"] in found} == found
     return found

@@ -141,7 +141,7 @@ def test_screens_fit(page: Page, solved: tuple[str, str], screen: str, size: tup
     """
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.goto(screen.format(recording=solved[0]) or "/")
-    action = page.get_by_role("button", name=re.compile("^(Try the sample|Find planes|Solve with)"))
+    action = page.get_by_role("button", name=re.compile("^(Try the sample|Choose planes|Solve with)"))
     expect(action).to_be_visible()
     expect(action).to_be_in_viewport(ratio=1.0)
     widest = page.evaluate(

@@ -1807,6 +1807,12 @@ export interface components {
              */
             name: string;
             /**
+             * Restricted
+             * @description whether boxes left part of it out of this run
+             * @default false
+             */
+            restricted: boolean;
+            /**
              * Title
              * @description what it is called today
              * @example wall A
