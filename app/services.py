@@ -71,6 +71,7 @@ class Services:
 
     def start(self) -> None:
         """Take up what an earlier server left."""
+        self.files.remove_all_unpacked()
         self.jobs.recover()
         self.recordings.resume(datetime.now(UTC))
         self._launcher.prepare()

@@ -22,6 +22,7 @@ from app.schemas.view import JobChanged, RecordingChanged
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
+from calib_core import api
 from calib_core.events import LogEvent
 from calib_core.settings import ReadSettings
 
@@ -90,6 +91,7 @@ class Workflow:
             # A sample has no bytes to make a key of before it is simulated.
             cache=self._files.recording(record.id) if job.kind == "simulate" else self._files.cache(record),
             folder=self._files.job(job.id),
+            unpacked=self._files.unpacked(record.id),
             scenario=record.scenario,
             read_settings=ReadSettings.model_validate_json(record.read_settings_json),
             request=StoredRequest.model_validate_json(job.request_json),
@@ -108,6 +110,9 @@ class Workflow:
             self.on_shown_changed(recording.id)
         if job.state == "done" and job.kind == "simulate":
             self._arrived(recording)
+        if job.state in FINAL and all(other.state in FINAL for other in self._jobs.records_of(recording.id)):
+            # Its arrays are all that is needed from now on. Who reads it another way unpacks it again.
+            api.discard_archives(self._files.unpacked(recording.id))
 
     def job_said(self, record: JobRecord, said: LogEvent) -> None:
         """Show planes as soon as there are any: their job goes on reading the rest of the recording."""

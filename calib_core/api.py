@@ -12,6 +12,7 @@ neither.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,7 @@ __all__ = [
     "calibrate",
     "deskew",
     "deskew_points",
+    "discard_archives",
     "export",
     "export_names",
     "grow_plane",
@@ -53,6 +55,7 @@ __all__ = [
     "read_planes",
     "read_result",
     "scenarios",
+    "sharing_archives",
     "simulate",
     "without_spans",
 ]
@@ -178,6 +181,20 @@ def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) 
     from calib_core.pipeline import exclude
 
     return exclude.without_spans(recording, spans_s)
+
+
+def sharing_archives(folder: Path) -> AbstractContextManager[None]:
+    """While it lasts, archives are unpacked into `folder`, once for all processes that name it, and stay there."""
+    from calib_core.readers import unpacked
+
+    return unpacked.sharing(folder)
+
+
+def discard_archives(folder: Path) -> bool:
+    """Remove what was unpacked into a shared folder; False, and nothing removed, while somebody reads it."""
+    from calib_core.readers import unpacked
+
+    return unpacked.discard(folder)
 
 
 def export(result: CalibrationResult, name: str) -> str:

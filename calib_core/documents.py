@@ -5,8 +5,9 @@ Each reader says in one sentence what it expected, what it found and in which fi
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -18,6 +19,12 @@ from calib_core.types import FloatArray, InitialGuess, Plane
 
 #: A rotation typed to three digits is still meant as a rotation; more than this is a mistake.
 ROTATION_TOLERANCE = 1e-2
+#: An outline's corners lie in their plane, but for digits left out.
+OUTLINE_OFF_PLANE_M = 0.05
+#: Sine of a corner that is none: the middle of a straight side.
+STRAIGHT = 1e-6
+#: Corners this near to each other are one.
+SAME_CORNER_M = 1e-6
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -27,6 +34,9 @@ class _PlaneEntry(BaseModel):
     name: str
     normal: list[float] = Field(min_length=3, max_length=3)
     offset_m: float
+    outline_m: list[Annotated[list[float], Field(min_length=3, max_length=3)]] | None = Field(
+        default=None, min_length=3, max_length=1000
+    )
 
 
 class _PlanesFile(BaseModel):
@@ -59,7 +69,11 @@ def read_result(path: Path) -> CalibrationResult:
 
 
 def read_planes(path: Path) -> tuple[Plane, ...]:
-    """The planes in `path`, map frame, normals made unit length."""
+    """The planes in `path`, map frame, normals made unit length.
+
+    An entry is {"name", "normal", "offset_m"}, and may have "outline_m": the corners [x, y, z] in metres, map frame, of a
+    convex polygon in the plane, in order. Only what lies within it is then used of the plane.
+    """
     entries = _read(path, _PlanesFile, 'planes ({"schema": "unsweep.planes/1", "planes": [...]})').planes
     return tuple(_plane(entry, path) for entry in entries)
 
@@ -108,7 +122,31 @@ def _plane(entry: _PlaneEntry, path: Path) -> Plane:
         raise SettingsError(
             f"Expected a unit normal for plane {entry.name} in {path}, but its length is {length:.4g}; correct it."
         )
-    return Plane(name=entry.name, normal=normal / length, offset_m=entry.offset_m / length)
+    plane = Plane(name=entry.name, normal=normal / length, offset_m=entry.offset_m / length)
+    return plane if entry.outline_m is None else replace(plane, outline_m=_outline(plane, entry.outline_m, path))
+
+
+def _outline(plane: Plane, corners_m: list[list[float]], path: Path) -> FloatArray:
+    """The corners (K, 3), refused where they are not those of a convex polygon in the plane."""
+    corners = np.array(corners_m, dtype=np.float64)
+    off_m = float(np.abs(corners @ plane.normal + plane.offset_m).max())
+    if off_m > OUTLINE_OFF_PLANE_M:
+        raise SettingsError(
+            f"Expected the corners of outline_m of plane {plane.name} in {path} to lie in that plane (map frame, metres), "
+            f"but one is {off_m:.3g} m off it; correct them."
+        )
+    edges = np.roll(corners, -1, axis=0) - corners
+    edges = edges[np.linalg.norm(edges, axis=1) > SAME_CORNER_M]  # their directions would be rounding
+    ahead = np.roll(edges, -1, axis=0)
+    turns_rad = np.arctan2(np.cross(edges, ahead) @ plane.normal, np.sum(edges * ahead, axis=1))
+    # Whoever walks around a convex outline turns once, and never back: what crosses, is hollow or a line turns further.
+    flat = bool((np.abs(np.sin(turns_rad)) < STRAIGHT).all())
+    if flat or np.abs(turns_rad).sum() > 2.0 * np.pi + 0.01:
+        raise SettingsError(
+            f"Expected outline_m of plane {plane.name} in {path} to be the corners of a convex polygon in order, but they "
+            "turn both ways, cross or lie on a line; list them around the outline."
+        )
+    return corners
 
 
 def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:

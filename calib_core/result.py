@@ -54,11 +54,18 @@ class Observability(_Model):
 
 
 class PlaneQuality(_Model):
+    """A plane n . x + offset_m = 0 of the map frame, and the points used of it."""
+
     name: str
     normal: list[float]
     offset_m: float
     points: int
     rms_m: float
+    outline_m: list[list[float]] | None = Field(
+        default=None,
+        description="corners of the convex polygon that it was restricted to, map frame, as given; absent without one",
+        exclude_if=lambda outline_m: outline_m is None,
+    )
 
 
 class Quality(_Model):

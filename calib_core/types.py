@@ -119,11 +119,16 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """A plane n . x + w = 0 in the map frame. normal: (3,) unit."""
+    """A plane n . x + w = 0 in the map frame. normal: (3,) unit.
+
+    outline_m: (K, 3) corners of a convex polygon in the plane, map frame, in order: only what lies within it counts.
+    None: the plane counts as far as it is seen to reach.
+    """
 
     name: str
     normal: FloatArray
     offset_m: float
+    outline_m: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

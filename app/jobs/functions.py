@@ -9,6 +9,7 @@ solve      calibrate                     -> {job}/result.json, reading.json, tra
 from __future__ import annotations
 
 import importlib
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,7 +54,12 @@ def warm_up() -> None:
 
 
 def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
-    """Run the ordered job; its outcome."""
+    """Run the ordered job; its outcome. What an archive holds is unpacked once for all jobs of the recording."""
+    with nullcontext() if order.unpacked is None else api.sharing_archives(order.unpacked):
+        return _run(order, on_event, should_cancel)
+
+
+def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
     match order.kind:
         case "simulate":
             return run_simulate(order, on_event, should_cancel)
@@ -135,7 +141,11 @@ def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Rec
 
 
 def _plane(plane: OrderedPlane) -> Plane:
-    return Plane(name=plane.name, normal=np.array(plane.normal, dtype=np.float64), offset_m=plane.offset_m)
+    """The plane as it is read from a file of planes, to the last digit: the shown command repeats the run exactly."""
+    normal = np.array(plane.normal, dtype=np.float64)
+    length = float(np.linalg.norm(normal))
+    outline_m = None if plane.outline_m is None else np.array(plane.outline_m, dtype=np.float64)
+    return Plane(name=plane.name, normal=normal / length, offset_m=plane.offset_m / length, outline_m=outline_m)
 
 
 def _guess(wire: WireGuess | None) -> InitialGuess | None:

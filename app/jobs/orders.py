@@ -18,12 +18,16 @@ class _Parcel(BaseModel):
 
 
 class OrderedPlane(_Parcel):
-    """A confirmed plane, map frame: n . x + offset_m = 0. color: its place in the palette, by which it is known."""
+    """A confirmed plane, map frame: n . x + offset_m = 0. color: its place in the palette, by which it is known.
+
+    outline_m: corners of the convex part that boxes leave of it, in order, map frame; None for all of it.
+    """
 
     name: str
     normal: tuple[float, float, float]
     offset_m: float
     color: int | None = None
+    outline_m: tuple[tuple[float, float, float], ...] | None = None
 
 
 class StoredRequest(_Parcel):
@@ -43,6 +47,9 @@ class Order(_Parcel):
     source: Path
     cache: Path = Field(description="the recording's arrays as read with `read_settings`; made if missing")
     folder: Path = Field(description="the job's own folder")
+    unpacked: Path | None = Field(
+        default=None, description="where the files of a recording's archive are shared by its jobs"
+    )
     scenario: str = ""
     read_settings: ReadSettings = ReadSettings()
     request: StoredRequest = StoredRequest()

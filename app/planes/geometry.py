@@ -23,6 +23,8 @@ SLAB_STDS = 3.0
 SLAB_LEAST_M = 0.03
 #: Points this far outside an outline still count: the corners are points themselves, in float32.
 EDGE_M = 1e-3
+#: A solve counts no point further than that from a plane's own origin, along the plane.
+REACH_M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,20 +123,55 @@ def within_patch(points_m: Float32Array, patch: EditedPatch) -> BoolArray:
     """(N,) whether points (N, 3) lie in the patch's slab and inside its convex outline."""
     normal = np.array(patch.normal)
     inside: BoolArray = np.abs(points_m @ normal + patch.offset_m) <= max(SLAB_STDS * patch.rms_m, SLAB_LEAST_M)
-    corners = np.array(patch.outline_m).reshape(-1, 3)
-    if len(corners) < 3:
-        return np.zeros(len(points_m), dtype=np.bool_)
-    centre = corners.mean(axis=0)
     candidates = np.flatnonzero(inside)
-    chosen = points_m[candidates]
-    kept = np.ones(len(candidates), dtype=np.bool_)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+    inside[candidates] = within_outline(points_m[candidates], normal, np.array(patch.outline_m).reshape(-1, 3))
+    return inside
+
+
+def within_outline(points_m: Float32Array, normal: FloatArray, corners_m: FloatArray) -> BoolArray:
+    """(N,) whether points (N, 3), seen along the normal (3,), lie in a convex outline (K, 3); none where it has no area."""
+    if len(corners_m) < 3:
+        return np.zeros(len(points_m), dtype=np.bool_)
+    centre = corners_m.mean(axis=0)
+    inside = np.ones(len(points_m), dtype=np.bool_)
+    for a, b in zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True):
         outward = np.cross(b - a, normal)
         if outward @ (centre - a) > 0:
             outward = -outward
-        kept &= (chosen - a) @ outward <= EDGE_M * np.linalg.norm(outward)
-    inside[candidates] = kept
+        inside &= (points_m - a) @ outward <= EDGE_M * np.linalg.norm(outward)
     return inside
+
+
+def solved_outline(patch: EditedPatch, region: Sequence[Side]) -> FloatArray | None:
+    """Corners (K, 3) of the part of a patch's plane that its boxes and the set's leave, map frame; None where all of it.
+
+    region: of the set.   A solve looks no further than REACH_M along the plane, so that the part is always bounded.
+    """
+    sides = (*region, *patch.region)
+    normal = np.array(patch.normal)
+    along = np.linalg.svd(normal[None])[2][1:]
+    square = REACH_M * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) @ along - patch.offset_m * normal
+    corners = square
+    for *side, offset_m in sides:
+        corners = _cut(corners, corners @ np.array(side) + offset_m)
+    if corners is square:
+        return None
+    # A box may miss the fitted plane where the patch's points scatter about it: then what was seen of it has to do.
+    return corners if len(corners) >= 3 else np.array(patch.outline_m).reshape(-1, 3)
+
+
+def _cut(corners_m: FloatArray, height_m: FloatArray) -> FloatArray:
+    """A convex outline (K, 3) cut where the heights (K,) of its corners pass through zero; what is below goes."""
+    if (height_m >= 0.0).all():
+        return corners_m
+    kept: list[FloatArray] = []
+    ahead = zip(np.roll(corners_m, -1, axis=0), np.roll(height_m, -1), strict=True)
+    for corner, height, (next_corner, next_height) in zip(corners_m, height_m, ahead, strict=True):
+        if height >= 0.0:
+            kept.append(corner)
+        if (height >= 0.0) != (next_height >= 0.0):
+            kept.append(corner + (next_corner - corner) * (height / (height - next_height)))
+    return np.array(kept).reshape(-1, 3)
 
 
 def spread_of_directions(normals: FloatArray) -> tuple[float, FloatArray]:

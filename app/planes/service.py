@@ -10,8 +10,9 @@ from app.arrays.proposals import has_proposals, read_proposals
 from app.errors import Conflict, NotFound
 from app.jobs.functions import proposal_arrays
 from app.jobs.orders import OrderedPlane
+from app.planes.geometry import solved_outline
 from app.planes.operations import apply
-from app.planes.state import PlaneHistory, PlaneSet, suggested
+from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
 from app.planes.wire import wire_planes
 from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
@@ -30,6 +31,7 @@ KEPT_PROPOSALS = 4
 class PlaneService:
     """Reading and editing planes. Thread-safe: operations come from routes and from clicks in the scene.
 
+    Each recording has a lock of its own, held while its clouds are read and fitted: who edits another does not wait for it.
     on_changed: called with recording id and revision after each change.
     """
 
@@ -37,20 +39,21 @@ class PlaneService:
         self._recordings = recordings
         self._documents = documents
         self._files = files
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()  # of the dictionaries below; never held while anything is read or fitted
+        self._editing: dict[str, threading.RLock] = {}
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
         self.on_changed: Callable[[str, int], None] = lambda _, __: None
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
-        with self._lock:
+        with self._own_lock(recording_id):
             proposals, history = self.current(recording_id)
             return wire_planes(history, static=proposals.static)
 
     def current(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory]:
         """Proposals and history; Conflict until there are some."""
-        with self._lock:
+        with self._own_lock(recording_id):
             key, proposals = self._load(recording_id)
             text = self._documents.read(recording_id, DOCUMENT)
             history = None if text is None else PlaneHistory.model_validate_json(text)
@@ -62,7 +65,7 @@ class PlaneService:
 
     def apply(self, recording_id: str, operation: Operation) -> Planes:
         """The planes after the operation."""
-        with self._lock:
+        with self._own_lock(recording_id):
             proposals, history = self.current(recording_id)
             expected = operation.expected_revision
             if expected is not None and expected != history.revision:
@@ -89,11 +92,7 @@ class PlaneService:
             _, history = self.current(recording_id)
         except Conflict:
             return None
-        chosen = tuple(
-            OrderedPlane(name=patch.name, normal=patch.normal, offset_m=patch.offset_m, color=patch.color)
-            for patch in history.current.patches
-            if patch.confirmed
-        )
+        chosen = tuple(ordered(patch, history.current) for patch in history.current.patches if patch.confirmed)
         if not chosen:
             raise Conflict(
                 "planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways."
@@ -102,17 +101,19 @@ class PlaneService:
 
     def looks(self, recording_id: str, planes: Sequence[OrderedPlane]) -> list[PlaneLook]:
         """How a run's planes are shown: in their colours, and by the names they have today."""
-        with self._lock:
-            if recording_id not in self._names:
+        with self._own_lock(recording_id):
+            today = self._names.get(recording_id)
+            if today is None:
                 text = self._documents.read(recording_id, DOCUMENT)
                 current = PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
-                self._names[recording_id] = {patch.color: patch.name for patch in current.patches}
-            today = self._names[recording_id]
+                today = {patch.color: patch.name for patch in current.patches}
+                self._names[recording_id] = today
         return [
             PlaneLook(
                 name=plane.name,
                 title=plane.name if plane.color is None else today.get(plane.color, plane.name),
                 color=plane_hex(place if plane.color is None else plane.color),
+                restricted=plane.outline_m is not None,
             )
             for place, plane in enumerate(planes)
         ]
@@ -121,8 +122,13 @@ class PlaneService:
         """Drop what is in memory of a deleted recording."""
         with self._lock:
             self._names.pop(recording_id, None)
+            self._editing.pop(recording_id, None)
             for cached in [key for key in self._proposals if key.startswith(recording_id)]:
                 del self._proposals[cached]
+
+    def _own_lock(self, recording_id: str) -> threading.RLock:
+        with self._lock:
+            return self._editing.setdefault(recording_id, threading.RLock())
 
     def _keep(self, recording_id: str, history: PlaneHistory) -> None:
         self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
@@ -151,9 +157,21 @@ class PlaneService:
                 "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
             )
         cached = f"{recording_id}/{key}"
-        if cached not in self._proposals:
-            self._proposals[cached] = read_proposals(folder)
+        with self._lock:
+            proposals = self._proposals.pop(cached, None)
+        if proposals is None:
+            proposals = read_proposals(folder)
+        with self._lock:
+            self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:
                 self._proposals.popitem(last=False)
-        self._proposals.move_to_end(cached)
-        return key, self._proposals[cached]
+        return key, proposals
+
+
+def ordered(patch: EditedPatch, planes: PlaneSet) -> OrderedPlane:
+    """A patch of a set as a solve takes it."""
+    corners_m = solved_outline(patch, planes.region)
+    outline_m = None if corners_m is None else tuple((x, y, z) for x, y, z in corners_m.tolist())
+    return OrderedPlane(
+        name=patch.name, normal=patch.normal, offset_m=patch.offset_m, color=patch.color, outline_m=outline_m
+    )

@@ -108,7 +108,7 @@ def _latitude_deg(magnitude_m_s2: float) -> float | None:
 
 
 def _planes_text(planes: tuple[OrderedPlane, ...]) -> str:
-    entries = [{"name": p.name, "normal": list(p.normal), "offset_m": p.offset_m} for p in planes]
+    entries = [plane.model_dump(mode="json", exclude={"color"}, exclude_none=True) for plane in planes]
     return json.dumps({"schema": "unsweep.planes/1", "planes": entries}, indent=2) + "\n"
 
 

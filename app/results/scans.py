@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.results.thickness import nearest_plane
+from app.results.thickness import nearest_plane, outlines_of
 from app.schemas.results import ScanQuality
 from calib_core import api
 from calib_core.result import PlaneQuality
@@ -28,6 +28,7 @@ def measure_scans(recording: Recording, trajectory: Trajectory, planes: Sequence
     """Spread and share of every scan; None where the motion does not reach."""
     normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
+    outlines_m = outlines_of(planes)
     first_ns = recording.scans[0].stamp_ns if len(recording.scans) else 0
     t_s: list[float] = []
     rms_m: list[float | None] = []
@@ -39,7 +40,9 @@ def measure_scans(recording: Recording, trajectory: Trajectory, planes: Sequence
             rms_m.append(None)
             share.append(None)
             continue
-        owner, dist_m = nearest_plane(api.map_points(some, trajectory), normals, offsets_m, gate_m=GATE_M)
+        owner, dist_m = nearest_plane(
+            api.map_points(some, trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m
+        )
         on = owner >= 0
         rms_m.append(float(np.sqrt(np.mean(np.square(dist_m[on], dtype=np.float64)))) if on.any() else None)
         share.append(float(on.mean()))

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.results.thickness import nearest_plane, rigid_map_points, spread
+from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
 from app.scene import palette
 from app.scene.build import LEGENDS, Solved, scan_colors, thinned, thinned_scan
 from app.scene.items import Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
@@ -133,7 +133,9 @@ def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: Colo
     normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
     if color_by == "plane":
-        owner, _ = nearest_plane(points_map, normals, offsets_m, gate_m=PLANE_GATE_M)
+        owner, _ = nearest_plane(
+            points_map, normals, offsets_m, gate_m=PLANE_GATE_M, outlines_m=outlines_of(solved.planes)
+        )
         return palette.by_label(owner, solved.colors)
     _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
     return palette.diverging(dist_m, RESIDUAL_HALF_M)

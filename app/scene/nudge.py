@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.results.thickness import GATE_M, nearest_plane, spread
+from app.results.thickness import GATE_M, nearest_plane, outlines_of, spread
 from app.scene.build import Solved, thinned_scan
 from app.schemas.view import Nudge, OldExtrinsic, WallBlur
 from calib_core import api
@@ -69,11 +69,14 @@ def wall_blur(recording: Recording, solved: Solved, wrong: Trajectory) -> WallBl
     """Spread of the same points about their planes, as solved and with another motion."""
     normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
+    outlines_m = outlines_of(solved.planes)
     right_m: list[FloatArray] = []
     wrong_m: list[FloatArray] = []
     for place in spread(len(recording.scans), BLUR_SCANS):
         scan = thinned_scan(recording.scans[place], BLUR_POINTS)
-        owner, dist_m = nearest_plane(api.map_points(scan, solved.trajectory), normals, offsets_m, gate_m=GATE_M)
+        owner, dist_m = nearest_plane(
+            api.map_points(scan, solved.trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m
+        )
         chosen = owner >= 0
         moved = api.map_points(scan, wrong)[chosen]
         right_m.append(dist_m[chosen].astype(np.float64))

@@ -77,6 +77,7 @@ class PlaneLook(WireModel):
     name: str = Field(description="as in this run's events and result")
     title: str = Field(description="what it is called today", examples=["wall A"])
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
+    restricted: bool = Field(default=False, description="whether boxes left part of it out of this run")
 
 
 class Job(WireModel):

@@ -111,6 +111,7 @@ class Restrict(_Operation):
 
     The box is any intersection of half-spaces: six of them make an upright box, four the pyramid seen through a
     rectangle on the screen. Planes are fitted again to what is left of them; a plane of which nothing is left goes.
+    A solve uses no point of a plane, in any scan, that lies outside of its boxes.
     Boxes add up until the change is undone or the suggestion is used.
     """
 

@@ -3,6 +3,7 @@
 uploads/{recording}             bytes as they arrive, with tuspyserver's .info beside them
 recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
 recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
+recordings/{recording}/unpacked/       what an archive holds, while jobs read it
 jobs/{job}/                     events.jsonl, worker.log, and what the job made
 """
 
@@ -16,6 +17,7 @@ from pathlib import Path
 from app.errors import BadRequest, DiskFull, NotFound, Unavailable
 from app.settings import AppSettings
 from app.storage.records import RecordingRecord
+from calib_core import api
 
 #: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
 SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
@@ -60,6 +62,11 @@ class DataFolder:
             ) from error
         self.check_writable()
 
+    def remove_all_unpacked(self) -> None:
+        """Delete what jobs had unpacked that a server's end has cut off."""
+        for folder in (self.root / "recordings").glob("*/unpacked"):
+            api.discard_archives(folder)
+
     def check_writable(self) -> None:
         """Raise Unavailable unless files can be made."""
         if not os.access(self.uploads, os.W_OK):
@@ -83,6 +90,10 @@ class DataFolder:
     def source(self, record: RecordingRecord) -> Path:
         """The recording itself: our own copy, or the file or folder it was opened from."""
         return Path(record.source) if record.origin == "folder" else self.recording(record.id) / record.source
+
+    def unpacked(self, recording_id: str) -> Path:
+        """The folder into which the jobs of a recording unpack its archive."""
+        return self.recording(recording_id) / "unpacked"
 
     def cache(self, record: RecordingRecord) -> Path:
         """The folder of arrays that belong to the recording as it is read now."""

@@ -2,17 +2,20 @@
 
 An equation n . x + w = 0 goes on for ever; walls do not. Each plane carries a grid of cells in its own two axes. A cell
 belongs to the plane where most of the returns near it lie within the noise of the plane itself, so that a shelf in front
-of a wall, a door frame or the next room do not count on it.
+of a wall, a door frame or the next room do not count on it. Where a person has drawn an outline, no cell that reaches
+over it belongs to the plane, whatever was seen there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 CELL_M = 0.2
@@ -30,6 +33,37 @@ class PlaneExtents:
     def area_m2(self, plane: int) -> float:
         """Area of a plane's cells."""
         return float(self.inside[plane].sum()) * CELL_M**2
+
+
+def cells_within(normals: FloatArray, outlines_m: Sequence[FloatArray | None]) -> BoolArray:
+    """The cells that lie wholly within their plane's outline, (P, rows, columns); all of them where there is none.
+
+    normals: (P, 3), that define the grids' axes.   outlines_m: convex polygons (K, 3) in the frame of the normals.
+    Wholly: so that not one point from beyond an outline counts.
+    """
+    within = np.ones((len(normals), 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
+    for plane, (axes, outline_m) in enumerate(zip(plane_axes(normals), outlines_m, strict=True)):
+        if outline_m is not None:
+            within[plane] = _whole_cells(outline_m @ axes.T)
+    return within
+
+
+def _whole_cells(corners_m: FloatArray) -> BoolArray:
+    """The cells of a grid inside a convex polygon, (rows, columns). corners_m: (K, 2) along the grid's axes, in order.
+
+    On the inner side of an edge a u + b v + c >= 0. Over a cell its smallest value is that at the lower corner, and less
+    by the cell's width times every coefficient that is below zero.
+    """
+    lower_m = (np.arange(2 * HALF_CELLS) - HALF_CELLS) * CELL_M
+    inside = np.ones((2 * HALF_CELLS, 2 * HALF_CELLS), bool)
+    ahead = np.roll(corners_m, -1, axis=0)
+    x, y = corners_m.T
+    turning = np.sign(x @ ahead[:, 1] - y @ ahead[:, 0])  # -1 where they go round clockwise
+    for (u, v), (along, across) in zip(corners_m, turning * (ahead - corners_m), strict=True):
+        a, b = -across, along
+        least = -a * u - b * v + (min(a, 0.0) + min(b, 0.0)) * CELL_M
+        inside &= (a * lower_m)[:, None] + (b * lower_m)[None, :] + least >= 0.0
+    return inside
 
 
 def reach_around(extents: PlaneExtents, reach_m: float) -> PlaneExtents:
@@ -61,8 +95,12 @@ class ExtentSurvey:
         for total, mine in ((self.on, flat[on_plane]), (self.beside, flat[~on_plane])):
             np.add.at(total.reshape(-1), mine, 1)
 
-    def finish(self, *, least: int = 8, share: float = 0.75, island: float = 0.02) -> PlaneExtents:
+    def finish(
+        self, within: BoolArray | None = None, *, least: int = 8, share: float = 0.75, island: float = 0.02
+    ) -> PlaneExtents:
         """The cells with at least `least` returns of which `share` lie on the plane, without islands.
+
+        within: (P, rows, columns) from `cells_within`; what was seen of a plane elsewhere is as if it had not been.
 
         An island is a patch, apart from the others, with less than this share of the plane's returns: where a pot stands on
         the ground, its foot lies on the ground's plane too, and nothing but its foot is seen there.
@@ -70,7 +108,7 @@ class ExtentSurvey:
         inside = np.zeros(self.on.shape, bool)
         for plane, (on, beside) in enumerate(zip(self.on, self.beside, strict=True)):
             # A plane fills a small part of its grid.
-            seen = on >= least
+            seen = on >= least if within is None else (on >= least) & within[plane]
             rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
             if len(rows) == 0:
                 continue

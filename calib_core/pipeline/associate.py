@@ -211,8 +211,19 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     return Bins(keys // n_planes, keys % n_planes, scatter, count.astype(np.int64), estimate.time_offset_s)
 
 
-def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, *, stride: int) -> PlaneExtents:
-    """The cells of every plane, from where the scans' returns lie on and beside it."""
+def survey(
+    view: View,
+    positions: Sequence[int],
+    noise: LidarNoise,
+    gate: Gate,
+    *,
+    stride: int,
+    within: BoolArray | None = None,
+) -> PlaneExtents:
+    """The cells of every plane, from where the scans' returns lie on and beside it.
+
+    within: (P, rows, columns) that a plane may have at all; None for all.
+    """
     total = ExtentSurvey.empty(view.estimate.normals)
 
     def one(position: int) -> tuple[IntArray, IntArray, BoolArray]:
@@ -225,7 +236,7 @@ def survey(view: View, positions: Sequence[int], noise: LidarNoise, gate: Gate, 
 
     plane, cell, on = (np.concatenate(each) for each in zip(*view.over_scans(positions, one), strict=True))
     total.add(plane, cell, on)
-    return total.finish()
+    return total.finish(within)
 
 
 def measure_noise(

@@ -300,8 +300,17 @@ def _document(
             scans_used=len(np.unique(solved.micro.scan)),
             scans_total=ctx.recording.scans_total or len(ctx.recording.scans),
             planes=[
-                PlaneQuality(name=name, normal=n.tolist(), offset_m=float(w), points=count, rms_m=r)
-                for name, n, w, (r, count) in zip(solved.plane_names, normals, offsets, residuals, strict=True)
+                PlaneQuality(
+                    name=name,
+                    normal=n.tolist(),
+                    offset_m=float(w),
+                    points=count,
+                    rms_m=r,
+                    outline_m=None if outline_m is None else outline_m.tolist(),
+                )
+                for name, n, w, (r, count), outline_m in zip(
+                    solved.plane_names, normals, offsets, residuals, solved.outlines_m, strict=True
+                )
             ],
             iterations=ctx.iterations,
             duration_s=duration_s,

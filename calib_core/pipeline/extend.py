@@ -66,6 +66,7 @@ class Carrier:
         self.seen_at = np.full(len(rounds.estimate.normals), rounds.last)
         self.drift = self._new_drift()
         self.solved_span = rounds.last - rounds.first
+        self.within: BoolArray | None = None
         self.reach = self._new_reach()
         self.share_at_first = 0.0
         self.looked_at = rounds.last
@@ -109,7 +110,11 @@ class Carrier:
     def _new_reach(self) -> PlaneExtents:
         """After a solve of the whole: the cells of the planes seen so far, and what may join on to them."""
         r = self.rounds
-        return reach_around(r.survey(Gate(extra_m=_GATE_M, margin_m=r.margin_m)), _JOIN_ON_M)
+        reach = reach_around(r.survey(Gate(extra_m=_GATE_M, margin_m=r.margin_m)), _JOIN_ON_M)
+        self.within = r.within()
+        if self.within is not None:
+            reach.inside[~self.within] = False
+        return reach
 
     def _spread(self, micro: Micro, window: Estimate, problem: JointProblem) -> None:
         """Let the planes reach on from where their points lie now. micro: of the fresh scans."""
@@ -126,6 +131,8 @@ class Carrier:
             self.reach.inside[
                 plane, max(row - cells, 0) : row + cells + 1, max(column - cells, 0) : column + cells + 1
             ] = True
+        if self.within is not None:
+            self.reach.inside[~self.within] = False
 
     def _new_drift(self) -> Drift:
         """After a solve of the whole: what its information leaves open of the acceleration at the last knot.
@@ -289,7 +296,8 @@ class Carrier:
                 points["xyz"], points["offset_ns"] * 1e-9, view.slice_poses(position), window.normals[only],
                 window.offsets_m[only], gate,
             )  # fmt: skip
-            keep, weight = select(hits, r.lidar_noise, gate, None)
+            outlined = None if self.within is None else PlaneExtents(self.reach.normals[only], self.within[only])
+            keep, weight = select(hits, r.lidar_noise, gate, outlined)
             bins = collapse(hits, keep, weight, 1)
             micro.append((position, replace(bins, plane=np.full(len(bins.plane), plane))))
         return micro_of(view, micro)

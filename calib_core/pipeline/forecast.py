@@ -273,6 +273,7 @@ def _preview(
         positions=[m.position for m in followed.motions if covered[m.position]],
         reference=reference,
         names=[plane.name for plane in followed.planes],
+        outlines_m=[plane.outline_m for plane in followed.planes],
         may_add_planes=False,
         may_extend=True,
         stands_for=stands_for,

@@ -222,6 +222,7 @@ def solve(
         positions=[m.position for m in motions if covered[m.position]],
         reference=reference,
         names=[plane.name for plane in planes],
+        outlines_m=[plane.outline_m for plane in planes],
         may_add_planes=may_add_planes,
         may_extend=may_extend,
     )

@@ -41,6 +41,9 @@ def calibrate_published(
     started: float,
 ) -> Calibration:
     """The paper's method, with its own defaults (100 points a plane and scan, +-45 deg) where none was set."""
+    if any(plane.outline_m is not None for plane in planes or ()):
+        text = "the published method knows no outlines of planes: theirs are not used; `--method full` uses them"
+        messages.append(Message(code="planes.outline_unused", level="warning", text=text))
     answer = calibrate_paper(
         recording, settings, planes=planes, initial_guess=guess, on_event=on_event, should_cancel=should_cancel
     )

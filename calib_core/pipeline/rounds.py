@@ -14,7 +14,7 @@ import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.factors.bins import Gate, LidarNoise
-from calib_core.factors.extent import PlaneExtents
+from calib_core.factors.extent import CELL_M, PlaneExtents, cells_within
 from calib_core.imu.links import UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import Context
@@ -58,7 +58,7 @@ _MARGINS_M = (0.03, 0.3)
 
 @dataclass(frozen=True)
 class Solved:
-    """The end of the rounds. map_time_s: of the first used scan, lidar clock."""
+    """The end of the rounds. map_time_s: of the first used scan, lidar clock. outlines_m: of the planes, in the map."""
 
     problem: JointProblem
     estimate: Estimate
@@ -68,6 +68,7 @@ class Solved:
     extents: PlaneExtents | None
     map_time_s: float
     plane_names: tuple[str, ...]
+    outlines_m: tuple[FloatArray | None, ...]
     rounds: int
 
     @property
@@ -85,6 +86,7 @@ class Rounds:
 
     readings, nodes: over the whole recording.   first, last: the knots that are estimated so far (last exclusive); the
     estimate's states are theirs.   gauge: the knot that holds the map frame.   positions: scans in play.
+    outlines_m: (K, 3) of each plane or None, as given: in the map frame, not in that of the solve, which drifts from it.
     """
 
     ctx: Context
@@ -98,6 +100,7 @@ class Rounds:
     positions: list[int]
     reference: int
     names: list[str]
+    outlines_m: list[FloatArray | None]
     may_add_planes: bool
     may_extend: bool
     lidar_noise: LidarNoise = LidarNoise(0.02, 0.005)  # noqa: RUF009  frozen
@@ -109,6 +112,10 @@ class Rounds:
 
     def run(self) -> Solved:
         """Coarse to fine, to the fixed point."""
+        within = self.within()
+        if within is not None:
+            self.extents = PlaneExtents(self.estimate.normals, within)
+            self._say_narrow(within)
         # First the motion alone: which directions the data determine is judged before the calibration can wander off
         # along one that they do not.
         self.associate(Gate(extra_m=0.12, margin_m=self.margin_m), stride=self.coarse_stride())
@@ -149,6 +156,7 @@ class Rounds:
             self.extents,
             map_time_s,
             tuple(self.names),
+            tuple(self.outlines_m),
             self.number,
         )
 
@@ -157,10 +165,33 @@ class Rounds:
 
         Planes' cells are counted in the map frame: it must not depend on where the search began.
         """
+        self.estimate = self.estimate.seen_from(*self._map_pose())
+
+    def _map_pose(self) -> tuple[FloatArray, FloatArray]:
+        """The map frame in that of the solve, by the present estimate: R (3, 3), p (3,)."""
         e = self.estimate
         when = np.array([float(self.ctx.clocks.scan_s[self.reference]) - e.time_offset_s])
         pose = self.motion().lidar_at(when, e.R_imu_lidar, e.p_imu_lidar)
-        self.estimate = e.seen_from(pose.R[0], pose.p[0])
+        return pose.R[0], pose.p[0]
+
+    def within(self) -> BoolArray | None:
+        """The cells (P, rows, columns) that the given outlines leave to their planes; None where there is no outline."""
+        if all(outline_m is None for outline_m in self.outlines_m):
+            return None
+        # Planes that are held hold the frame too; otherwise it has drifted with the motion, and the outlines with it.
+        R, p = self._map_pose() if self.ctx.settings.estimate_planes else (np.eye(3), np.zeros(3))
+        here = [None if outline_m is None else outline_m @ R.T + p for outline_m in self.outlines_m]
+        return cells_within(self.estimate.normals, here)
+
+    def _say_narrow(self, within: BoolArray) -> None:
+        """Name the planes whose outline has no room for a single cell."""
+        narrow = [name for name, cells in zip(self.names, within, strict=True) if not cells.any()]
+        if narrow:
+            self.ctx.say(
+                "warning",
+                "planes.narrow",
+                f"nothing is used of {', '.join(narrow)}: an outline has to be {2 * CELL_M:.1f} m wide at least",
+            )
 
     def settle(self) -> None:
         """With a part of the points, to where planes' extents, noise, gates and motion no longer change one another.
@@ -253,7 +284,9 @@ class Rounds:
     def survey(self, gate: Gate) -> PlaneExtents:
         """How far each plane reaches."""
         view = self.present_view()
-        self.extents = survey(view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY))
+        self.extents = survey(
+            view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY), within=self.within()
+        )
         return self.extents
 
     def learn(self, gate: Gate) -> None:
@@ -326,6 +359,7 @@ class Rounds:
         )
         first = len(self.names) + 1
         self.names += [f"plane {first + k}" for k in range(len(found))]
+        self.outlines_m += [None] * len(found)
         self.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
         return True
 
@@ -351,6 +385,7 @@ class Rounds:
             "warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}"
         )
         self.names = [name for name, kept in zip(self.names, keep, strict=True) if kept]
+        self.outlines_m = [outline_m for outline_m, kept in zip(self.outlines_m, keep, strict=True) if kept]
         e = self.estimate
         self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
         self.micro = None

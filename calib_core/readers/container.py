@@ -1,6 +1,6 @@
 """One recording, whatever it is stored in: topics, time span, messages in receive order.
 
-path ── archive? ── unpack to a temporary folder ──┐
+path ── archive? ── its files (unpacked.py) ───────┐
      ── folder? ── its storage files ──────────────┼── each file: rosbags, else recovery ── OpenRecording
      ── file ──────────────────────────────────────┘
 """
@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Literal, Self
 
 from calib_core.errors import UnreadableRecording
-from calib_core.readers.archive import is_archive, unpack_archive
+from calib_core.readers.archive import is_archive
 from calib_core.readers.compression import zstd
 from calib_core.readers.recover_mcap import McapRecovery
 from calib_core.readers.recover_ros1 import Ros1Recovery
@@ -32,6 +32,7 @@ from calib_core.readers.storage import (
     TopicSummary,
     merged_topics,
 )
+from calib_core.readers.unpacked import unpacked
 
 STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
 _ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
@@ -95,8 +96,7 @@ class OpenRecording:
         if not path.exists():
             raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
         if is_archive(path):
-            folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
-            path = unpack_archive(path, Path(folder))
+            path = self._stack.enter_context(unpacked(path))
         self.files = storage_files(path)
         storages: list[Storage] = []
         for file in self.files:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.jobs.functions import PROPOSED, recording_arrays, run_planes
+from app.jobs.functions import PROPOSED, recording_arrays, run_job, run_planes
 from app.jobs.head import CLOUD, first_cloud, is_final, propose_from_head
 from app.jobs.orders import Order
 from calib_core import api
@@ -125,3 +128,25 @@ def test_the_server_starts_without_the_estimator():
         check=True,
     )
     assert told.stdout.strip() == "[]"
+
+
+def test_an_archive_is_unpacked_once_for_all_jobs_of_a_recording(bag, tmp_path, monkeypatch):
+    """Oracle: the one folder its file lies in, and no temporary one asked for by the reader.
+
+    Mutation: the order's folder ignored in run_job; the archive is then unpacked three times by two jobs.
+    """
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "room.bag").hardlink_to(bag)
+    packed = Path(shutil.make_archive(str(tmp_path / "room"), "tar", tmp_path, "room"))
+    shared = tmp_path / "unpacked"
+    order = order_for(packed, tmp_path / "cache").model_copy(update={"unpacked": shared})
+    own = []
+    monkeypatch.setattr(tempfile, "TemporaryDirectory", lambda **_: own.append(1))
+    order.folder.mkdir(parents=True)
+    for kind in ("planes", "inspect"):
+        run_job(order.model_copy(update={"kind": kind}), ignore_event, never_cancel)
+    (file,) = shared.rglob("room.bag")
+    assert file.stat().st_size == bag.stat().st_size
+    assert not own
+    assert api.discard_archives(shared)
+    assert not file.exists()

@@ -170,3 +170,22 @@ def test_a_spare_process_that_died_is_no_loss(tmp_path):
     )
     assert isinstance(list(launcher.launch(order).parcels())[-1], Finished)
     launcher.close()
+
+
+def test_what_was_unpacked_goes_with_the_last_job_that_might_read_it(tmp_path):
+    """Mutations: kept until the recording is deleted; removed while another job still runs; left by a server that died."""
+    with serving(tmp_path / "data", concurrent_jobs=2) as live:
+        slow = live.upload("slow.bag")
+        live.wait(lambda: set(live.job_states(slow).values()) == {"done"})
+        job_id = live.start(slow)
+        live.wait(lambda: live.job(job_id)["state"] == "running")
+        files = live.services.files.unpacked(slow) / "1-2"
+        files.mkdir(parents=True)
+        live.finish(live.start(slow, "inspect"))
+        assert files.is_dir()
+        live.http.post(f"/api/jobs/{job_id}/cancel")
+        live.finish(job_id)
+        live.wait(lambda: not files.exists())
+        files.mkdir(parents=True)
+    with serving(tmp_path / "data"):
+        assert not files.exists()

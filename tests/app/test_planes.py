@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from app.errors import BadRequest
-from app.planes.geometry import convex_hull, fit_plane, labels, spread_of_directions, within_patch
+from app.planes.geometry import (
+    convex_hull,
+    fit_plane,
+    labels,
+    solved_outline,
+    spread_of_directions,
+    within_outline,
+    within_patch,
+)
 from app.planes.operations import apply, free_name
 from app.planes.state import PlaneHistory, PlaneSet, suggested
 from app.planes.wire import determinacy
@@ -278,3 +286,36 @@ def test_the_hull_of_many_points_is_the_hull_of_their_outer_ones(seed):
     expected = points[ConvexHull(points).vertices]
     found = convex_hull(points)
     assert {tuple(p) for p in found.tolist()} == {tuple(p) for p in expected.tolist()}
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000))
+def test_the_outline_of_a_box_holds_the_points_of_the_plane_in_the_box(seed):
+    """Oracle: random points of the plane, each asked about every half-space, those of the set and the patch's own.
+
+    Mutations: the patch's boxes or the set's left out; the part below the cut kept; corners cut at the wrong share.
+    """
+    rng = np.random.default_rng(seed)
+    east = next(patch for patch in START.patches if patch.name == "east")
+    middle = np.array([4.0, *rng.uniform(-1.5, 1.5, 2)])
+    normals = rng.normal(size=(5, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    sides = [(*n, float(rng.uniform(0.3, 2.0) - n @ middle)) for n in normals.tolist()]
+    corners = solved_outline(east.model_copy(update={"region": tuple(sides[:3])}), tuple(sides[3:]))
+    np.testing.assert_allclose(corners[:, 0], 4.0, atol=1e-9)
+    near, far = rng.uniform(-2.5, 2.5, (400, 2)), rng.uniform(-99.0, 99.0, (400, 2))
+    points = np.column_stack([np.full(800, 4.0), np.concatenate([near, far])])
+    height = np.min(points @ normals.T + np.array([side[3] for side in sides]), axis=1)
+    clear = np.abs(height) > 5e-3  # corners count a millimetre wider
+    found = within_outline(points.astype(np.float32), np.array(east.normal), corners)
+    np.testing.assert_array_equal(found[clear], (height > 0)[clear])
+    assert found.any()
+
+
+def test_a_plane_that_no_box_cuts_has_no_outline_and_one_whose_cut_is_empty_keeps_what_was_seen():
+    """Mutations: an outline of a hundred metres for every plane; no corners, which would leave a solve nothing."""
+    floor = START.patches[0]
+    assert solved_outline(floor, ()) is None
+    assert solved_outline(floor, ((0.0, 0.0, -1.0, 1.0),)) is None
+    missed = solved_outline(floor, ((0.0, 0.0, 1.0, 1.9),))
+    np.testing.assert_array_equal(missed, floor.outline_m)

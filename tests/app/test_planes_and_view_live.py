@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 
 import numpy as np
@@ -10,6 +11,7 @@ import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.planes import service
 from tests.app.support import world
 
 
@@ -52,6 +54,72 @@ def test_operations_undo_and_redo_over_http(shared_live):
         edit(shared_live, recording_id, op="drop", index=index)
     refused = shared_live.http.post(f"/api/recordings/{recording_id}/jobs", json={"kind": "solve"})
     assert refused.json()["error"]["code"] == "planes.none_confirmed"
+
+
+def outlines(live, recording_id):
+    """The corners by plane of a solve asked for now, as its command's planes file has them; and what the job keeps."""
+    job_id = live.start(recording_id)
+    live.finish(job_id)
+    (file,) = live.http.get(f"/api/results/{job_id}/command").json()["files"]
+    found = {plane["name"]: plane.get("outline_m") for plane in json.loads(file["text"])["planes"]}
+    told = {plane["name"]: plane["restricted"] for plane in live.job(job_id)["planes"]}
+    assert told == {name: corners is not None for name, corners in found.items()}
+    recorded = live.http.get(f"/api/results/{job_id}").json()["quality"]["planes"]
+    assert {plane["name"]: plane.get("outline_m") for plane in recorded if plane["name"] in found} == found
+    return found
+
+
+def test_a_box_travels_from_the_selection_to_the_solve_and_its_result(shared_live):
+    """Oracle: the wall x = 4 m between the box's sides, by hand. Undo and redo take the box back and make it again.
+
+    Mutations: outlines left out of the order; the box of the first plane given to all; the redone set without its boxes.
+    """
+    recording_id = shared_live.ready()
+    sides = [
+        {"normal": [0, 1, 0], "offset_m": 1.0},
+        {"normal": [0, -1, 0], "offset_m": 2.0},
+        {"normal": [0, 0, 1], "offset_m": 0.5},
+        {"normal": [0, 0, -2], "offset_m": 2.0},
+    ]
+    assert edit(shared_live, recording_id, op="restrict", index=2, sides=sides).status_code == 200
+    boxed = outlines(shared_live, recording_id)
+    east = np.array(boxed.pop("east"))
+    assert set(boxed.values()) == {None}
+    assert {tuple(corner) for corner in east.round(6).tolist()} == {
+        (4.0, y, z) for y in (-1.0, 2.0) for z in (-0.5, 1.0)
+    }
+    edit(shared_live, recording_id, op="undo")
+    assert set(outlines(shared_live, recording_id).values()) == {None}
+    edit(shared_live, recording_id, op="redo")
+    np.testing.assert_array_equal(outlines(shared_live, recording_id)["east"], east)
+
+
+def test_a_slow_plane_of_one_recording_keeps_no_other_waiting(shared_live, monkeypatch):
+    """Oracle: the other recording's answer, while the first one's is held back. Mutation: one lock for all recordings."""
+    slow, other = shared_live.ready(), shared_live.ready()
+    begun, go_on, answered = threading.Event(), threading.Event(), threading.Event()
+
+    def grow(*_):
+        begun.set()
+        go_on.wait(30)
+
+    monkeypatch.setattr(service.api, "grow_plane", grow)
+    growing = threading.Thread(target=edit, args=(shared_live, slow), kwargs={"op": "grow", "seed_m": [1, 1, 0]})
+    growing.start()
+    assert begun.wait(20)
+
+    def toggle():
+        edit(shared_live, other, op="toggle", index=0)
+        shared_live.http.get(f"/api/recordings/{other}/jobs")
+        answered.set()
+
+    toggling = threading.Thread(target=toggle)
+    toggling.start()
+    in_time = answered.wait(10)
+    go_on.set()
+    for each in (growing, toggling):
+        each.join(20)
+    assert in_time
 
 
 def test_a_click_in_the_scene_is_seen_by_the_other_browser(shared_live):

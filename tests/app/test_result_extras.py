@@ -17,6 +17,7 @@ from app.jobs.orders import OrderedPlane, StoredRequest
 from app.results.command import command_of
 from app.results.extrinsic_text import parse_extrinsic
 from app.results.scans import measure_scans
+from app.results.thickness import measure_thickness
 from app.schemas.jobs import InitialGuess
 from calib_core import api
 from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, Prior, ReadSettings
@@ -57,6 +58,35 @@ def test_scans_beyond_the_motion_have_no_number():
     )
     quality = measure_scans(RECORDING, cut, world.plane_quality())
     assert [value is None for value in quality.rms_m] == [False] * 6 + [True] * 6
+
+
+def test_walls_and_scans_are_measured_within_their_outlines():
+    """Oracle: a wall moved by 5 cm beyond y = 0, which the outline of the other half leaves out.
+
+    Mutations: the outline of the plane before; outlines looked at after the numbers are made.
+    """
+    scans = []
+    for place in range(world.N_SCANS):
+        scan, seen = world.make_scan(place)
+        points = scan.points.copy()
+        spoilt = (seen[:, 0] == world.HALF_M[0]) & (seen[:, 1] > 0)
+        R, p = world.poses(place * world.PERIOD_S + points["offset_ns"] * 1e-9)
+        moved = seen + np.array([0.05, 0.0, 0.0])
+        points["xyz"][spoilt] = np.einsum("nji,nj->ni", R, moved - p)[spoilt]
+        scans.append(replace(scan, points=points))
+    recording, path = replace(RECORDING, scans=scans), world.make_trajectory()
+    half = [[4.0, -9.0, -9.0], [4.0, 0.0, -9.0], [4.0, 0.0, 9.0], [4.0, -9.0, 9.0]]
+    planes = world.plane_quality()
+    boxed = [plane.model_copy(update={"outline_m": half if plane.name == "east" else None}) for plane in planes]
+    east = [plane.name for plane in planes].index("east")
+    free, cut = (measure_thickness(recording, path, each).walls for each in (planes, boxed))
+    assert free[east].after_rms_m > 0.03
+    assert cut[east].after_rms_m < 2e-3
+    assert [wall.points for k, wall in enumerate(cut) if k != east] == [
+        w.points for k, w in enumerate(free) if k != east
+    ]
+    assert max(measure_scans(recording, path, boxed).rms_m) < 2e-3
+    assert min(measure_scans(recording, path, planes).rms_m) > 5e-3
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,46 @@ def test_planes_are_unit_and_keep_their_place(tmp_path: Path) -> None:
     assert plane.offset_m == pytest.approx(1.0)
 
 
+def floor_with(outline_m: object) -> dict[str, object]:
+    """A planes file with one plane, z = -1, and an outline."""
+    plane = {"name": "floor", "normal": [0, 0, 1], "offset_m": 1, "outline_m": outline_m}
+    return {"schema": "unsweep.planes/1", "planes": [plane]}
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        [[0, 0, -1], [1, 0, -1], [0, 1, -1]],
+        [[0, 0, -1], [0, 2, -1], [1, 2, -1], [1, 1, -1], [1, 0, -1]],
+        [[0, 0, -1], [1, 0, -1], [1 - 1e-12, -1e-12, -1], [0, 1, -1]],
+    ],
+)
+def test_an_outline_is_read_either_way_round(tmp_path: Path, outline: list[list[float]]) -> None:
+    """Fails if the key is ignored, one way round is refused, or a corner in the middle of a side is, or one said twice."""
+    (plane,) = read_planes(written(tmp_path, floor_with(outline)))
+    assert plane.outline_m is not None
+    assert plane.outline_m.tolist() == outline
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        [[0, 0, -1], [1, 0, -1]],
+        [[0, 0, -1], [1, 0, -1], [2, 0, -1]],
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        [[0, 0, -1], [1, 1, -1], [1, 0, -1], [0, 1, -1]],
+        [[0, 0, -1], [4, 0, -1], [1, 1, -1], [0, 4, -1]],
+        [[1, 0, -1], [-0.8, 0.6, -1], [0.3, -1, -1], [0.3, 1, -1], [-0.8, -0.6, -1]],
+        [[0, 0], [1, 0], [0, 1]],
+    ],
+    ids=["two", "line", "off the plane", "crossed", "hollow", "star", "flat"],
+)
+def test_an_unfit_outline_is_one_sentence(tmp_path: Path, outline: list[list[float]]) -> None:
+    """Fails if corners may lie anywhere, on a line, or in any order: a five-pointed star turns one way only, but twice."""
+    with pytest.raises(SettingsError, match=r"outline_m.*file\.json|file\.json.*outline_m"):
+        read_planes(written(tmp_path, floor_with(outline)))
+
+
 @pytest.mark.parametrize(
     "document",
     [

@@ -36,7 +36,7 @@ def test_journey(page: Page, api: Api, bag: Path, tmp_path: Path) -> None:
         timeout=STEPS
     )
     recording = page.url.split("/")[-2]
-    go_on(page, "Find planes")
+    go_on(page, "Choose planes")
 
     solve = page.get_by_role("button", name="Solve with")
     expect(solve).to_be_enabled(timeout=STEPS)
@@ -99,7 +99,7 @@ def test_six_clicks(page: Page, tmp_path: Path) -> None:
     """
     clicks = 0
     page.goto("/")
-    for name in ("Try the sample", "Find planes", "Solve with", "Inspect the answer", "See the result"):
+    for name in ("Try the sample", "Choose planes", "Solve with", "Inspect the answer", "See the result"):
         go_on(page, name)
         clicks += 1
     with page.expect_download() as caught:

@@ -30,7 +30,7 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     matrix = np.array(api.ask("GET", f"/api/results/{job}")["T_imu_lidar"]["matrix"])
     for text, there in (("T_lidar_imu", np.linalg.inv(matrix)), ("T_imu_lidar", matrix)):
         page.get_by_text(text, exact=True).click()
-        expect(numbers.get_by_role("row", name="p x")).to_contain_text(f"{int(abs(there[0, 3]) * 1e3)}.")
+        expect(numbers.get_by_role("row", name="Position x")).to_contain_text(f"{int(abs(there[0, 3]) * 1e3)}.")
         shown = np.array(
             [float(word) for word in page.get_by_role("group", name="the matrix", exact=True).inner_text().split()]
         )

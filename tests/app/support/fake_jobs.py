@@ -62,6 +62,10 @@ def solve(order, on_event, should_cancel):
         if name.startswith("slow") and should_cancel():
             raise Cancelled("Stopped as asked.")
     result = world.make_result("refused" if name.startswith("refused") else "calibrated", name)
+    asked = {plane.name: plane.outline_m for plane in order.request.planes or ()}
+    for plane in result.quality.planes:
+        corners = asked.get(plane.name)
+        plane.outline_m = None if corners is None else [list(corner) for corner in corners]
     trajectory = world.make_trajectory()
     if result.T_imu_lidar is not None:
         write_trajectory(order.folder / "trajectory.npz", trajectory)

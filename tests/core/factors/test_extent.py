@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull, Delaunay
 
-from calib_core.factors.extent import CELL_M, HALF_CELLS, ExtentSurvey, PlaneExtents, reach_around
+from calib_core.factors.extent import CELL_M, HALF_CELLS, ExtentSurvey, PlaneExtents, cells_within, reach_around
+from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, IntArray
 
 NORMALS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -85,3 +89,52 @@ def test_a_plane_may_go_on_by_its_reach_and_no_further() -> None:
     found = np.argwhere(reach_around(PlaneExtents(NORMALS[:1], inside), 3 * CELL_M).inside[0])
     np.testing.assert_array_equal(found.min(axis=0), [397, 697])
     np.testing.assert_array_equal(found.max(axis=0), [403, 703])
+
+
+@settings(deadline=None, max_examples=25)  # a loaded machine is no failure
+@given(st.integers(0, 10_000), st.booleans())
+def test_the_cells_within_an_outline_are_those_with_all_four_corners_in_it(seed: int, backwards: bool) -> None:
+    """Oracle: SciPy's triangulation of the outline, asked about every cell's corners. Whichever way round it is given.
+
+    Fails when a cell counts by its lower corner or its middle, or the corners' order is taken for counter-clockwise.
+    """
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    corners = rng.uniform(-1.7, 1.7, (7, 2)) + rng.uniform(-3.0, 3.0, 2)
+    corners = corners[ConvexHull(corners).vertices]
+    axes = plane_axes(normal)
+    outline = (corners[::-1] if backwards else corners) @ axes + rng.uniform(-5.0, 5.0) * normal
+    (within,) = cells_within(normal[None], [outline])
+    low = int(np.floor(corners.min() / CELL_M)) - 2
+    lower = np.stack(np.meshgrid(*[np.arange(low, low + 60)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    four = lower[:, None] * CELL_M + CELL_M * np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+    expected = (Delaunay(corners).find_simplex(four) >= 0).all(axis=1)
+    found = within[lower[:, 0] + HALF_CELLS, lower[:, 1] + HALF_CELLS]
+    np.testing.assert_array_equal(found, expected)
+    assert within.sum() == expected.sum()
+
+
+def test_a_plane_without_an_outline_keeps_every_cell() -> None:
+    """Fails when outlines are matched with the wrong planes, or none is taken for nothing."""
+    square = np.array([[0.0, 0.0, 0.0], [0.0, 1.01, 0.0], [0.0, 1.01, 0.61], [0.0, 0.0, 0.61]])
+    within = cells_within(NORMALS, [None, square])
+    assert within[0].all()
+    assert within[1].sum() == 15
+
+
+def test_what_was_seen_outside_of_an_outline_is_as_if_it_had_not_been() -> None:
+    """A small board inside the outline is no island of the large wall outside it.
+
+    Fails when cells are cut only after islands have been judged, or not cut at all.
+    """
+    survey = ExtentSurvey.empty(NORMALS[:1])
+    board = np.array([[530, 530], [530, 531]])
+    wall = np.array([[500 + i, 500 + j] for i in range(8) for j in range(8)])
+    cells = np.concatenate([np.repeat(wall, 60, axis=0), np.repeat(board, 20, axis=0)])
+    survey.add(np.zeros(len(cells), np.int64), cells, np.ones(len(cells), bool))
+    within = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
+    within[0, 525:540, 525:540] = True
+    found = np.argwhere(survey.finish(within).inside[0])
+    np.testing.assert_array_equal(found, board)
+    assert not survey.finish().inside[0, 530, 530]

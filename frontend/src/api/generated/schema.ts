@@ -1807,13 +1807,22 @@ export interface components {
              */
             name: string;
             /**
+             * Restricted
+             * @description whether boxes left part of it out of this run
+             * @default false
+             */
+            restricted: boolean;
+            /**
              * Title
              * @description what it is called today
              * @example wall A
              */
             title: string;
         };
-        /** PlaneQuality */
+        /**
+         * PlaneQuality
+         * @description A plane n . x + offset_m = 0 of the map frame, and the points used of it.
+         */
         PlaneQuality: {
             /** Name */
             name: string;
@@ -1821,6 +1830,11 @@ export interface components {
             normal: number[];
             /** Offset M */
             offset_m: number;
+            /**
+             * Outline M
+             * @description corners of the convex polygon that it was restricted to, map frame, as given; absent without one
+             */
+            outline_m?: number[][] | null;
             /** Points */
             points: number;
             /** Rms M */
@@ -2269,6 +2283,7 @@ export interface components {
          *
          *     The box is any intersection of half-spaces: six of them make an upright box, four the pyramid seen through a
          *     rectangle on the screen. Planes are fitted again to what is left of them; a plane of which nothing is left goes.
+         *     A solve uses no point of a plane, in any scan, that lies outside of its boxes.
          *     Boxes add up until the change is undone or the suggestion is used.
          */
         Restrict: {

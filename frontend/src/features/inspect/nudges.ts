@@ -21,7 +21,7 @@ export const nudgeAxes: readonly NudgeAxis[] = [
   { key: "tx_m", label: "Shift along x", unit: "cm", step: 0.01, most: 2, factor: 100 },
   { key: "ty_m", label: "Shift along y", unit: "cm", step: 0.01, most: 2, factor: 100 },
   { key: "tz_m", label: "Shift along z", unit: "cm", step: 0.01, most: 2, factor: 100 },
-  { key: "dt_s", label: "Clock", unit: "ms", step: 0.001, most: 0.5, factor: 1000 },
+  { key: "dt_s", label: "Time offset", unit: "ms", step: 0.001, most: 0.5, factor: 1000 },
 ];
 
 export const noNudge: Nudge = { rx_deg: 0, ry_deg: 0, rz_deg: 0, tx_m: 0, ty_m: 0, tz_m: 0, dt_s: 0 };

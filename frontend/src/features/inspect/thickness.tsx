@@ -19,7 +19,7 @@ interface Looks {
 export function ThicknessSection({ jobId, ...looks }: Looks & { jobId: string }) {
   const thickness = useQuery(thicknessQuery(jobId));
   return (
-    <Section title="Wall thickness" tools={<span className="dim small">rms of points about their plane</span>}>
+    <Section title="Wall thickness" tools={<span className="dim small">rms of points about their plane, mm</span>}>
       {thickness.isPending ? (
         <div aria-busy="true" aria-label="Measuring the walls">
           <Skeleton height={46} mb={10} />

@@ -11,7 +11,7 @@ type Click = View["click"];
 const hints: Record<Click, string> = {
   toggle: "Click a coloured patch. Drag turns the view.",
   grow: "Click the cloud where it is flat: a plane grows from that point.",
-  restrict: "Drag a box: what lies outside makes no plane. Click a plane first to cut only that one.",
+  restrict: "Drag a box: what lies outside makes no plane and is not used by the solve. Click a plane first to cut only that one.",
 };
 
 function isClick(value: string): value is Click {

@@ -105,7 +105,7 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
           </span>
         )}
         {patch.restricted && (
-          <span className={css.cut} title="A box leaves part of it out" role="img" aria-label="restricted to a box">
+          <span className={css.cut} title="A box leaves part of it out, in the solve too" role="img" aria-label="restricted to a box">
             <Icon name="box" size={12} />
           </span>
         )}

@@ -98,7 +98,7 @@ export function PlanesScreen() {
             {planes.restricted && (
               <p className={css.region}>
                 <Icon name="box" size={14} />
-                <span>A box leaves part of the cloud out. Undo it, or use the suggestion.</span>
+                <span>A box leaves part of the room out, in the solve too. Undo it, or use the suggestion.</span>
               </p>
             )}
             {!planes.static && (

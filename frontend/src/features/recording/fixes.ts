@@ -43,6 +43,9 @@ export function fixOf(override: string): ChangeRecording | null {
   return Object.keys(change).length > 0 ? change : null;
 }
 
+/** Units as people write them; the command line's names have to do without such signs. */
+const units: Readonly<Record<string, string>> = { rad_s: "rad/s", deg_s: "°/s", m_s2: "m/s²" };
+
 /** The override in plain words: `Read as: point time unit ns`. */
 export function fixText(override: string): string {
   return override
@@ -51,7 +54,7 @@ export function fixText(override: string): string {
     .filter((part) => part !== "")
     .map((part) => {
       const [name = "", ...value] = part.split(/\s+/);
-      return `${name.replaceAll("-", " ")} ${value.join(" ")}`.trim();
+      return `${name.replaceAll("-", " ")} ${value.map((word) => units[word] ?? word).join(" ")}`.trim();
     })
     .join(", ");
 }

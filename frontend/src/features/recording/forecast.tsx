@@ -10,10 +10,10 @@ const names: Record<Parameter["name"], string> = {
   rx: "Turn x",
   ry: "Turn y",
   rz: "Turn z",
-  tx: "Lever x",
-  ty: "Lever y",
-  tz: "Lever z",
-  dt: "Clock",
+  tx: "Position x",
+  ty: "Position y",
+  tz: "Position z",
+  dt: "Time offset",
 };
 
 function shown({ std, unit }: Parameter): string {

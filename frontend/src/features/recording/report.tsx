@@ -124,7 +124,7 @@ function FindingCard({ finding, pending, onFix }: { finding: FindingReport; pend
       </div>
       {finding.confidence < 0.995 && (
         <span className={`num ${css.confidence ?? ""}`} title="How sure this is">
-          {fixed(finding.confidence * 100, 0)} %
+          {fixed(finding.confidence * 100, 0)} % sure
         </span>
       )}
     </li>

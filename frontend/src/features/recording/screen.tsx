@@ -24,7 +24,7 @@ export function RecordingScreen() {
   const navigate = useNavigate();
   const goOn = () => void navigate(`/r/${recording.id}/planes`);
   const arrived = hasArrived(recording);
-  useShortcuts("Recording", arrived ? [{ keys: "Enter", label: "Find planes", run: goOn }] : []);
+  useShortcuts("Recording", arrived ? [{ keys: "Enter", label: "Choose planes", run: goOn }] : []);
   return (
     <>
       <div className={layout.main}>
@@ -36,7 +36,7 @@ export function RecordingScreen() {
         title="Sensors"
         footer={
           <Button fullWidth disabled={!arrived} onClick={goOn} rightSection={<Icon name="next" />}>
-            Find planes
+            Choose planes
           </Button>
         }
       >

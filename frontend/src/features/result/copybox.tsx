@@ -1,4 +1,5 @@
 import { ActionIcon, CopyButton, Tooltip } from "@mantine/core";
+import { Fragment } from "react";
 import { Icon } from "../../ui/icons";
 import css from "./result.module.css";
 
@@ -7,7 +8,7 @@ export function CopyBox({ text, label, wrap = false }: { text: string; label: st
   return (
     <div className={css.copybox} data-wrap={wrap}>
       <pre tabIndex={0} role="group" aria-label={label}>
-        {text}
+        {wrap ? text.split(" ").map((word, i) => <Fragment key={i}>{i > 0 && " "}<span>{word}</span></Fragment>) : text}
       </pre>
       <CopyButton value={text}>
         {({ copied, copy }) => (

@@ -47,6 +47,8 @@ function toneOf(run: Run): Tone {
 function choices(run: Run): string {
   const settings = run.job.settings;
   const { points_per_plane_per_scan: points, field_of_view_deg: field, excluded_spans_s: spans, priors } = settings;
+  const planes = run.job.planes ?? [];
+  const boxed = planes.filter((plane) => plane.restricted).length;
   return [
     points === null || points === undefined ? "" : `${points} points`,
     field === null || field === undefined ? "" : `±${field}°`,
@@ -55,7 +57,8 @@ function choices(run: Run): string {
     settings.bias_model === "constant" ? "constant biases" : "",
     priors.length === 0 ? "" : `${priors.length} ${priors.length === 1 ? "prior" : "priors"}`,
     ...spans.map((span) => `without ${fixed(Number(span[0]), 1)} to ${fixed(Number(span[1]), 1)} s`),
-    (run.job.planes ?? []).length === 0 ? "" : `${run.job.planes?.length ?? 0} planes`,
+    planes.length === 0 ? "" : `${planes.length} planes`,
+    boxed === 0 ? "" : `${boxed} of them within a box`,
   ]
     .filter((text) => text !== "")
     .map((text) => `, ${text}`)

@@ -46,7 +46,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
               <NumberRow
                 key={axis}
                 axis={axis}
-                name={`p ${axis}`}
+                name={`Position ${axis}`}
                 unit="mm"
                 text={withSigma((pose.translationM[i] ?? 0) * 1000, (pose.translationStdM[i] ?? 0) * 1000)}
                 share={(pose.translationStdM[i] ?? 0) / 0.02}

@@ -20,7 +20,7 @@ interface Answer {
 }
 
 const rotations = [["Roll", "rx", "x"], ["Pitch", "ry", "y"], ["Yaw", "rz", "z"]] as const;
-const translations = [["x", "tx", "x"], ["y", "ty", "y"], ["z", "tz", "z"]] as const;
+const translations = [["Position x", "tx", "x"], ["Position y", "ty", "y"], ["Position z", "tz", "z"]] as const;
 
 /** The seven numbers of the calibration over the iterations, in the units people read.
  *

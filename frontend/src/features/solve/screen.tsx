@@ -90,7 +90,7 @@ export function SolveScreen() {
         )}
         {retry.isError && <Fault error={retry.error} />}
       </Section>
-      <Section title="Answer so far">
+      <Section title={ended ? "Answer" : "Answer so far"}>
         <ParameterTable parameters={parametersOf(run.iterations)} />
       </Section>
       <Section title="Cost">
