@@ -46,14 +46,18 @@ def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
     """
     recording = solved[0]
     page.goto(f"/r/{recording}/solve?job={solved[1]}")
-    page.get_by_role("button", name="Solve again").click()
-    expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
-    expect(page).not_to_have_url(re.compile(solved[1]))
-    job = re.findall(r"job=(\w+)", page.url)[0]
     other = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
     try:
+        # The short recording is solved in seconds, and a browser's first page takes as many: it has seen the page before.
         second = other.new_page()
         complaints = Complaints(second)
+        second.goto(f"/r/{recording}/solve?job={solved[1]}")
+        expect(second.get_by_role("button", name="Solve again")).to_be_visible()
+        second.goto("about:blank")
+        page.get_by_role("button", name="Solve again").click()
+        expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
+        expect(page).not_to_have_url(re.compile(solved[1]))
+        job = re.findall(r"job=(\w+)", page.url)[0]
         second.goto(f"/r/{recording}/solve")
         expect(second.get_by_role("heading", name="Solving")).to_be_visible()
         expect(second.get_by_text("Start values")).to_be_visible()
