@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
+CountArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
 
 #: One valid lidar return. `xyz` metres in the lidar frame; `offset_ns` after the scan's `stamp_ns` (>= 0).

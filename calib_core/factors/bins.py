@@ -18,6 +18,7 @@ estimate would change in that is far below any uncertainty.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,9 +67,9 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class SlicePoses:
-    """The lidar at the centres of one scan's slices. R: (S, 3, 3), p: (S, 3) map <- lidar; omega (S, 3), v (S, 3) lidar axes.
+    """The lidar at the centres of slices, of one scan or of several in a row.
 
-    usable: (S,) False where the motion is not known.
+    R: (S, 3, 3), p: (S, 3) map <- lidar; omega (S, 3), v (S, 3) lidar axes.   usable: (S,) False where the motion is not known.
     """
 
     R: FloatArray
@@ -77,12 +78,25 @@ class SlicePoses:
     v_m_s: FloatArray
     usable: BoolArray
 
+    @staticmethod
+    def joined(parts: Sequence[SlicePoses]) -> SlicePoses:
+        """Those of several scans in a row."""
+        if len(parts) == 1:
+            return parts[0]
+        return SlicePoses(
+            np.concatenate([part.R for part in parts]),
+            np.concatenate([part.p for part in parts]),
+            np.concatenate([part.omega_rad_s for part in parts]),
+            np.concatenate([part.v_m_s for part in parts]),
+            np.concatenate([part.usable for part in parts]),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """Where a scan's points meet the planes (N points, P planes). `plane` is -1 where no plane is seen face on.
+    """Where the points of a scan, or of several, meet the planes (N points, P planes).
 
-    x_hit: (N, 3) lidar frame at the slice's centre.   d [m], cosine: (N,).
+    plane: (N,), -1 where none is seen face on.   x_hit: (N, 3) lidar frame at the slice's centre.   d [m], cosine: (N,).
     ambiguous_m: (N,) distance of the hit to the nearest other plane.   slice_index: (N,).
     """
 
@@ -113,13 +127,14 @@ def find_hits(
     offsets_m: FloatArray,
     gate: Gate,
     *,
+    first_slice: IntArray | None = None,
     field_of_view_deg: float | None = None,
 ) -> Hits:
     """The plane each ray most plausibly ended on, and where the ray meets it.
 
     points_m: (N, 3) lidar frame at each point's time.   offset_s: (N,) after the scan's first point, any order.   normals
-    (P, 3), offsets_m (P,): map frame, normals towards where the plane was seen from.   field_of_view_deg: keep azimuths
-    within +-.
+    (P, 3), offsets_m (P,): map frame, normals towards where the plane was seen from.   first_slice: (N,) of each point's
+    scan in the poses, where they are of several.   field_of_view_deg: keep azimuths within +-.
     """
     n = len(points_m)
     n_lidar = normals @ poses.R
@@ -127,10 +142,11 @@ def find_hits(
     plane, index = np.empty(n, np.int64), np.empty(n, np.int64)
     x_hit = np.zeros((n, 3))
     d, cosine, beside = np.zeros(n), np.zeros(n), np.zeros(n)
+    first = np.zeros(n, np.int64) if first_slice is None else first_slice
     azimuth = -2.0 if field_of_view_deg is None else float(np.cos(np.radians(field_of_view_deg)))
     hits_kernel(
-        points_m, offset_s, SLICE_S, n_lidar, w_lidar, poses.omega_rad_s, poses.v_m_s, poses.usable, gate.min_cosine, azimuth,
-        plane, index, x_hit, d, cosine, beside,
+        points_m, offset_s, first, SLICE_S, n_lidar, w_lidar, poses.omega_rad_s, poses.v_m_s, poses.usable, gate.min_cosine,
+        azimuth, plane, index, x_hit, d, cosine, beside,
     )  # fmt: skip
     return Hits(plane, index, x_hit, d, cosine, beside, poses)
 

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from calib_core.factors.kernels import count_kernel
 from calib_core.geometry import plane_axes
-from calib_core.types import BoolArray, FloatArray, IntArray
+from calib_core.types import BoolArray, CountArray, FloatArray, IntArray
 
 CELL_M = 0.2
 #: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.
@@ -77,23 +78,26 @@ def reach_around(extents: PlaneExtents, reach_m: float) -> PlaneExtents:
 
 @dataclass
 class ExtentSurvey:
-    """Counts of returns on and beside every plane, cell by cell, gathered scan by scan. on, beside: (P, rows, columns)."""
+    """Counts of returns on and beside every plane, cell by cell, gathered scan by scan. on, beside: (P, rows, columns).
+
+    box: (P, 4) lowest row, lowest column, highest row, highest column with a return on the plane.
+    """
 
     normals: FloatArray
-    on: IntArray
-    beside: IntArray
+    on: CountArray
+    beside: CountArray
+    box: IntArray
 
     @staticmethod
     def empty(normals: FloatArray) -> ExtentSurvey:
         """No counts yet."""
         shape = (len(normals), 2 * HALF_CELLS, 2 * HALF_CELLS)
-        return ExtentSurvey(normals, np.zeros(shape, np.int64), np.zeros(shape, np.int64))
+        nothing = np.tile([2 * HALF_CELLS, 2 * HALF_CELLS, -1, -1], (len(normals), 1))
+        return ExtentSurvey(normals, np.zeros(shape, np.int32), np.zeros(shape, np.int32), nothing)
 
     def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray) -> None:
         """Count returns: the cell in which their rays meet the plane, and whether they lie on it or beside it."""
-        flat = (plane * 2 * HALF_CELLS + cell[:, 0]) * 2 * HALF_CELLS + cell[:, 1]
-        for total, mine in ((self.on, flat[on_plane]), (self.beside, flat[~on_plane])):
-            np.add.at(total.reshape(-1), mine, 1)
+        count_kernel(plane, cell, on_plane, self.on, self.beside, self.box)
 
     def finish(
         self, within: BoolArray | None = None, *, least: int = 8, share: float = 0.75, island: float = 0.02
@@ -106,15 +110,13 @@ class ExtentSurvey:
         the ground, its foot lies on the ground's plane too, and nothing but its foot is seen there.
         """
         inside = np.zeros(self.on.shape, bool)
-        for plane, (on, beside) in enumerate(zip(self.on, self.beside, strict=True)):
-            # A plane fills a small part of its grid.
-            seen = on >= least if within is None else (on >= least) & within[plane]
-            rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-            if len(rows) == 0:
-                continue
-            box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-            flat = seen[box] & (on[box] >= share * (on[box] + beside[box]))
-            inside[plane][box] = _without_islands(flat, on[box], island)
+        for plane, (top, left, bottom, right) in enumerate(self.box):
+            box = slice(top, bottom + 1), slice(left, right + 1)  # a plane fills a small part of its grid
+            on, beside = self.on[plane][box].astype(np.int64), self.beside[plane][box]
+            seen = on >= least if within is None else (on >= least) & within[plane][box]
+            flat = seen & (on >= share * (on + beside))
+            if flat.any():
+                inside[plane][box] = _without_islands(flat, on, island)
         inside[:, [0, -1], :] = False
         inside[:, :, [0, -1]] = False
         return PlaneExtents(self.normals, inside)

@@ -34,6 +34,8 @@ from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, Scan
 
 T = TypeVar("T")
+#: Points that are worth a call of their own.
+_BATCH = 20_000
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,17 @@ class Micro:
     scatter: FloatArray
     count: IntArray
 
+    @staticmethod
+    def joined(parts: Sequence[Micro]) -> Micro:
+        """Those of several scans in a row."""
+        return Micro(
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.scan for part in parts]),
+            np.concatenate([part.plane for part in parts]),
+            np.concatenate([part.scatter for part in parts]),
+            np.concatenate([part.count for part in parts]),
+        )
+
     def part(self, some: BoolArray) -> Micro:
         """Those of a mask (B,)."""
         return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
@@ -56,6 +69,7 @@ class View:
     """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes.
 
     poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
+    thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.
     """
 
     scans: Sequence[Scan]
@@ -65,6 +79,7 @@ class View:
     settings: CalibrateSettings
     threads: int = 1
     poses: dict[int, SlicePoses] = field(default_factory=dict)
+    thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
 
     def lay_out(self, positions: Sequence[int]) -> None:
         """The slices' poses of many scans in one go: scan by scan, the arrays would be too short to be worth a call."""
@@ -88,21 +103,39 @@ class View:
     def _centres(self, position: int, slices: int) -> FloatArray:
         return np.asarray(self.clocks.scan_s[position] + (np.arange(slices) + 0.5) * SLICE_S)
 
-    def hits(self, position: int, gate: Gate, stride: int = 1) -> Hits:
-        """Where a scan's points meet the planes, point by point."""
-        scan = self.scans[position]
-        points = scan.points[::stride] if stride > 1 else scan.points
-        offset = points["offset_ns"] * 1e-9
+    def hits(self, positions: Sequence[int], gate: Gate, stride: int = 1) -> Hits:
+        """Where the points of scans meet the planes, point by point; slices are counted through all of them."""
+        key = (*positions, stride, gate.min_cosine)
+        if key in self.thinned:
+            return self.thinned[key]
+        clouds = [self.scans[i].points[::stride] for i in positions]
+        points = clouds[0] if len(clouds) == 1 else np.concatenate(clouds)
         e = self.estimate
-        return find_hits(
+        hits = find_hits(
             points["xyz"],
-            offset,
-            self.slice_poses(position),
+            points["offset_ns"] * 1e-9,
+            SlicePoses.joined([self.slice_poses(i) for i in positions]),
             e.normals,
             e.offsets_m,
             gate,
+            first_slice=np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds]),
             field_of_view_deg=self.settings.field_of_view_deg,
         )
+        if stride > 1:
+            self.thinned[key] = hits
+        return hits
+
+    def _first_slices(self, positions: Sequence[int]) -> IntArray:
+        """Where each scan's slices begin when those of all are in a row."""
+        return np.cumsum([0, *(self._slices(i) for i in positions[:-1])])
+
+    def micro(self, positions: Sequence[int], bins: MicroBins) -> Micro:
+        """Bins of scans whose slices are in a row, each with its time and scan."""
+        first = self._first_slices(positions)
+        which = np.searchsorted(first, bins.slice_index, side="right") - 1
+        scan = np.asarray(positions, np.int64)[which]
+        time_s = self.clocks.scan_s[scan] + (bins.slice_index - first[which] + 0.5) * SLICE_S
+        return Micro(time_s, scan, bins.plane, bins.scatter, bins.count)
 
     def slice_poses(self, position: int) -> SlicePoses:
         """The lidar at the centres of a scan's slices."""
@@ -125,17 +158,33 @@ class View:
     def strays(self, position: int, count: int, away_m: float) -> FloatArray:
         """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
         cloud, place = self.cloud(position, count)
-        hits = self.hits(position, Gate(), max(1, len(self.scans[position].points) // count))
+        hits = self.hits([position], Gate(), max(1, len(self.scans[position].points) // count))
         free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
         return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
 
     def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""
+        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]))
+
+    def over_batches(self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T]) -> list[T]:
+        """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
+        batches: list[list[int]] = []
+        room = 0
+        for i in positions:
+            points = len(self.scans[i].points) // stride
+            if points > room or not batches:
+                batches.append([])
+                room = _BATCH
+            batches[-1].append(i)
+            room -= points
+        return self._over(positions, batches, job)
+
+    def _over(self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T]) -> list[T]:
         self.lay_out(positions)
-        if self.threads <= 1 or len(positions) < 2:
-            return [job(i) for i in positions]
+        if self.threads <= 1 or len(tasks) < 2:
+            return [job(task) for task in tasks]
         with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(job, positions))
+            return list(pool.map(job, tasks))
 
 
 def associate(
@@ -152,29 +201,19 @@ def associate(
     n_planes = len(view.estimate.normals)
     cap = view.settings.points_per_plane_per_scan
 
-    def one(position: int) -> MicroBins:
-        hits = view.hits(position, gate, stride)
+    def some(batch: Sequence[int]) -> Micro:
+        hits = view.hits(batch, gate, stride)
         keep, weight = select(hits, noise, gate, extents)
         if cap is not None:
-            keep = _capped(hits, keep, cap, seed=view.settings.random_seed + position)
+            keep = _capped(hits, keep, cap, seed=view.settings.random_seed + batch[0])
         if on_scan is not None:
-            on_scan(position)
-        return collapse(hits, keep, weight, n_planes)
+            for position in batch:
+                on_scan(position)
+        return view.micro(batch, collapse(hits, keep, weight, n_planes))
 
-    parts = view.over_scans(positions, one)
-    return micro_of(view, list(zip(positions, parts, strict=True)))
-
-
-def micro_of(view: View, parts: Sequence[tuple[int, MicroBins]]) -> Micro:
-    """The micro-bins of several scans in one row. parts: scan position and its bins."""
-    start_s = view.clocks.scan_s
-    return Micro(
-        time_s=np.concatenate([start_s[i] + (part.slice_index + 0.5) * SLICE_S for i, part in parts]),
-        scan=np.concatenate([np.full(len(part.count), i) for i, part in parts]),
-        plane=np.concatenate([part.plane for _, part in parts]),
-        scatter=np.concatenate([part.scatter for _, part in parts]),
-        count=np.concatenate([part.count for _, part in parts]),
-    )
+    if cap is None:
+        return Micro.joined(view.over_batches(positions, stride, some))
+    return Micro.joined(view.over_scans(positions, lambda position: some([position])))
 
 
 def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
@@ -226,15 +265,15 @@ def survey(
     """
     total = ExtentSurvey.empty(view.estimate.normals)
 
-    def one(position: int) -> tuple[IntArray, IntArray, BoolArray]:
-        hits = view.hits(position, gate, stride)
+    def some(batch: Sequence[int]) -> tuple[IntArray, IntArray, BoolArray]:
+        hits = view.hits(batch, gate, stride)
         std = noise.distance_std_m(hits.cosine)
         close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m))
         cells = cells_of(hits, view.estimate.normals)
         on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
         return hits.plane[close], cells[close], on[close]
 
-    plane, cell, on = (np.concatenate(each) for each in zip(*view.over_scans(positions, one), strict=True))
+    plane, cell, on = (np.concatenate(each) for each in zip(*view.over_batches(positions, stride, some), strict=True))
     total.add(plane, cell, on)
     return total.finish(within)
 
@@ -250,7 +289,7 @@ def measure_noise(
     edges = np.linspace(0.0, 1.0, 13)
 
     def one(position: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        hits = view.hits(position, wide)
+        hits = view.hits([position], wide)
         keep, _ = select(hits, start, wide, extents)
         return hits.d[keep], hits.cosine[keep] ** 2, hits.plane[keep]
 

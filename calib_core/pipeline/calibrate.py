@@ -9,6 +9,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
@@ -197,8 +198,11 @@ def make_context(
     clocks = read_clocks(recording)
     imu = recording.imu
     noise = _imu_noise(recording, settings, clocks, on_event)
-    hyper = fit_hyper(clocks.imu_s, np.hstack([imu.gyro_rad_s, imu.accel_m_s2]), noise_std=noise.sample_std)
-    return Context(recording, settings, clocks, noise, hyper, on_event, should_cancel)
+    pool = ThreadPoolExecutor(1)
+    values = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])
+    training = pool.submit(fit_hyper, clocks.imu_s, values, noise_std=noise.sample_std)
+    pool.shutdown(wait=False)
+    return Context(recording, settings, clocks, noise, training, on_event, should_cancel)
 
 
 def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks, on_event: OnEvent) -> ImuNoiseLevel:

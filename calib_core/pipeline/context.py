@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -58,17 +59,25 @@ def read_clocks(recording: Recording) -> Clocks:
 
 @dataclass
 class Context:
-    """What every stage of one run needs: the recording, choices, and whom to tell."""
+    """What every stage of one run needs: the recording, choices, and whom to tell.
+
+    training: of the IMU's interpolation, which goes on beside the search for planes.
+    """
 
     recording: Recording
     settings: CalibrateSettings
     clocks: Clocks
     noise: ImuNoiseLevel
-    hyper: Hyper
+    training: Future[Hyper]
     on_event: OnEvent
     should_cancel: ShouldCancel
     threads: int = field(default_factory=lambda: max(1, min(4, len(os.sched_getaffinity(0)))))
     iterations: int = 0
+
+    @property
+    def hyper(self) -> Hyper:
+        """How the IMU's readings are interpolated."""
+        return self.training.result()
 
     def stage(self, stage: Stage, fraction: float, text: str = "") -> None:
         """Report progress; stop where the caller asked to."""

@@ -19,7 +19,7 @@ from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents, reach_ar
 from calib_core.factors.knots import KnotStates
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.links import Links, UpsampledImu, preintegrate
-from calib_core.pipeline.associate import Micro, associate, gather, micro_of
+from calib_core.pipeline.associate import Micro, associate, gather
 from calib_core.pipeline.drift import Drift
 from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.state import Estimate, no_bins
@@ -299,8 +299,8 @@ class Carrier:
             outlined = None if self.within is None else PlaneExtents(self.reach.normals[only], self.within[only])
             keep, weight = select(hits, r.lidar_noise, gate, outlined)
             bins = collapse(hits, keep, weight, 1)
-            micro.append((position, replace(bins, plane=np.full(len(bins.plane), plane))))
-        return micro_of(view, micro)
+            micro.append(view.micro([position], replace(bins, plane=np.full(len(bins.plane), plane))))
+        return Micro.joined(micro)
 
 
 def predicted(known: KnotStates, links: Links, readings: UpsampledImu, count: int, gravity: FloatArray) -> KnotStates:

@@ -20,9 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
+from scipy import fft, sparse
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import fftconvolve
 from scipy.sparse.linalg import spsolve
 
 from calib_core.geometry import exp, log, mean_rotation, nearest_rotation
@@ -173,9 +172,12 @@ def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: i
 
 def _masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Pearson's correlation of a with b at every shift, over the samples that overlap, and how many do."""
+    # scipy.signal has this ready, but takes a second to import.
+    size = len(a) + len(b) - 1
+    fast = fft.next_fast_len(size, real=True)
 
     def cross(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.asarray(fftconvolve(x, y[::-1]))
+        return np.asarray(fft.irfft(fft.rfft(x, fast) * fft.rfft(y[::-1], fast), fast)[:size])
 
     ones = np.ones_like(a)
     n = np.maximum(cross(ones, mask_b), 1.0)

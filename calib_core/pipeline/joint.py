@@ -15,7 +15,8 @@ and a later time offset by delta looks the pose up earlier: phi = -omega delta, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,8 +77,22 @@ class JointProblem:
         """The normal equations at an estimate."""
         layout = self.layout(estimate)
         system = ArrowSystem.zeros(len(self.readings.knots_s), 9, layout.size)
-        self._add_links(system, estimate, layout)
-        self._add_bins(system, estimate, layout)
+        # At the same time: both fill the knots' own blocks, of which the bins get some for themselves, but the border and
+        # the corner in columns of their own.
+        own = replace(
+            system,
+            diagonal=np.zeros_like(system.diagonal),
+            gradient=np.zeros_like(system.gradient),
+            gradient_shared=np.zeros_like(system.gradient_shared),
+        )
+        with ThreadPoolExecutor(1) as pool:
+            links = pool.submit(self._add_links, system, estimate, layout)
+            self._add_bins(own, estimate, layout)
+            links.result()
+        system.diagonal += own.diagonal
+        system.gradient += own.gradient
+        system.gradient_shared += own.gradient_shared
+        system.cost += own.cost
         residual, jacobian = prior_rows(self.priors, self.nodes, estimate, layout)
         system.corner += jacobian.T @ jacobian
         system.gradient_shared += jacobian.T @ residual

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from calib_core.factors.bins import SlicePoses
 from calib_core.factors.knots import KnotStates
-from calib_core.geometry import cross, exp
+from calib_core.geometry import cross
+from calib_core.geometry.compiled import exp_into, multiply_into, turn_into
 from calib_core.imu.links import UpsampledImu
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -48,42 +50,82 @@ class Motion:
 
     def at(self, imu_s: FloatArray) -> ImuPoses:
         """Poses at instants of the IMU's clock, (N,). Unusable beyond the knots and where the IMU was silent."""
-        r = self.readings
-        k = self.nearest_knot(imu_s)
-        tau = imu_s - r.knots_s[k]
-        h = r.spacing_s
-        before, after = np.maximum(k - 1, 0), np.minimum(k + 1, len(r.knots_s) - 1)
-        span = ((after - before) * h)[:, None]
-        w = r.knot_gyro[k] - self.gyro_bias[k]
-        w1 = (r.knot_gyro[after] - r.knot_gyro[before]) / span
-        w2 = (r.knot_gyro[after] - 2 * r.knot_gyro[k] + r.knot_gyro[before]) / h**2 * ((after - before) == 2)[:, None]
-        f = r.knot_accel[k] - self.accel_bias[k]
-        f1 = (r.knot_accel[after] - r.knot_accel[before]) / span
-        t = tau[:, None]
-        Rk = self.states.R[k]
-        R = Rk @ exp(w * t + w1 * t**2 / 2 + w2 * t**3 / 6)
-        third = (Rk @ exp(w * t / 3) @ (f + f1 * t / 3)[..., None])[..., 0] + self.gravity
-        half = (Rk @ exp(w * t / 2) @ (f + f1 * t / 2)[..., None])[..., 0] + self.gravity
-        linked = np.concatenate([[False], r.linked, [False]])
-        usable = np.where(tau < 0, linked[k], linked[k + 1]) & (np.abs(tau) < 0.51 * h)
-        return ImuPoses(
-            R=R,
-            p=self.states.p[k] + self.states.v[k] * t + 0.5 * third * t**2,
-            v=self.states.v[k] + half * t,
-            omega_rad_s=w + w1 * t + w2 * t**2 / 2,
-            usable=usable,
+        r, n = self.readings, len(imu_s)
+        poses = ImuPoses(
+            np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.bool_)
         )
+        _between_knots(
+            imu_s, self.nearest_knot(imu_s), r.knots_s, r.spacing_s, r.linked, r.knot_gyro, r.knot_accel, self.gyro_bias,
+            self.accel_bias, self.gravity, self.states.R, self.states.p, self.states.v,
+            poses.R, poses.p, poses.v, poses.omega_rad_s, poses.usable,
+        )  # fmt: skip
+        return poses
 
     def lidar_at(self, imu_s: FloatArray, R_imu_lidar: FloatArray, p_imu_lidar: FloatArray) -> SlicePoses:
         """The lidar's poses and body rates at instants of the IMU's clock."""
         imu = self.at(imu_s)
-        lever = (imu.R @ p_imu_lidar[:, None])[..., 0]
-        v_map = imu.v + (imu.R @ cross(imu.omega_rad_s, p_imu_lidar)[..., None])[..., 0]
         R = imu.R @ R_imu_lidar
+        swing = cross(imu.omega_rad_s, p_imu_lidar) @ R_imu_lidar
         return SlicePoses(
             R=R,
-            p=imu.p + lever,
+            p=imu.p + imu.R @ p_imu_lidar,
             omega_rad_s=imu.omega_rad_s @ R_imu_lidar,
-            v_m_s=(np.swapaxes(R, 1, 2) @ v_map[..., None])[..., 0],
+            v_m_s=(imu.v[:, None] @ R)[:, 0] + swing,
             usable=imu.usable,
         )
+
+
+@numba.njit(cache=True, nogil=True)
+def _between_knots(
+    imu_s: FloatArray,
+    nearest: IntArray,
+    knots_s: FloatArray,
+    h: float,
+    linked: BoolArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    gyro_bias: FloatArray,
+    accel_bias: FloatArray,
+    gravity: FloatArray,
+    knots_R: FloatArray,
+    knots_p: FloatArray,
+    knots_v: FloatArray,
+    R: FloatArray,
+    p: FloatArray,
+    v: FloatArray,
+    omega: FloatArray,
+    usable: BoolArray,
+) -> None:
+    """Fills R (N, 3, 3), p, v, omega (N, 3), usable (N,): the formulas above, instant by instant. nearest: (N,) knots."""
+    last = len(knots_s) - 1
+    turn = np.empty((3, 3))
+    w, w1, w2 = np.empty(3), np.empty(3), np.empty(3)
+    f, f1, force, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(len(imu_s)):
+        k = nearest[i]
+        t = imu_s[i] - knots_s[k]
+        before, after = max(k - 1, 0), min(k + 1, last)
+        span = (after - before) * h
+        for c in range(3):
+            w[c] = gyro[k, c] - gyro_bias[k, c]
+            w1[c] = (gyro[after, c] - gyro[before, c]) / span
+            w2[c] = (gyro[after, c] - 2.0 * gyro[k, c] + gyro[before, c]) / h**2 if after - before == 2 else 0.0
+            f[c] = accel[k, c] - accel_bias[k, c]
+            f1[c] = (accel[after, c] - accel[before, c]) / span
+            omega[i, c] = w[c] + w1[c] * t + w2[c] * t**2 / 2.0
+            turned[c] = w[c] * t + w1[c] * t**2 / 2.0 + w2[c] * t**3 / 6.0
+        exp_into(turned[0], turned[1], turned[2], turn)
+        multiply_into(knots_R[k], turn, R[i])
+        for part in (3.0, 2.0):
+            exp_into(w[0] * t / part, w[1] * t / part, w[2] * t / part, turn)
+            for c in range(3):
+                force[c] = f[c] + f1[c] * t / part
+            turn_into(turn, force, turned)
+            turn_into(knots_R[k], turned, force)
+            for c in range(3):
+                if part == 3.0:
+                    p[i, c] = knots_p[k, c] + knots_v[k, c] * t + 0.5 * t**2 * (force[c] + gravity[c])
+                else:
+                    v[i, c] = knots_v[k, c] + t * (force[c] + gravity[c])
+        known = (k > 0 and linked[k - 1]) if t < 0.0 else (k < last and linked[k])
+        usable[i] = known and abs(t) < 0.51 * h

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.factors.kernels import register_kernel, straighten_kernel
-from calib_core.geometry import exp, log
+from calib_core.factors.register_kernels import descend_kernel, register_kernel, straighten_kernel
 from calib_core.pipeline.planemap import CELL_M, PlaneMap
 from calib_core.types import FloatArray, IntArray, Scan
 
@@ -169,21 +168,14 @@ def register(
     look = _Look(points_m, tau_s, planes, start, scales[0], outside, None)
     few = _balanced(np.where(np.abs(look.d) < scales[0], look.plane, -1), settings.points)
     some_m, some_s = points_m[few], tau_s[few]
-    at, worth, weak = start, np.ones(n_planes), settings.fit_std_m**2
-    for scale in scales:
-        look = _Look(some_m, some_s, planes, at, scale, outside, worth)
-        worth = look.worth(n_planes, settings.plane_points, settings.least_points, 2.0 * scale)
-        deviation = np.concatenate(
-            [log(start.R.T @ at.R), at.p - start.p, at.omega_rad_s - start.omega_rad_s, at.v_m_s - start.v_m_s]
-        )
-        step = -np.linalg.solve(look.hessian + weak * np.diag(tie), look.gradient + weak * tie * deviation)
-        at = replace(
-            at,
-            R=at.R @ exp(step[:3]),
-            p=at.p + step[3:6],
-            omega_rad_s=at.omega_rad_s + step[6:9],
-            v_m_s=at.v_m_s + step[9:],
-        )
+    at = replace(
+        start, R=start.R.copy(), p=start.p.copy(), omega_rad_s=start.omega_rad_s.copy(), v_m_s=start.v_m_s.copy()
+    )
+    descend_kernel(
+        some_m, some_s, planes.normals, planes.offsets_m, planes.axes, planes.reach, CELL_M, outside, np.array(scales),
+        settings.fit_std_m**2 * tie, settings.plane_points, settings.least_points, at.R, at.p, at.omega_rad_s, at.v_m_s,
+    )  # fmt: skip
+    look = _Look(some_m, some_s, planes, at, scales[-1], outside, None)
     worth = look.worth(n_planes, settings.sure_points, 2 * settings.least_points, settings.inlier_m)
     sure = _Look(some_m, some_s, planes, at, scales[-1], outside, worth).hessian[:6, :6]
     covariance = np.linalg.inv(sure / variance + 1e-2 * np.eye(6))

@@ -19,7 +19,7 @@ from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from calib_core.imu.links import Links
 from calib_core.pipeline.joint import JointProblem
@@ -52,7 +52,7 @@ def repeatability(
     known, rank = determined_part(covariance)
     if rank == 0:
         return Repeatability(1.0, 1.0)
-    limit = float(chi2.ppf(_CONFIDENCE, rank * (blocks - 1)) / (rank * (blocks - 1)))
+    limit = float(chdtri(rank * (blocks - 1), 1.0 - _CONFIDENCE) / (rank * (blocks - 1)))
     others = np.linalg.pinv(information[CALIBRATION:, CALIBRATION:], rcond=1e-15, hermitian=True)
     follow = np.hstack([np.eye(CALIBRATION), -information[:CALIBRATION, CALIBRATION:] @ others])
     edges = np.linspace(0, len(problem.readings.knots_s), blocks + 1).astype(int)

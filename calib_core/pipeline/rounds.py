@@ -30,10 +30,9 @@ from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_ar
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import BoolArray, FloatArray
 
-#: Points in the coarse rounds, and in the survey of the planes' extents: in all, but within these bounds a scan. And scans
-#: that tell the lidar's noise.
-_COARSE = 600_000
-_SURVEY = 800_000
+#: Points in the coarse rounds and in the survey of the planes' extents, the same ones: in all, but within these bounds a
+#: scan. And scans that tell the lidar's noise.
+_COARSE = 800_000
 _A_SCAN = (800, 4000)
 _NOISE_SCANS = 16
 #: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
@@ -204,7 +203,7 @@ class Rounds:
             self.learn(Gate(extra_m=_LEARNING_M, margin_m=self.margin_m))
             self.associate(Gate(extra_m=_SETTLING_M, margin_m=self.margin_m), stride=self.coarse_stride())
             before = self.estimate
-            problem, _ = self.solve(15)
+            problem, _ = self.solve(1)  # what another step would add, the next round's first step does
             if moved_in_gate(problem, before, self.estimate) < _UNMOVED:
                 break
 
@@ -285,7 +284,7 @@ class Rounds:
         """How far each plane reaches."""
         view = self.present_view()
         self.extents = survey(
-            view, self.positions, self.lidar_noise, gate, stride=self._stride(_SURVEY), within=self.within()
+            view, self.positions, self.lidar_noise, gate, stride=self.coarse_stride(), within=self.within()
         )
         return self.extents
 
@@ -296,16 +295,12 @@ class Rounds:
         step = max(1, len(self.positions) // _NOISE_SCANS)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
 
-    def _stride(self, total: int) -> int:
-        """Every so many-th point, for about `total` points in all."""
-        target = float(np.clip(total / len(self.positions), *_A_SCAN))
+    def coarse_stride(self) -> int:
+        """Every so many-th point is used in the coarse rounds."""
+        target = float(np.clip(_COARSE / len(self.positions), *_A_SCAN))
         some = self.positions[:: max(1, len(self.positions) // 20)]
         typical = np.median([len(self.ctx.recording.scans[i].points) for i in some])
         return max(1, int(typical // target))
-
-    def coarse_stride(self) -> int:
-        """Of the points in the coarse rounds."""
-        return self._stride(_COARSE)
 
     def solve_coarse(self, iterations: int, frozen: tuple[int, ...] = ()) -> tuple[JointProblem, Minimum[Estimate]]:
         """A solve that ends where the next step would be of no consequence to the next association."""

@@ -12,10 +12,10 @@ of the shared parameters with the chain marginalised: the calibration's own info
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg.blas import dsyrk
 
 from calib_core.solver.kernels import eliminate_kernel, substitute_kernel
 from calib_core.types import FloatArray
@@ -72,6 +72,8 @@ class ArrowSolution:
 
 #: Relative to unit diagonal: what the border's information cannot resolve after eliminating the chain in double precision.
 ROUND_OFF = 1e-11
+#: Of a long product, each on a thread of its own.
+_PARTS = 4
 #: Stands for the information of what is held fixed.
 FROZEN = 1e12
 
@@ -83,6 +85,14 @@ def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
     along = vectors.T @ (-unit * gradient)
     known = values > ROUND_OFF
     return unit * (vectors @ np.where(known, along / np.where(known, values, 1.0), 0.0))
+
+
+def _gram(W: FloatArray) -> FloatArray:
+    """W' W, (S, S), in as many parts whatever the number of cores: the sum's rounding must not depend on it."""
+    edges = np.linspace(0, len(W), _PARTS + 1).astype(int)
+    with ThreadPoolExecutor(_PARTS) as pool:
+        parts = list(pool.map(lambda k: W[edges[k] : edges[k + 1]].T @ W[edges[k] : edges[k + 1]], range(_PARTS)))
+    return np.asarray(sum(parts[1:], start=parts[0]))
 
 
 def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
@@ -107,19 +117,16 @@ def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     diagonal *= scale[:, :, None] * scale[:, None, :]
     lower = system.lower * (scale[1:, :, None] * scale[:-1, None, :])
     W = np.empty((knots, n, shared + 1))
-    W[:, :, :shared] = system.border if every else system.border[:, :, free]
-    W[:, :, shared] = system.gradient
-    W *= scale[:, :, None]
+    np.multiply(system.border if every else system.border[:, :, free], scale[:, :, None], out=W[:, :, :shared])
+    np.multiply(system.gradient, scale, out=W[:, :, shared])
     if not eliminate_kernel(diagonal, lower, W):
         raise NotPositiveDefinite("the chain of knots is not positive definite")
-    # W' W is symmetric: half the work. Its transpose is W in the order that BLAS wants.
-    product = dsyrk(1.0, W.reshape(knots * n, shared + 1).T, lower=1)
-    product = np.tril(product) + np.tril(product, -1).T
+    product = _gram(W.reshape(knots * n, shared + 1))
     schur = corner - product[:shared, :shared]
     reduced = gradient_shared - product[:shared, shared]
     schur = 0.5 * (schur + schur.T)
     moved = _shared_step(schur, reduced) if shared else np.zeros(0)
-    step = -(W[:, :, shared] + W[:, :, :shared] @ moved)
+    step = -(W @ np.append(moved, 1.0))
     substitute_kernel(diagonal, lower, step)
     step *= scale
     step_shared, information, remaining = np.zeros(size), np.eye(size) * FROZEN, np.zeros(size)

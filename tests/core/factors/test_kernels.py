@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel, register_kernel
-from calib_core.geometry import plane_axes
+from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
@@ -32,8 +30,8 @@ class Sweep:
         plane, index = np.full(n, 77, np.int64), np.full(n, 77, np.int64)
         x_hit, d, cosine, beside = np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
         hits_kernel(
-            self.xyz, self.offset_s, SLICE_S, self.n_lidar, self.w_lidar, self.omega, self.v, self.usable, min_cosine,
-            min_azimuth, plane, index, x_hit, d, cosine, beside,
+            self.xyz, self.offset_s, np.zeros(n, np.int64), SLICE_S, self.n_lidar, self.w_lidar, self.omega, self.v,
+            self.usable, min_cosine, min_azimuth, plane, index, x_hit, d, cosine, beside,
         )  # fmt: skip
         return {"plane": plane, "index": index, "x_hit": x_hit, "d": d, "cosine": cosine, "beside": beside}
 
@@ -142,99 +140,3 @@ def test_collapse_is_the_sum_of_outer_products() -> None:
         number[index[i], plane[i]] += 1
     np.testing.assert_allclose(scatter.reshape(slices, planes, 15), full[:, :, *np.triu_indices(5)], atol=1e-12)
     np.testing.assert_array_equal(count.reshape(slices, planes), number)
-
-
-@dataclass
-class Registration:
-    """A scan, planes and a motion for `register_kernel`."""
-
-    points: FloatArray
-    tau: FloatArray
-    normals: FloatArray
-    offsets: FloatArray
-    R: FloatArray
-    p: FloatArray
-    omega: FloatArray
-    v: FloatArray
-
-    def run(self, scale: float) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-        hessian, gradient = np.zeros((12, 12)), np.zeros(12)
-        d, plane = np.empty(len(self.points)), np.empty(len(self.points), np.int64)
-        inside = np.empty(len(self.points), np.bool_)
-        everywhere = np.ones((len(self.normals), 1, 1), np.bool_)
-        register_kernel(
-            self.points, self.tau, self.normals, self.offsets, plane_axes(self.normals), everywhere,
-            np.ones(len(self.normals)), 1.0, 1.0, self.R, self.p, self.omega, self.v, scale,
-            hessian, gradient, d, plane, inside,
-        )  # fmt: skip
-        assert inside[plane >= 0].all()
-        return hessian, gradient, d, plane
-
-    def swept(self) -> FloatArray:
-        """The points turned to second order about the scan's start, lidar axes."""
-        t = self.tau[:, None]
-        once = np.cross(self.omega, self.points)
-        return self.points + t * once + 0.5 * t**2 * np.cross(self.omega, once)
-
-    def distances(self) -> FloatArray:
-        """Of every point to every plane, infinite where it would be seen from behind, (N, P)."""
-        x = self.swept() @ self.R.T
-        along = x @ self.normals.T
-        moved = (x + self.p + self.tau[:, None] * self.v) @ self.normals.T + self.offsets
-        return np.where(along > 0, np.inf, moved)
-
-
-def _registration(seed: int, rate: float) -> Registration:
-    rng = np.random.default_rng(seed)
-    normals = rng.normal(size=(4, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Registration(
-        rng.normal(size=(200, 3)) * 3, rng.uniform(0, 0.1, 200), normals, rng.uniform(1.0, 4.0, 4),
-        Rotation.random(rng=rng).as_matrix(), rng.normal(size=3), rate * rng.normal(size=3), rng.normal(size=3),
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_registration_is_that_of_its_rows(seed: int) -> None:
-    """Fails when a plane seen from behind is taken, or the robust weight loses its square."""
-    case = _registration(seed, 2.0)
-    hessian, gradient, d, plane = case.run(0.4)
-    table = case.distances()
-    best = np.argmin(np.abs(table), axis=1)
-    nearest = table[np.arange(len(table)), best]
-    seen = np.isfinite(nearest)
-    np.testing.assert_array_equal(plane, np.where(seen, best, -1))
-    np.testing.assert_allclose(d, nearest, atol=1e-12)
-    n = case.normals[best]
-    m = n @ case.R
-    t = case.tau[:, None]
-    turn = np.cross(case.swept(), m)
-    rows = np.hstack([turn, n, t * turn, t * n])[seen]
-    weight = 1.0 / (1.0 + (nearest[seen] / 0.4) ** 2) ** 2
-    np.testing.assert_allclose(gradient, rows.T @ (weight * nearest[seen]), atol=1e-9)
-    np.testing.assert_allclose(hessian, np.triu((rows * weight[:, None]).T @ rows), atol=1e-9)
-
-
-@pytest.mark.parametrize("block", ["rotation", "position", "rate", "velocity"])
-def test_registration_gradient_is_the_derivative_of_half_the_squares(block: str) -> None:
-    """Fails when the rotation's row has its sign flipped, or the rate's row leaves out the time.
-
-    Central differences of the cost with a weight that is one everywhere; the rate about zero, where its row is exact.
-    """
-    case = _registration(7, 0.0)
-    _, gradient, _, plane = case.run(1e9)
-    seen = plane >= 0
-
-    def cost(step: FloatArray) -> float:
-        moved = Registration(
-            case.points, case.tau, case.normals, case.offsets, case.R @ Rotation.from_rotvec(step[:3]).as_matrix(),
-            case.p + step[3:6], case.omega + step[6:9], case.v + step[9:],
-        )  # fmt: skip
-        x = (moved.swept() @ moved.R.T + moved.p + moved.tau[:, None] * moved.v)[seen]
-        d = np.einsum("ni,ni->n", x, case.normals[plane[seen]]) + case.offsets[plane[seen]]
-        return 0.5 * float(d @ d)
-
-    start = 3 * ["rotation", "position", "rate", "velocity"].index(block)
-    for i in range(start, start + 3):
-        step = 1e-5 * np.eye(12)[i]
-        assert gradient[i] == pytest.approx((cost(step) - cost(-step)) / 2e-5, rel=1e-6, abs=1e-6)

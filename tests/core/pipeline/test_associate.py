@@ -12,7 +12,7 @@ from calib_core.factors.extent import CELL_M, HALF_CELLS
 from calib_core.factors.knots import KnotStates
 from calib_core.geometry import plane_axes
 from calib_core.imu.links import UpsampledImu
-from calib_core.pipeline.associate import View, associate, gather, measure_noise, survey
+from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import read_clocks
 from calib_core.pipeline.motion import Motion
 from calib_core.pipeline.state import Estimate
@@ -65,7 +65,7 @@ def test_at_the_truth_distances_are_noise_and_nothing_else(
     """
     for (recording, truth), low, high in ((clean, 0.0, 0.0015), (noisy, 0.6, 1.1)):
         view = _view(recording, truth)
-        hits = view.hits(30, GATE)
+        hits = view.hits([30], GATE)
         seen = hits.plane >= 0
         keep = seen & (np.abs(hits.d) < 0.1) & (hits.ambiguous_m > 0.1)
         assert keep.sum() > 0.8 * len(seen)
@@ -95,6 +95,24 @@ def test_threads_change_nothing(noisy: tuple[Recording, Truth]) -> None:
     one, four = (associate(_view(*noisy, threads=n), SCANS, NOISE, GATE, None) for n in (1, 4))
     for name in ("time_s", "scan", "plane", "scatter", "count"):
         np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
+
+
+def test_scans_taken_together_give_what_each_gives_alone(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when points of a second scan are looked up in the first one's slices, or bins get the wrong scan's time."""
+    view = _view(*noisy)
+    together = associate(view, SCANS, NOISE, GATE, None, stride=40)  # a batch of all of them
+    alone = Micro.joined([associate(view, [i], NOISE, GATE, None, stride=40) for i in SCANS])
+    assert len(set(together.scan)) == len(SCANS)
+    for name in ("time_s", "scan", "plane", "scatter", "count"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
+
+
+def test_a_scan_without_points_is_no_obstacle(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when a batch is begun by the first point only: an empty scan has none."""
+    view = _view(*noisy)
+    scans = [replace(scan, points=scan.points[:0]) if i == SCANS[0] else scan for i, scan in enumerate(view.scans)]
+    micro = associate(replace(view, scans=scans), SCANS, NOISE, GATE, None, stride=40)
+    assert set(micro.scan) == set(SCANS[1:])
 
 
 def test_a_cap_holds_for_every_plane_of_every_scan_and_is_drawn_the_same_way_again(
