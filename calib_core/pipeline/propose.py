@@ -28,6 +28,8 @@ _STILL_SCANS = 20
 _STILL_DEG = 0.25
 _STILL_M = 0.012
 _CLOUD_POINTS = 200_000
+#: Of them, those in which planes are looked for: more would tell the planes apart no better.
+_SEARCHED_POINTS = 60_000
 _CELL_M = 0.2
 #: Planes that face the same way are told apart from this distance on.
 _DISTINCT_M = 0.25
@@ -100,7 +102,8 @@ def propose_planes(
     stride = max(1, len(cloud) // _CLOUD_POINTS + 1)
     cloud, intensity = cloud[::stride], intensity[::stride]
     if len(still) > 1:
-        merged = distinct(segment_planes(cloud, seed=settings.random_seed), cloud)
+        some = cloud[:: max(1, len(cloud) // _SEARCHED_POINTS)]
+        merged = distinct(segment_planes(some, seed=settings.random_seed), some)
         if len(merged) >= len(fits):
             fits = merged
     patch = np.full(len(cloud), -1, dtype=np.int16)

@@ -14,6 +14,11 @@ GRAVITY = slice(7, 10)
 BIAS_START = 10
 
 
+#: Every node is six columns along the whole chain of knots: without a limit, the memory of a solve would grow with the
+#: square of a recording's length, and its time faster still. Biases of minutes are as smooth to a longer spacing.
+MOST_NODES = 24
+
+
 @dataclass(frozen=True)
 class BiasNodes:
     """Where the biases are states: linear interpolation between nodes. node: (L,) left node of each link; fraction: (L,)."""
@@ -24,12 +29,12 @@ class BiasNodes:
 
     @staticmethod
     def spread(knots_s: FloatArray, spacing_s: float | None) -> BiasNodes:
-        """Nodes at about the spacing over the knots; a single one where spacing_s is None."""
+        """Nodes at about the spacing over the knots, in a long recording further apart; a single one where it is None."""
         start, end = float(knots_s[0]), float(knots_s[-1])
         middle = 0.5 * (knots_s[:-1] + knots_s[1:])
         if spacing_s is None or end - start < 1.5 * spacing_s:
             return BiasNodes(np.array([start]), np.zeros(len(middle), np.int64), np.zeros(len(middle)))
-        count = int(np.ceil((end - start) / spacing_s)) + 1
+        count = min(int(np.ceil((end - start) / spacing_s)) + 1, MOST_NODES)
         times = np.linspace(start, end, count)
         node = np.clip(np.searchsorted(times, middle, side="right") - 1, 0, count - 2)
         return BiasNodes(times, node, (middle - times[node]) / (times[node + 1] - times[node]))

@@ -13,7 +13,7 @@ from calib_core.geometry import plane_axes
 from calib_core.imu.links import NoiseDensity, UpsampledImu, preintegrate
 from calib_core.pipeline.joint import JointProblem, bin_jacobian
 from calib_core.pipeline.priors import PriorRow, Priors, prior_rows
-from calib_core.pipeline.state import BiasNodes, Bins, Estimate, Layout
+from calib_core.pipeline.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
 from calib_core.types import FloatArray
 
@@ -271,7 +271,7 @@ def test_the_gauge_knot_and_frozen_columns_stay() -> None:
 
 
 def test_bias_nodes_interpolate() -> None:
-    """Fails when a link takes the bias at its left knot instead of at its middle.
+    """Fails when a link takes the bias at its left knot instead of at its middle, or an hour gets a node every 3 s.
 
     Linear biases are reproduced: at the links' middles exactly, at the knots to the ends' half links.
     """
@@ -282,6 +282,9 @@ def test_bias_nodes_interpolate() -> None:
     middles = 0.5 * (knots[1:] + knots[:-1])
     np.testing.assert_allclose(nodes.at_links(values), np.outer(middles, [1.0, -2.0, 0.5]), atol=1e-12)
     np.testing.assert_allclose(nodes.at_knots(values)[1:-1], np.outer(knots[1:-1], [1.0, -2.0, 0.5]), atol=1e-12)
+    hour = BiasNodes.spread(np.arange(0.0, 3600.0, 0.5), 3.0)
+    assert len(hour.times_s) == MOST_NODES
+    np.testing.assert_allclose(np.diff(hour.times_s), 3599.5 / (MOST_NODES - 1))
     for spacing in (None, 8.0):
         single = BiasNodes.spread(knots, spacing)
         np.testing.assert_array_equal(single.at_knots(np.array([[1.0, 2.0, 3.0]])), np.tile([1.0, 2.0, 3.0], (101, 1)))
