@@ -22,6 +22,7 @@ from calib_core.imu.links import Links, UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, associate, gather
 from calib_core.pipeline.drift import Drift
 from calib_core.pipeline.joint import JointProblem
+from calib_core.pipeline.planes_in_play import discover
 from calib_core.pipeline.state import Estimate, no_bins
 from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.solver.levenberg import minimise
@@ -171,7 +172,7 @@ class Carrier:
         """Planes that have come into view lately."""
         r = self.rounds
         recent = max(5, round(_FRESH_LOOK_S / max(float(np.median(np.diff(r.ctx.clocks.scan_s))), 1e-3)))
-        if r.may_add_planes and r.discover(r.positions[-recent:]):
+        if r.may_add_planes and discover(r, r.positions[-recent:]):
             added = len(r.estimate.normals) - len(self.seen_at)
             self.seen_at = np.append(self.seen_at, np.full(added, r.last))
             self.reach = self._new_reach()

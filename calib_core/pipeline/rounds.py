@@ -22,10 +22,10 @@ from calib_core.pipeline.extend import extend
 from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.motion import Motion
 from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
+from calib_core.pipeline.planes_in_play import cull, discover
 from calib_core.pipeline.priors import Held, Priors
-from calib_core.pipeline.report import iteration_event, moved_in_gate, plane_chi2, plane_misfit
+from calib_core.pipeline.report import iteration_event, moved_in_gate
 from calib_core.pipeline.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
-from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import BoolArray, FloatArray
@@ -37,9 +37,6 @@ _A_SCAN = (800, 4000)
 _NOISE_SCANS = 16
 #: A coarse round ends where the next step would lower the cost by less than this: a third of a standard deviation.
 _COARSE_TOLERANCE = 0.05
-#: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
-_BAD_TIMES = 5.0
-_WANDERING_TIMES = 4.0
 #: Points are gated anew where the solve has moved planes by more than this part of a point's own standard deviation:
 #: a gate laid about a wrong motion keeps those points that confirm it. Nothing that matters depends on the last of those
 #: moves, but whether two starts end at the same cost to a millionth does: a point more or less is a ten-millionth of it.
@@ -127,14 +124,14 @@ class Rounds:
             self.hold(problem)
         if self.may_extend:
             extend(self)
-        if self.may_add_planes and self.discover(self.positions):
+        if self.may_add_planes and discover(self, self.positions):
             self.survey(Gate(extra_m=0.05, margin_m=self.margin_m))
             self.associate(Gate(extra_m=0.05, margin_m=self.margin_m), stride=self.coarse_stride())
             self.solve_coarse(8)
         if self.may_add_planes:
-            self.cull()
+            cull(self)
         self.settle()
-        if self.may_add_planes and self.cull(settled=True):
+        if self.may_add_planes and cull(self, settled=True):
             self.settle()
         gate = Gate(margin_m=self.margin_m)
         for _ in range(_SETTLING):
@@ -327,65 +324,6 @@ class Rounds:
         self.estimate = self.minimum.estimate
         return problem, self.minimum
 
-    def discover(self, positions: list[int]) -> bool:
-        """Planes that the reference scan did not show, among the points that lie on none; whether any were found."""
-        view = self.present_view()
-        step = max(1, len(positions) // 60)
-        some = positions[::step]
-        strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, 1500, 0.15)))
-        eye = np.mean([view.slice_poses(i).p[0] for i in some], axis=0)
-        if len(strays) < 1000:
-            return False
-        settings = SegmentSettings(min_share=0.03, min_points=300, min_breadth_m=0.25, max_planes=6, distance_m=0.05)
-        found = []
-        for fit in segment_planes(strays, viewpoint_m=eye, seed=self.ctx.settings.random_seed, settings=settings):
-            centre = strays[fit.inliers].mean(axis=0)
-            alike = self.estimate.normals @ fit.normal > np.cos(np.radians(8.0))
-            near = np.abs(self.estimate.normals @ centre + self.estimate.offsets_m) < 0.25
-            if not (alike & near).any():
-                found.append(fit)
-        if not found:
-            return False
-        e = self.estimate
-        self.estimate = replace(
-            e,
-            normals=np.vstack([e.normals, [f.normal for f in found]]),
-            offsets_m=np.append(e.offsets_m, [f.offset_m for f in found]),
-        )
-        first = len(self.names) + 1
-        self.names += [f"plane {first + k}" for k in range(len(found))]
-        self.outlines_m += [None] * len(found)
-        self.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
-        return True
-
-    def cull(self, *, settled: bool = False) -> bool:
-        """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
-
-        Returns whether any was.   settled: the motion is as good as it gets. Then a plane's averages count too: clutter may
-        scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
-        """
-        assert self.micro is not None
-        problem = self.problem()
-        problem = replace(problem, bins=gather(self.micro, problem.motion(self.estimate), self.estimate))
-        chi2, points = plane_chi2(problem, self.estimate)
-        if points.sum() == 0:
-            return False
-        keep = (points > 0) & usual(chi2, points, _BAD_TIMES)
-        if settled:
-            keep &= usual(plane_misfit(problem, self.estimate), points, _WANDERING_TIMES)
-        if keep.all() or keep.sum() < 3:
-            return False
-        dropped = [name for name, kept in zip(self.names, keep, strict=True) if not kept]
-        self.ctx.say(
-            "warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}"
-        )
-        self.names = [name for name, kept in zip(self.names, keep, strict=True) if kept]
-        self.outlines_m = [outline_m for outline_m, kept in zip(self.outlines_m, keep, strict=True) if kept]
-        e = self.estimate
-        self.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
-        self.micro = None
-        return True
-
     def _information(self, problem: JointProblem) -> FloatArray | None:
         """Of the shared unknowns (S, S), from the solve that just ended unless it held more than the settings do."""
         solved = self.minimum.solution if self.minimum is not None else None
@@ -415,10 +353,3 @@ class Rounds:
             only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
             held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
         self.priors = replace(self.priors, held=tuple(held))
-
-
-def usual(badness: FloatArray, points: FloatArray, times: float) -> BoolArray:
-    """Which planes are not several times as bad as the one in the middle, counted by points. (P,) each."""
-    order = np.argsort(badness)
-    typical = badness[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
-    return np.asarray(badness < times * typical)

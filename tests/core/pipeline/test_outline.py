@@ -15,6 +15,7 @@ from calib_core.geometry import exp, plane_axes
 from calib_core.pipeline import rounds as module
 from calib_core.pipeline.calibrate import Calibration, calibrate
 from calib_core.pipeline.extend import Carrier
+from calib_core.pipeline.planes_in_play import cull
 from calib_core.pipeline.rounds import Rounds
 from calib_core.result import PlaneQuality
 from calib_core.settings import CalibrateSettings
@@ -214,7 +215,7 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
         Rounds, ctx=ctx, estimate=estimate, names=list("abcd"), outlines_m=[None, None, outline, None], micro=object()
     )
     monkeypatch.setattr(Rounds, "problem", lambda _: Problem())
-    assert made.cull()
+    assert cull(made)
     assert made.names == ["a", "c", "d"]
     assert made.outlines_m == [None, outline, None]
     assert made.outlines_m[1] is outline
