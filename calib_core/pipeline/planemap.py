@@ -22,9 +22,10 @@ _WIDTH = 320
 _NEAR_M = 0.07
 _STRAY_M = 0.12
 _MOST_PLANES = 24
-#: A fit within these of a known plane is that plane; one outside them but within the next pair is a doubtful copy.
+#: A fit within these of a known plane is that plane; one outside them but within the next pair is a doubtful copy, and
+#: so near that what lies between both would be ambiguous: a hedge would take its wall along.
 _SAME_DEG, _SAME_M = 3.0, 0.1
-_ALIKE_DEG, _ALIKE_M = 8.0, 0.2
+_ALIKE_DEG, _ALIKE_M = 8.0, 0.35
 _NEW_PLANES = SegmentSettings(
     min_share=0.04,
     min_points=120,

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 #: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
 _BAD_TIMES = 5.0
 _WANDERING_TIMES = 4.0
+#: Fewer planes do not hold a pose.
+_FEWEST = 3
 
 
 def discover(rounds: Rounds, positions: list[int]) -> bool:
@@ -64,10 +66,11 @@ def cull(rounds: Rounds, *, settled: bool = False) -> bool:
     chi2, points = plane_chi2(problem, rounds.estimate)
     if points.sum() == 0:
         return False
-    keep = (points > 0) & usual(chi2, points, _BAD_TIMES)
+    badness = over_usual(chi2, points) / _BAD_TIMES
     if settled:
-        keep &= usual(plane_misfit(problem, rounds.estimate), points, _WANDERING_TIMES)
-    if keep.all() or keep.sum() < 3:
+        badness = np.maximum(badness, over_usual(plane_misfit(problem, rounds.estimate), points) / _WANDERING_TIMES)
+    keep = kept_planes(badness, points)
+    if keep.all() or keep.sum() < _FEWEST:
         return False
     dropped = [name for name, kept in zip(rounds.names, keep, strict=True) if not kept]
     rounds.ctx.say(
@@ -81,8 +84,20 @@ def cull(rounds: Rounds, *, settled: bool = False) -> bool:
     return True
 
 
-def usual(badness: FloatArray, points: FloatArray, times: float) -> BoolArray:
-    """Which planes are not several times as bad as the one in the middle, counted by points. (P,) each."""
+def over_usual(badness: FloatArray, points: FloatArray) -> FloatArray:
+    """How many times as bad as the one in the middle, counted by points, each plane is. (P,) each."""
     order = np.argsort(badness)
     typical = badness[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
-    return np.asarray(badness < times * typical)
+    return np.asarray(badness / max(typical, 1e-30))
+
+
+def kept_planes(badness: FloatArray, points: FloatArray) -> BoolArray:
+    """Which planes stay, (P,): those that have points and a badness (P,) below one, but the three best of them in any case.
+
+    Two good walls among much clutter: that a third is doubtful is no reason to keep everything.
+    """
+    ranked = np.where(points > 0, badness, np.inf)
+    keep = ranked < 1.0
+    best = np.argsort(ranked, kind="stable")[:_FEWEST]
+    keep[best] |= np.isfinite(ranked[best])
+    return keep

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.pipeline.planes_in_play import usual
+from calib_core.pipeline.planes_in_play import kept_planes, over_usual
 from calib_core.pipeline.report import misfit, plane_misfit
 
 
@@ -16,8 +16,17 @@ def test_the_usual_is_what_half_of_the_points_are() -> None:
     """Fails when the middle plane counts instead of the middle point: three bushes would outvote two walls."""
     badness = np.array([0.5, 0.6, 5.0, 6.0, 7.0])
     points = np.array([900.0, 800.0, 50.0, 40.0, 30.0])
-    assert usual(badness, points, 4.0).tolist() == [True, True, False, False, False]
-    assert usual(badness, points, 20.0).all()
+    assert over_usual(badness, points) == pytest.approx(badness / 0.6)
+
+
+def test_three_planes_are_left_and_none_of_them_without_points() -> None:
+    """Fails when everything is kept because two walls alone are beyond doubt, or a plane without points fills up."""
+    points = np.array([900.0, 800.0, 0.0, 50.0, 40.0, 30.0])
+    few = np.array([0.2, 0.3, 0.0, 4.0, 1.2, 9.0])
+    assert kept_planes(few, points).tolist() == [True, True, False, False, True, False]
+    enough = np.array([0.2, 0.3, 0.0, 0.9, 0.5, 9.0])
+    assert kept_planes(enough, points).tolist() == [True, True, False, True, True, False]
+    assert kept_planes(few[:3], points[:3]).tolist() == [True, True, False]
 
 
 def test_a_plane_wanders_by_its_bins_averages() -> None:

@@ -12,7 +12,7 @@ import pytest
 from calib_core.api import map_points
 from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import exp, plane_axes
-from calib_core.pipeline import rounds as module
+from calib_core.pipeline import planes_in_play as module
 from calib_core.pipeline.calibrate import Calibration, calibrate
 from calib_core.pipeline.extend import Carrier
 from calib_core.pipeline.planes_in_play import cull

@@ -105,6 +105,17 @@ def test_a_new_wall_joins_and_a_copy_of_a_known_one_does_not() -> None:
         planes.reach[1] = False
 
 
+def test_a_hedge_close_to_a_wall_does_not_become_a_plane_beside_it() -> None:
+    """Fails when only copies within 20 cm are kept out: points between wall and hedge would be of both, and of neither."""
+    rng = np.random.default_rng(4)
+    planes = PlaneMap.of([_FLOOR, *_WALLS])
+    near, clear = (_patch(rng, np.array([x, -1.0, -0.8]), np.array([x, 1.0, 0.8]), 1500) for x in (3.7, 3.5))
+    planes.grow(near, np.zeros(3))
+    assert len(planes.normals) == 3
+    planes.grow(clear, np.zeros(3))
+    assert len(planes.normals) == 4
+
+
 def test_only_planes_that_were_seen_often_are_handed_on() -> None:
     """Fails when a plane found once, in a cloud bent by a wrong pose, reaches the joint solve."""
     rng = np.random.default_rng(4)
