@@ -70,7 +70,7 @@ def _walls(walls: Thickness | None) -> str:
         (wall.name, f"{wall.before_rms_m * 1e3:.1f} mm", f"{wall.after_rms_m * 1e3:.1f} mm") for wall in walls.walls
     ]
     rows.append(("all", f"{walls.before_rms_m * 1e3:.1f} mm", f"{walls.after_rms_m * 1e3:.1f} mm"))
-    return "<h2>Wall thickness (rms)</h2>" + _table(("plane", "as published", "de-skewed"), rows)
+    return "<h2>Wall thickness (rms)</h2>" + _table(("plane", "raw", "de-skewed"), rows)
 
 
 def _origin(result: CalibrationResult) -> str:

@@ -35,7 +35,7 @@ MAP_SCANS = 60
 SIDE_STEP = 1.12
 SIDE_DIRECTION = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
 
-TITLES: dict[Source, str] = {"raw": "As published", "deskewed": "De-skewed", "old": "Old extrinsic"}
+TITLES: dict[Source, str] = {"raw": "Raw", "deskewed": "De-skewed", "old": "Old extrinsic"}
 ONE_COLOR: dict[Source, palette.Rgb] = {
     "raw": palette.RAW,
     "deskewed": palette.DESKEWED,
@@ -136,7 +136,7 @@ def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: Colo
         owner, _ = nearest_plane(
             points_map, normals, offsets_m, gate_m=PLANE_GATE_M, outlines_m=outlines_of(solved.planes)
         )
-        return palette.by_label(owner, solved.colors)
+        return palette.by_label(owner, [palette.plane_rgb(place) for place in solved.colors])
     _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
     return palette.diverging(dist_m, RESIDUAL_HALF_M)
 
@@ -188,7 +188,7 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
 
 def _legend(look: Look, sources: tuple[Source, ...]) -> str:
     if look.show == "both":
-        other = "orange: as published" if sources[0] == "raw" else "magenta: old extrinsic"
+        other = "orange: raw" if sources[0] == "raw" else "magenta: old extrinsic"
         return f"{other[0].upper()}{other[1:]}; blue: de-skewed."
     if look.show == "wipe":
         left = TITLES[sources[0]].lower()
