@@ -11,7 +11,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.items import Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
+from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
 from calib_core.types import FloatArray
@@ -23,7 +23,7 @@ OnBox = Callable[[FloatArray], None]
 
 #: Where a camera stands that looks at the whole: this direction from the middle, and this much farther than needed.
 AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
-AIM_MARGIN = 1.06
+AIM_MARGIN = 1.1
 #: Nearer than this to the middle of the points nobody looks at them.
 MIN_AWAY_M = 1.0
 #: A canvas is taken to be so wide for its height until a browser tells.
@@ -285,4 +285,4 @@ class ShownScene:
         if self._aim != "":
             for client in self._server.get_clients().values():
                 self._turn(client)
-        self._aim = content.aim or "one"
+        self._aim = content.aim or WHOLE_ROOM

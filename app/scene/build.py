@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.planes.geometry import labels, within_region
 from app.planes.state import EditedPatch, PlaneSet
 from app.scene import palette
-from app.scene.items import Axes, Cloud, Content, Item, Label, Sheet
+from app.scene.items import FIRST_SCANS, WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Sheet
 from app.scene.palette import Colors
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
@@ -71,6 +71,7 @@ def build_planes(
         items=tuple(items),
         legend="Colour: the plane; a dropped one is faint, grey is no plane."
         + (" Click a plane to change it." if judging else ""),
+        aim=WHOLE_ROOM,
         # What lies outside a box makes no plane, so it is no place to click either.
         pickable_m=proposals.cloud_m[within_region(proposals.cloud_m, planes.region)],
     )
@@ -89,7 +90,8 @@ def build_first(points: PointArray, *, limit: int, note: str) -> Content:
     shown: PointArray = points[thinned(len(points), limit)]
     scan = Scan(index=0, stamp_ns=0, points=shown)
     cloud = Cloud("/cloud", shown["xyz"].astype(np.float32), scan_colors(scan, "intensity"))
-    return Content(items=(cloud, Axes("/lidar", np.eye(3), np.zeros(3), 0.5)), legend=LEGENDS["intensity"], note=note)
+    axes = Axes("/lidar", np.eye(3), np.zeros(3), 0.5)
+    return Content(items=(cloud, axes), legend=LEGENDS["intensity"], note=note, aim=FIRST_SCANS)
 
 
 def build_straightened(

@@ -64,6 +64,9 @@ class Label:
     position: FloatArray
 
 
+#: Aims of cameras. The first scans are a part of the room, so they are looked at for themselves.
+FIRST_SCANS, WHOLE_ROOM = "first scans", "one"
+
 Item = Cloud | Sheet | Line | Axes | Label
 
 

@@ -10,7 +10,7 @@ from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
 from app.scene import palette
 from app.scene.apply import quat_wxyz, rotation_matrix, whole_view
-from app.scene.build import Solved, build_planes, thinned
+from app.scene.build import Solved, build_first, build_planes, thinned
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick
@@ -212,6 +212,15 @@ def test_the_whole_is_on_the_canvas_and_fills_it():
         assert max(np.abs(across).max(), np.abs(along).max()) > 0.8
         for place in (across, along):  # as much room on one side as on the other
             assert abs(np.percentile(place, 99.5) + np.percentile(place, 0.5)) < 0.06
+
+
+def test_cameras_aim_anew_when_the_planes_replace_the_first_scans():
+    """Mutation: the first scans without an aim of their own: the room is then cut off at the canvas's edges."""
+    first = build_first(RECORDING.scans[0].points, limit=1000, note="")
+    proposals = world.make_proposals()
+    planes = build_planes(proposals, suggested(proposals), limit=1000)
+    assert first.aim
+    assert planes.aim not in {"", first.aim}
 
 
 def test_a_rotation_survives_the_viewers_order():

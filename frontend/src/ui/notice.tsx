@@ -31,7 +31,9 @@ export function Fault({ error, onRetry }: { error: unknown; onRetry?: () => void
   const fault = asFault(error);
   // It may come up below the fold of a scrolling panel, under the button that was pressed.
   const place = useRef<HTMLDivElement>(null);
-  useEffect(() => place.current?.scrollIntoView({ block: "nearest" }), [fault.message]);
+  useEffect(() => {
+    place.current?.scrollIntoView({ block: "nearest" });
+  }, [fault.message]);
   return (
     <div ref={place}>
       <Notice
