@@ -16,7 +16,7 @@ import numpy as np
 from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
 from app.scene import palette
 from app.scene.build import LEGENDS, Solved, scan_colors, thinned, thinned_scan
-from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
+from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.palette import Colors
 from app.scene.wipe import Camera, left_of
 from app.schemas.view import Against, ColorBy, Extent, Show
@@ -88,7 +88,7 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     return Content(
         items=(*parts, *labels, *frames),
         legend=_legend(look, sources),
-        aim=f"side of {len(sources)}" if look.show == "side" else WHOLE_ROOM,
+        aim=f"side of {len(sources)}" if look.show == "side" else ONE_PLACE,
     )
 
 
