@@ -19,6 +19,7 @@ from app.arrays.proposals import has_proposals, read_proposals, write_proposals
 from app.arrays.recording import has_recording, read_recording, write_recording
 from app.arrays.trajectory import write_trajectory
 from app.jobs.head import propose_from_head
+from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
@@ -56,7 +57,7 @@ def warm_up() -> None:
 def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
     """Run the ordered job; its outcome. What an archive holds is unpacked once for all jobs of the recording."""
     with nullcontext() if order.unpacked is None else api.sharing_archives(order.unpacked):
-        return _run(order, on_event, should_cancel)
+        return _run(order, events_by_name(order, on_event), should_cancel)
 
 
 def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
@@ -82,7 +83,7 @@ def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -
 def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> InspectOutcome:
     """Write the doctor's report."""
     report = api.inspect(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
-    _write(order.folder / "report.json", report.model_dump_json(by_alias=True))
+    _write(order.folder / "report.json", document_by_name(order, report.model_dump_json(by_alias=True)))
     return InspectOutcome()
 
 
@@ -127,7 +128,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         scans = measure_scans(recording, calibration.trajectory, calibration.result.quality.planes)
         _write(order.folder / "scans.json", scans.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())
-    _write(order.folder / "result.json", calibration.result.to_json())
+    _write(order.folder / "result.json", document_by_name(order, calibration.result.to_json()))
     return solve_outcome(calibration.result)
 
 

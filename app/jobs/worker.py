@@ -18,6 +18,7 @@ from multiprocessing.synchronize import Event as ProcessEvent
 from typing import cast
 
 from app.jobs.coalesce import Coalescer
+from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
@@ -67,7 +68,7 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         on_event.flush()
         candidates = list(error.candidates) if isinstance(error, TopicError) else []
         details = ErrorDetails(candidates=candidates) if candidates else None
-        return Failed(error=ErrorFacts(code=error.code, text=str(error), details=details))
+        return Failed(error=ErrorFacts(code=error.code, text=by_name(order, str(error)), details=details))
     except MemoryError:
         text = "The job needed more memory than this machine has: choose a shorter time span, or a larger machine."
         return Failed(error=ErrorFacts(code="job.memory", text=text))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.errors import BadRequest
 from app.planes.geometry import FittedPlane, fit_plane, labels, within_region
@@ -21,6 +22,8 @@ GrowPlane = Callable[[PlaneProposals, FloatArray], PlanePatch | None]
 MERGE_EXTRA_RMS_M = 0.05
 #: Fewer points than this inside a box are no plane.
 LEAST_POINTS = 30
+#: A seed this near to a point of the cloud is that point.
+SAME_POINT_M = 0.02
 #: Half-spaces kept of one set or patch: a dozen boxes, each of which every point is asked about.
 MOST_SIDES = 48
 
@@ -156,13 +159,15 @@ def _side(side: WireSide) -> Side:
 
 
 def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow: GrowPlane) -> PlaneSet:
+    owner = labels(proposals, planes)
+    _refuse_taken(planes, seed_m, proposals, owner)
     # Only what no patch of today's set has taken, and inside its box: also what a box has set free, never a piece twice.
     inside = within_region(proposals.cloud_m, planes.region)
     found = grow(
         replace(
             proposals,
             cloud_m=proposals.cloud_m[inside],
-            cloud_patch=labels(proposals, planes)[inside],
+            cloud_patch=owner[inside],
             cloud_intensity=proposals.cloud_intensity[inside],
         ),
         seed_m,
@@ -185,6 +190,22 @@ def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow
         color=1 + max((patch.color for patch in planes.patches), default=-1),
     )
     return planes.model_copy(update={"patches": (*planes.patches, patch)})
+
+
+def _refuse_taken(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, owner: NDArray[np.int16]) -> None:
+    """Say whose the point is where it is somebody's: "not flat enough" would be a riddle on a wall."""
+    if len(proposals.cloud_m) == 0:
+        return
+    away_m = np.linalg.norm(proposals.cloud_m - seed_m, axis=1)
+    nearest = int(np.argmin(away_m))
+    if away_m[nearest] > SAME_POINT_M or owner[nearest] < 0:
+        return
+    patch = planes.patches[owner[nearest]]
+    if patch.confirmed:
+        text = f"That point is on {patch.name} already; click a flat part that no plane has yet."
+    else:
+        text = f"That point is on {patch.name}, which is dropped; confirm it instead of growing another."
+    raise BadRequest("planes.point_taken", text)
 
 
 def free_name(taken: Iterable[str], wanted: str) -> str:

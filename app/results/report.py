@@ -40,21 +40,23 @@ def _answer(result: CalibrationResult) -> str:
     if transform is None or uncertainty is None:
         return ""
     rows = [
-        (f"{axis} turn", f"{value:.4f} deg", f"{std:.4f} deg about the lidar's {axis}")
-        for axis, value, std in zip("xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
+        (name, f"{value:.4f} deg", f"{std:.4f} deg about the lidar's {axis}")
+        for name, axis, value, std in zip(
+            ("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True
+        )
     ]
     rows += [
-        (f"{axis} shift", f"{value * 1e3:.2f} mm", f"{std * 1e3:.2f} mm")
+        (f"Position {axis}", f"{value * 1e3:.2f} mm", f"{std * 1e3:.2f} mm")
         for axis, value, std in zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
     ]
     offset_s = result.time_offset_s or 0.0
-    rows.append(("time offset", f"{offset_s * 1e3:.3f} ms", f"{uncertainty.time_offset_std_s * 1e3:.3f} ms"))
+    rows.append(("Time offset", f"{offset_s * 1e3:.3f} ms", f"{uncertainty.time_offset_std_s * 1e3:.3f} ms"))
     matrix = "\n".join("  ".join(f"{value: .9f}" for value in row) for row in transform.matrix)
     return (
         "<h2>T_imu_lidar</h2><p>Takes lidar coordinates to IMU coordinates, x_imu = R x_lidar + p; the time offset is "
-        "added to IMU stamps. Turns are roll, pitch, yaw.</p>"
+        "added to IMU stamps.</p>"
         + _table(("", "value", "one standard deviation"), rows)
-        + f"<pre>{matrix}</pre>"
+        + f"<p>As a matrix, last column in metres:</p><pre>{matrix}</pre>"
     )
 
 
@@ -70,7 +72,7 @@ def _walls(walls: Thickness | None) -> str:
         (wall.name, f"{wall.before_rms_m * 1e3:.1f} mm", f"{wall.after_rms_m * 1e3:.1f} mm") for wall in walls.walls
     ]
     rows.append(("all", f"{walls.before_rms_m * 1e3:.1f} mm", f"{walls.after_rms_m * 1e3:.1f} mm"))
-    return "<h2>Wall thickness (rms)</h2>" + _table(("plane", "as published", "de-skewed"), rows)
+    return "<h2>Wall thickness (rms)</h2>" + _table(("plane", "raw", "de-skewed"), rows)
 
 
 def _origin(result: CalibrationResult) -> str:

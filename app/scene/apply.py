@@ -11,7 +11,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.items import Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
+from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
 from calib_core.types import FloatArray
@@ -23,7 +23,9 @@ OnBox = Callable[[FloatArray], None]
 
 #: Where a camera stands that looks at the whole: this direction from the middle, and this much farther than needed.
 AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
-AIM_MARGIN = 1.06
+AIM_MARGIN = 1.1
+#: Nearer than this to the middle of the points nobody looks at them.
+MIN_AWAY_M = 1.0
 #: A canvas is taken to be so wide for its height until a browser tells.
 ASPECT = 1.6
 #: What is behind the clouds: nothing drawn may vanish into it, neither white nor dark blue.
@@ -62,18 +64,47 @@ def camera_of(camera: viser.CameraHandle) -> Camera:
 
 
 def whole_view(points_m: FloatArray, *, fov_rad: float, aspect: float) -> tuple[FloatArray, FloatArray]:
-    """A middle (3,) to look at and a place (3,) to look from, so that nearly all points (N, 3) are on the canvas."""
-    low, high = np.percentile(points_m, [2, 98], axis=0)
-    middle = (low + high) / 2
+    """A middle (3,) to look at and a place (3,) to look from, so that nearly all points (N, 3) fill the canvas.
+
+    A point at (x, y) across the view and z towards the camera is on the canvas when |x - u| <= (t - z) half aspect and
+    |y - v| <= (t - z) half, with the camera at (u, v, t). What is near spreads over more of the canvas than what is far,
+    so the middle of the points is not the middle of their picture: u and v are where both edges are met at once.
+    """
     back = AIM_DIRECTION / np.linalg.norm(AIM_DIRECTION)
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)
     up = np.cross(back, right)
-    seen = points_m - middle
-    half = np.tan(fov_rad / 2)
-    # A point fits when |x| <= (t - z) half aspect and |y| <= (t - z) half, t the camera's distance, z towards it.
-    needed_m = np.maximum(np.abs(seen @ right) / (half * aspect), np.abs(seen @ up) / half) + seen @ back
-    return middle, middle + AIM_MARGIN * max(1.0, float(np.percentile(needed_m, 99))) * back
+    origin = np.median(points_m, axis=0)
+    x, y, z = np.stack([right, up, back]) @ (points_m - origin).T
+    half = float(np.tan(fov_rad / 2))
+    needed_m = max(_between_edges(x, z, half * aspect)[1], _between_edges(y, z, half)[1])
+    depth_m = float(np.median(z))
+    away_m = depth_m + max(MIN_AWAY_M, AIM_MARGIN * (needed_m - depth_m))
+    u, v = _centred(x, z, away_m, half * aspect), _centred(y, z, away_m, half)
+    middle = origin + u * right + v * up + depth_m * back
+    return middle, middle + (away_m - depth_m) * back
+
+
+def _between_edges(across_m: FloatArray, near_m: FloatArray, half: float) -> tuple[float, float]:
+    """Where across the camera stands, and how far away, so that nearly all points touch neither edge of the canvas."""
+    high = float(np.percentile(across_m + half * near_m, 99.5))
+    low = float(np.percentile(across_m - half * near_m, 0.5))
+    return (high + low) / 2, (high - low) / (2 * half)
+
+
+def _centred(across_m: FloatArray, near_m: FloatArray, away_m: float, half: float) -> float:
+    """Where across the camera stands, at that distance, so that both edges are equally far from the points' picture.
+
+    That is where both edges of a narrower canvas are met; its width is found by halving.
+    """
+    narrow, wide = 1e-3 * half, half
+    for _ in range(24):
+        width = (narrow + wide) / 2
+        if _between_edges(across_m, near_m, width)[1] > away_m:
+            narrow = width
+        else:
+            wide = width
+    return _between_edges(across_m, near_m, wide)[0]
 
 
 class ShownScene:
@@ -254,4 +285,4 @@ class ShownScene:
         if self._aim != "":
             for client in self._server.get_clients().values():
                 self._turn(client)
-        self._aim = content.aim or "one"
+        self._aim = content.aim or WHOLE_ROOM

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.planes.geometry import labels, within_region
 from app.planes.state import EditedPatch, PlaneSet
 from app.scene import palette
-from app.scene.items import Axes, Cloud, Content, Item, Label, Sheet
+from app.scene.items import FIRST_SCANS, WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Sheet
 from app.scene.palette import Colors
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
@@ -44,18 +44,18 @@ class Solved:
 
 
 def build_planes(
-    proposals: PlaneProposals, planes: PlaneSet, *, limit: int, restricting: bool = False, target: int | None = None
+    proposals: PlaneProposals, planes: PlaneSet, *, limit: int, judging: bool = True, target: int | None = None
 ) -> Content:
     """The static cloud coloured by patch, a sheet per patch to click, and the lidar's axes.
 
-    restricting: boxes are drawn now.   target: the patch that the next box is for.
+    judging: a click confirms or drops.   target: the patch that the next box is for.
     """
     owner = labels(proposals, planes)
     shown = thinned(len(proposals.cloud_m), limit)
     if planes.region:  # what a box has left out stays as a trace
         inside = within_region(proposals.cloud_m[shown], planes.region)
         shown = np.concatenate([shown[inside], shown[~inside][::OUTSIDE_STRIDE]])
-    rgb = palette.by_label(owner[shown], [patch.color for patch in planes.patches])
+    rgb = palette.by_label(owner[shown], [_patch_rgb(patch) for patch in planes.patches])
     items: list[Item] = [
         Cloud("/cloud", proposals.cloud_m[shown], rgb),
         Axes("/lidar", np.eye(3), np.zeros(3), 0.5),
@@ -69,15 +69,16 @@ def build_planes(
             items.append(Label(f"/names/{place}", patch.name, sheet.vertices[0].astype(np.float64)))
     return Content(
         items=tuple(items),
-        legend="Colour: the plane; a confirmed plane is filled, a dropped one faint."
-        + ("" if restricting else " Click a plane to change it."),
+        legend="Colour: the plane; a dropped one is faint, grey is no plane."
+        + (" Click a plane to change it." if judging else ""),
+        aim=WHOLE_ROOM,
         # What lies outside a box makes no plane, so it is no place to click either.
         pickable_m=proposals.cloud_m[within_region(proposals.cloud_m, planes.region)],
     )
 
 
 def build_unsolved(recording: Recording, place: int, *, color_by: ColorBy, limit: int, note: str) -> Content:
-    """One scan as published, lidar frame, before there is an answer."""
+    """One scan as it came, lidar frame, before there is an answer."""
     scan = thinned_scan(recording.scans[place], limit)
     by: ColorBy = "intensity" if color_by == "intensity" else "time"
     cloud = Cloud("/raw", scan.points["xyz"].astype(np.float32), scan_colors(scan, by))
@@ -89,7 +90,8 @@ def build_first(points: PointArray, *, limit: int, note: str) -> Content:
     shown: PointArray = points[thinned(len(points), limit)]
     scan = Scan(index=0, stamp_ns=0, points=shown)
     cloud = Cloud("/cloud", shown["xyz"].astype(np.float32), scan_colors(scan, "intensity"))
-    return Content(items=(cloud, Axes("/lidar", np.eye(3), np.zeros(3), 0.5)), legend=LEGENDS["intensity"], note=note)
+    axes = Axes("/lidar", np.eye(3), np.zeros(3), 0.5)
+    return Content(items=(cloud, axes), legend=LEGENDS["intensity"], note=note, aim=FIRST_SCANS)
 
 
 def build_straightened(
@@ -127,6 +129,12 @@ def thinned_scan(scan: Scan, limit: int) -> Scan:
         return scan
     points: PointArray = scan.points[thinned(len(scan.points), limit)]
     return Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=points)
+
+
+def _patch_rgb(patch: EditedPatch) -> palette.Rgb:
+    """The colour of a patch's points: that of its plane, and only a trace of it once it is dropped."""
+    rgb = palette.plane_rgb(patch.color)
+    return rgb if patch.confirmed else palette.faint(rgb)
 
 
 def _sheet(place: int, patch: EditedPatch) -> Sheet | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class Composer:
             proposals,
             history.current,
             limit=self._limit,
-            restricting=state.click == "restrict",
+            judging=state.click == "toggle",
             target=state.target,
         )
 
@@ -92,16 +92,15 @@ class Composer:
         step = self._latest_step(record, state)
         if step is not None and step.sweeps:
             return build_converging(recording, step, limit=self._limit)
-        matrix: FloatArray = np.eye(4) if step is None else np.array(step.matrix)
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
-        scan = recording.scans[place]
         if step is None:
-            points_m = scan.points["xyz"].astype(np.float32)
-        else:
-            points_m = straighten(scan, recording.imu, T_imu_lidar=matrix, time_offset_s=step.time_offset_s)
+            note = "No estimate yet: the sweep that turned fastest, raw."
+            return build_unsolved(recording, place, color_by="time", limit=self._limit, note=note)
+        matrix: FloatArray = np.array(step.matrix)
+        scan = recording.scans[place]
+        points_m = straighten(scan, recording.imu, T_imu_lidar=matrix, time_offset_s=step.time_offset_s)
         R_lidar_imu = matrix[:3, :3].T
-        content = build_straightened(scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3])
-        return content if step is not None else replace(content, note="No estimate yet: the sweep as published.")
+        return build_straightened(scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3])
 
     def _latest_step(self, record: RecordingRecord, state: ViewState) -> IterationEvent | None:
         for job in self._jobs.records_of(record.id):
@@ -115,7 +114,7 @@ class Composer:
     ) -> tuple[Content, Costs]:
         found = self._sources.solved(record, state.job_id)
         if found is None:
-            note = "There is no answer yet: the scan as published."
+            note = "There is no answer yet: the scan is raw."
             content = build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note)
             return content, Costs()
         motions = _motions(found.solved, state)

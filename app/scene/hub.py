@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydantic import ValidationError
 
-from app.errors import ApiError, NotFound
+from app.errors import ApiError, BadRequest, NotFound
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene
 from app.scene.compose import Composed, Composer
@@ -207,8 +207,11 @@ class SceneHub:
         if scene is None or state.mode != "planes" or not (modified or state.click == "grow"):
             return
         seed_m = pick(scene.pickable_m, origin_m, direction)
-        if seed_m is not None:
-            self._edit(recording_id, Grow(op="grow", seed_m=seed_m.tolist()))
+        if seed_m is None:
+            text = "The cloud has no point there; click on its points, or come nearer."
+            self.on_refused(recording_id, BadRequest("planes.no_point_there", text))
+            return
+        self._edit(recording_id, Grow(op="grow", seed_m=seed_m.tolist()))
 
     def _edit(self, recording_id: str, operation: Toggle | Grow | Restrict) -> bool:
         """Whether the operation could be done; if not, those who look are told why."""

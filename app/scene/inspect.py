@@ -16,7 +16,7 @@ import numpy as np
 from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
 from app.scene import palette
 from app.scene.build import LEGENDS, Solved, scan_colors, thinned, thinned_scan
-from app.scene.items import Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
+from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.palette import Colors
 from app.scene.wipe import Camera, left_of
 from app.schemas.view import Against, ColorBy, Extent, Show
@@ -35,7 +35,7 @@ MAP_SCANS = 60
 SIDE_STEP = 1.12
 SIDE_DIRECTION = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
 
-TITLES: dict[Source, str] = {"raw": "As published", "deskewed": "De-skewed", "old": "Old extrinsic"}
+TITLES: dict[Source, str] = {"raw": "Raw", "deskewed": "De-skewed", "old": "Old extrinsic"}
 ONE_COLOR: dict[Source, palette.Rgb] = {
     "raw": palette.RAW,
     "deskewed": palette.DESKEWED,
@@ -88,7 +88,7 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     return Content(
         items=(*parts, *labels, *frames),
         legend=_legend(look, sources),
-        aim=f"side of {len(sources)}" if look.show == "side" else "one",
+        aim=f"side of {len(sources)}" if look.show == "side" else ONE_PLACE,
     )
 
 
@@ -136,7 +136,7 @@ def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: Colo
         owner, _ = nearest_plane(
             points_map, normals, offsets_m, gate_m=PLANE_GATE_M, outlines_m=outlines_of(solved.planes)
         )
-        return palette.by_label(owner, solved.colors)
+        return palette.by_label(owner, [palette.plane_rgb(place) for place in solved.colors])
     _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
     return palette.diverging(dist_m, RESIDUAL_HALF_M)
 
@@ -188,7 +188,7 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
 
 def _legend(look: Look, sources: tuple[Source, ...]) -> str:
     if look.show == "both":
-        other = "orange: as published" if sources[0] == "raw" else "magenta: old extrinsic"
+        other = "orange: raw" if sources[0] == "raw" else "magenta: old extrinsic"
         return f"{other[0].upper()}{other[1:]}; blue: de-skewed."
     if look.show == "wipe":
         left = TITLES[sources[0]].lower()

@@ -64,6 +64,10 @@ class Label:
     position: FloatArray
 
 
+#: Aims of cameras. The first scans are a part of the room, and what is inspected moves through it: each is looked at for
+#: itself.
+FIRST_SCANS, WHOLE_ROOM, ONE_PLACE = "first scans", "room", "one"
+
 Item = Cloud | Sheet | Line | Axes | Label
 
 

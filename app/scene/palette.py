@@ -6,6 +6,8 @@ so lightness alone carries it; the diverging one from blue through near-white to
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,9 @@ DESKEWED: Rgb = (0, 114, 178)
 OLD: Rgb = (204, 121, 167)
 PATH: Rgb = (0, 158, 115)
 
+#: How much of its colour something dropped keeps.
+FAINT_SHARE = 0.3
+
 _SEQUENTIAL = np.array(
     [(20, 30, 100), (60, 90, 140), (120, 125, 125), (190, 165, 85), (253, 231, 55)], dtype=np.float64
 )
@@ -47,9 +52,17 @@ def plane_hex(place: int) -> str:
     return "#{:02x}{:02x}{:02x}".format(*plane_rgb(place))
 
 
-def by_label(labels: NDArray[np.int16], places: list[int]) -> Colors:
-    """(N, 3) colours of points by their patch. labels: (N,), -1 for none.   places: palette place of each patch."""
-    table = np.array([*(plane_rgb(place) for place in places), NO_PLANE], dtype=np.uint8)
+def faint(rgb: Rgb) -> Rgb:
+    """A trace of the colour: near enough to grey to recede, not so near that it is lost which plane it was."""
+    red, green, blue = (
+        round(FAINT_SHARE * part + (1 - FAINT_SHARE) * grey) for part, grey in zip(rgb, NO_PLANE, strict=True)
+    )
+    return red, green, blue
+
+
+def by_label(labels: NDArray[np.int16], hues: Sequence[Rgb]) -> Colors:
+    """(N, 3) colours of points by their patch. labels: (N,), -1 for none.   hues: the colour of each patch."""
+    table = np.array([*hues, NO_PLANE], dtype=np.uint8)
     colors: Colors = table[labels]
     return colors
 

@@ -71,11 +71,11 @@ def detect_accelerometer_unit(
     confidence = float(np.exp(-((distance / 0.4) ** 2)))
     unit = settings.accelerometer_unit or detected
     name = "g" if unit == "g" else "m/s2"
-    text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.3f}."
+    text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.2f}."
     level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
     if confidence < 0.5:
         text = (
-            f"At rest the accelerations on {topic} have norm {norm:.3f}, which is gravity neither in m/s2"
+            f"At rest the accelerations on {topic} have norm {norm:.2f}, which is gravity neither in m/s2"
             f" nor in g; {name} is assumed."
         )
     finding = Finding(
@@ -83,7 +83,7 @@ def detect_accelerometer_unit(
         level=level,
         text=text,
         evidence=(
-            Evidence("median norm at rest", round(norm, 4), name),
+            Evidence("median norm at rest", round(norm, 2), name),
             Evidence("readings examined", int(quiet.size)),
         ),
         confidence=1.0 if settings.accelerometer_unit else round(confidence, 3),

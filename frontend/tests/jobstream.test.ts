@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
-import type { IterationEvent, JobMessage, StageEvent } from "../src/api/client";
+import type { IterationEvent, Job, JobMessage, StageEvent } from "../src/api/client";
 import { addMessages, emptyRun } from "../src/api/jobstream";
 import { parametersOf, unwrap } from "../src/features/solve/parameters";
-import { secondsLeft, stagesOfSolve, stagesShown, wholeFraction } from "../src/features/solve/timeleft";
+import { secondsLeft, stagesOfSolve, stagesShown, stageState, standingOf, wholeFraction } from "../src/features/solve/timeleft";
 
 const stage = (name: StageEvent["stage"], fraction: number): StageEvent => ({ event: "stage", stage: name, fraction, text: "" });
 const iteration = (round: number, number: number): IterationEvent => ({
@@ -59,6 +59,28 @@ describe("a run from its messages", () => {
   it("says nothing of the time left while it is too early", () => {
     expect(secondsLeft(0.01, 30)).toBeNull();
     expect(secondsLeft(0.25, 10)).toBeCloseTo(30, 9);
+  });
+});
+
+describe("a run that ended", () => {
+  const ended = (state: Job["state"]) => ({ state, result: null }) as Job;
+  const begun = { stage: "track" as const, fraction: 0.4, text: "" };
+
+  // Fails when whatever has ended is called solved.
+  it("is called solved only when it was", () => {
+    expect(standingOf(ended("done"))).toBe("Solved");
+    expect(standingOf(ended("cancelled"))).toBe("Cancelled");
+    expect(standingOf(ended("interrupted"))).toBe("Interrupted");
+    expect(standingOf(ended("failed"))).not.toBe("Solved");
+    expect(standingOf(null)).toBe("Solve");
+  });
+
+  // Fails when the stage in which it was stopped gets a tick.
+  it("ticks off no stage in which it was stopped", () => {
+    expect(stageState(begun, begun, ended("cancelled"))).toBe("stopped");
+    expect(stageState(begun, begun, ended("running"))).toBe("active");
+    expect(stageState(begun, begun, ended("done"))).toBe("done");
+    expect(stageState(undefined, begun, ended("cancelled"))).toBe("waiting");
   });
 });
 

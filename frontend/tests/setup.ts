@@ -16,4 +16,6 @@ vi.stubGlobal("ResizeObserver", class {
   disconnect() {}
 });
 
+Element.prototype.scrollIntoView = () => undefined;
+
 afterEach(cleanup);

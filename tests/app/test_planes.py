@@ -97,6 +97,17 @@ def test_a_grown_patch_takes_free_points_inside_it_and_a_free_name():
     assert (expected & (PROPOSALS.cloud_patch == 2)).sum() > 2  # points of the east wall that it must leave alone
 
 
+def test_growing_on_a_plane_says_whose_point_it_is():
+    """Mutations: the refusal's check left out ("not flat enough", of a wall); a dropped patch told as one that is used."""
+    seed = PROPOSALS.cloud_m[PROPOSALS.cloud_patch == 2][0].astype(float).tolist()
+    name = START.patches[2].name
+    with pytest.raises(BadRequest, match=f"on {name} already"):
+        edit(START, Grow(op="grow", seed_m=seed), grow=lambda *_: None)
+    dropped = edit(START, Drop(op="drop", index=2))
+    with pytest.raises(BadRequest, match=f"on {name}, which is dropped"):
+        edit(dropped, Grow(op="grow", seed_m=seed), grow=lambda *_: None)
+
+
 def test_use_suggestion_forgets_every_edit():
     """Mutation: returning the set unchanged."""
     edited = edit(edit(START, Drop(op="drop", index=0)), Rename(op="rename", index=1, name="x"))

@@ -10,7 +10,7 @@ from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
 from app.scene import palette
 from app.scene.apply import quat_wxyz, rotation_matrix, whole_view
-from app.scene.build import Solved, build_planes, thinned
+from app.scene.build import Solved, build_first, build_planes, thinned
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick
@@ -27,7 +27,7 @@ def cloud_of(content, path):
 
 
 def test_planes_scene_has_a_clickable_sheet_per_patch_and_colours_by_patch():
-    """Mutation: colouring by list place instead of the patch's own colour changes hues after a merge."""
+    """Mutations: points of a dropped patch in its full colour; the patch's colour taken for a confirmed one's trace."""
     proposals = world.make_proposals()
     planes = suggested(proposals)
     content = build_planes(proposals, planes, limit=100_000)
@@ -35,8 +35,9 @@ def test_planes_scene_has_a_clickable_sheet_per_patch_and_colours_by_patch():
     assert [sheet.patch for sheet in sheets] == [0, 1, 2, 3, 4, 5]
     assert sheets[5].opacity < sheets[0].opacity  # the last is dropped
     rgb = cloud_of(content, "/cloud").rgb
-    for k in range(6):
+    for k in range(5):
         assert (rgb[proposals.cloud_patch == k] == palette.plane_rgb(k)).all()
+    assert (rgb[proposals.cloud_patch == 5] == palette.faint(palette.plane_rgb(5))).all()
     assert (rgb[proposals.cloud_patch == -1] == palette.NO_PLANE).all()
     assert cloud_of(build_planes(proposals, planes, limit=1000), "/cloud").xyz.shape == (1000, 3)
 
@@ -192,7 +193,10 @@ def test_a_recording_survives_the_array_file(tmp_path):
 
 
 def test_the_whole_is_on_the_canvas_and_fills_it():
-    """Oracle: the pinhole, point by point. Mutations: the aspect forgotten; the nearer points' depth ignored."""
+    """Oracle: the pinhole, point by point, and the picture in the middle of the canvas.
+
+    Mutations: the aspect forgotten; the nearer points' depth ignored; looking at the middle of the box around the points.
+    """
     points = np.random.default_rng(4).uniform(-1.0, 1.0, (4000, 3)) * [9.0, 4.0, 2.0] + [3.0, -5.0, 1.0]
     for aspect in (0.8, 2.2):
         middle, eye = whole_view(points, fov_rad=1.0, aspect=aspect)
@@ -201,12 +205,22 @@ def test_the_whole_is_on_the_canvas_and_fills_it():
         right /= np.linalg.norm(right)
         down = np.cross(forward, right)
         seen = (points - eye) @ np.stack([right, down, forward], axis=1)
-        across = np.abs(seen[:, 0] / seen[:, 2]) / (np.tan(0.5) * aspect)
-        along = np.abs(seen[:, 1] / seen[:, 2]) / np.tan(0.5)
+        across = seen[:, 0] / seen[:, 2] / (np.tan(0.5) * aspect)
+        along = seen[:, 1] / seen[:, 2] / np.tan(0.5)
         assert (seen[:, 2] > 0).all()
-        share = np.mean((across < 1) & (along < 1))
-        assert share > 0.98
-        assert max(across.max(), along.max()) > 0.8
+        assert np.mean((np.abs(across) < 1) & (np.abs(along) < 1)) > 0.98
+        assert max(np.abs(across).max(), np.abs(along).max()) > 0.8
+        for place in (across, along):  # as much room on one side as on the other
+            assert abs(np.percentile(place, 99.5) + np.percentile(place, 0.5)) < 0.06
+
+
+def test_cameras_aim_anew_when_the_planes_replace_the_first_scans():
+    """Mutation: the first scans without an aim of their own: the room is then cut off at the canvas's edges."""
+    first = build_first(RECORDING.scans[0].points, limit=1000, note="")
+    proposals = world.make_proposals()
+    planes = build_planes(proposals, suggested(proposals), limit=1000)
+    assert first.aim
+    assert planes.aim not in {"", first.aim}
 
 
 def test_a_rotation_survives_the_viewers_order():

@@ -114,7 +114,7 @@ def test_a_wipe_shows_each_point_once():
     assert cut["/raw"].xyz[:, 0].max() < 0.0 <= cut["/deskewed"].xyz[:, 0].min()
     assert len(cut["/raw"].xyz) == (whole["/raw"].xyz[:, 0] < 0.0).sum() > 100
     assert len(cut["/deskewed"].xyz) == (whole["/deskewed"].xyz[:, 0] >= 0.0).sum() > 100
-    assert "Left of the line: as published" in content.legend
+    assert "Left of the line: raw" in content.legend
 
 
 @pytest.mark.parametrize("with_old_one", [False, True])
@@ -136,7 +136,7 @@ def test_side_by_side_is_the_same_clouds_apart(with_old_one):
     low = min(cloud.xyz[:, 0].max() for cloud in side.values())
     assert low < max(cloud.xyz[:, 0].min() for cloud in side.values()) + 8.0
     titles = [item.text for item in content.items if isinstance(item, Label) and item.path.startswith("/titles")]
-    assert titles == (["As published", "Old extrinsic", "De-skewed"] if with_old_one else ["As published", "De-skewed"])
+    assert titles == (["Raw", "Old extrinsic", "De-skewed"] if with_old_one else ["Raw", "De-skewed"])
 
 
 def test_frames_stand_where_the_sensors_were():

@@ -13,7 +13,7 @@ from tests.e2e.support import JOB_WAIT_S, keep_screenshot, serious_faults
 def test_a_file_that_is_no_bag(page: Page, scheme: str, tmp_path: Path) -> None:
     """The recording's screen says what is wrong with it, and a reload says it again.
 
-    Fails with the recording's error left out of its screen.
+    Fails with the recording's error left out of its screen; with the name told under which the server keeps the file.
     """
     wrong = tmp_path / "holiday.bag"
     wrong.write_text("these are not sensor readings\n")
@@ -23,6 +23,7 @@ def test_a_file_that_is_no_bag(page: Page, scheme: str, tmp_path: Path) -> None:
     expect(alert).to_be_visible(timeout=JOB_WAIT_S * 1000)
     told = alert.inner_text()
     assert "Traceback" not in told
+    assert "holiday.bag" in told
     assert len(told) > 20
     assert serious_faults(page) == []
     keep_screenshot(page, "fault", scheme)

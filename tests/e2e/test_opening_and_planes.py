@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.e2e.support import JOB_WAIT_S, Api, keep_screenshot, scene, serious_faults, until, wait_for_cloud
+from tests.e2e.support import (
+    JOB_WAIT_S,
+    Api,
+    dense_spots,
+    keep_screenshot,
+    scene,
+    serious_faults,
+    until,
+    wait_for_cloud,
+)
 
 both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
 
@@ -119,6 +128,39 @@ def drag_until_cut(page: Page, api: Api, recording: str, box) -> None:
         if api.planes(recording)["revision"] != start:
             return
     raise AssertionError("no drag in the canvas reached the planes")
+
+
+def test_a_click_that_grows_nothing_says_why(page: Page, api: Api, as_detected: str) -> None:
+    """Beside the cloud there is no point; on a plane the point is that plane's. The list stays where it is.
+
+    Fails with a click beside the cloud not answered; with the message put above the list.
+    """
+    page.goto(f"/r/{as_detected}/planes")
+    spots = dense_spots(wait_for_cloud(page))
+    row = page.get_by_role("row", name=re.compile("plane 1")).first
+    at = row.bounding_box()
+    page.keyboard.press("g")
+    until(lambda: api.view(as_detected)["click"] == "grow")
+    area = scene(page).bounding_box()
+    assert area is not None
+    corner = {"x": area["width"] - 12, "y": area["height"] - 12}
+    click_until_said(page, [corner] * 6, "no point there")
+    assert row.bounding_box() == at
+    page.get_by_role("button", name="Close the message").click()
+    expect(page.get_by_text("no point there")).to_have_count(0)
+    click_until_said(page, [{"x": x, "y": y} for x, y in spots[:12]], "already; click a flat part")
+    page.keyboard.press("Escape")
+    until(lambda: api.view(as_detected)["click"] == "toggle")
+
+
+def click_until_said(page: Page, places: list[dict[str, float]], words: str) -> None:
+    """Click in the canvas until it is said; the first clicks may come before it is ready."""
+    for place in places:
+        scene(page).click(position=place)
+        page.wait_for_timeout(1500)
+        if page.get_by_text(words).count() > 0:
+            return
+    raise AssertionError(f"no click was answered with {words!r}")
 
 
 def test_a_plane_is_chosen_for_a_box(page: Page, api: Api, as_detected: str) -> None:

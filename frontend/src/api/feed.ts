@@ -1,5 +1,5 @@
 import { useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
-import { useEffect } from "react";
+import { useCallback, useEffect, useState } from "react";
 import type { Planes, Recording, RecordingMessage } from "./client";
 import { keys } from "./queries";
 
@@ -45,28 +45,42 @@ interface Refusal {
   revision: number;
 }
 
-/** Why the last click in the scene did nothing; null once the planes have changed. */
-export function useClickRefusal(id: string, revision: number | undefined): string | null {
+/** Why the last click in the scene did nothing; null once the planes have changed, or it has been read. */
+export function useClickRefusal(id: string, revision: number | undefined): [string | null, () => void] {
+  const client = useQueryClient();
   const refusal = useQuery<Refusal | null>({ queryKey: keys.refusal(id), queryFn: () => null, enabled: false, initialData: null });
-  return refusal.data !== null && refusal.data.revision === revision ? refusal.data.text : null;
+  const forget = useCallback(() => client.setQueryData<Refusal | null>(keys.refusal(id), null), [client, id]);
+  return [refusal.data !== null && refusal.data.revision === revision ? refusal.data.text : null, forget];
 }
 
-/** Keeps a recording's cached queries current while a component shows it, whoever changes it. */
-export function useRecordingFeed(id: string): void {
+/** A connection that comes back sooner than this, as after a laptop's sleep, is not worth a word. */
+const patienceMs = 1500;
+
+/** Keeps a recording's cached queries current while a component shows it, whoever changes it. Returns whether the server
+ *  is out of reach: then nothing on the page is current. */
+export function useRecordingFeed(id: string): boolean {
   const client = useQueryClient();
+  const [lost, setLost] = useState(false);
   useEffect(() => {
     const source = new EventSource(`/api/recordings/${id}/events`);
     source.onmessage = (event: MessageEvent<string>) => {
       applyMessage(client, id, JSON.parse(event.data) as RecordingMessage);
     };
-    let broke = false;
+    let broke: number | null = null;
     source.onerror = () => {
-      broke = true;
+      broke ??= window.setTimeout(() => setLost(true), patienceMs);
     };
     source.onopen = () => {
-      if (broke) void client.invalidateQueries({ queryKey: keys.recording(id) });
-      broke = false;
+      if (broke === null) return;
+      window.clearTimeout(broke);
+      broke = null;
+      setLost(false);
+      void client.invalidateQueries({ queryKey: keys.recording(id) });
     };
-    return () => source.close();
+    return () => {
+      if (broke !== null) window.clearTimeout(broke);
+      source.close();
+    };
   }, [client, id]);
+  return lost;
 }

@@ -1,5 +1,5 @@
 import { Button } from "@mantine/core";
-import type { ReactNode } from "react";
+import { useEffect, useRef, type ReactNode } from "react";
 import { asFault } from "../api/fault";
 import { LevelIcon, type Tone } from "./icons";
 import css from "./notice.module.css";
@@ -29,19 +29,26 @@ export function Notice({ level, children, more, actions }: NoticeProps) {
 /** What went wrong, in the server's own sentence, with a way on. */
 export function Fault({ error, onRetry }: { error: unknown; onRetry?: () => void }) {
   const fault = asFault(error);
+  // It may come up below the fold of a scrolling panel, under the button that was pressed.
+  const place = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    place.current?.scrollIntoView({ block: "nearest" });
+  }, [fault.message]);
   return (
-    <Notice
-      level="error"
-      actions={
-        onRetry === undefined ? undefined : (
-          <Button size="compact-sm" variant="default" onClick={onRetry}>
-            Try again
-          </Button>
-        )
-      }
-    >
-      {fault.message}
-    </Notice>
+    <div ref={place}>
+      <Notice
+        level="error"
+        actions={
+          onRetry === undefined ? undefined : (
+            <Button size="compact-sm" variant="default" onClick={onRetry}>
+              Try again
+            </Button>
+          )
+        }
+      >
+        {fault.message}
+      </Notice>
+    </div>
   );
 }
 

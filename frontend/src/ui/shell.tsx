@@ -38,7 +38,9 @@ export function Shell({ recordingName, steps, current, children }: ShellProps) {
         <div className={css.left}>
           <Link to="/" className={css.brand} aria-label="unsweep, start page">
             <img src="/mark.svg" width={22} height={22} alt="" />
-            unsweep
+            <span className={css.brandName} data-beside-name={recordingName !== undefined}>
+              unsweep
+            </span>
           </Link>
           {recordingName !== undefined && (
             <>

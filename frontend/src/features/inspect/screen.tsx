@@ -44,6 +44,8 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
   const navigate = useNavigate();
   const { wish, change } = useInspectView(recording.id, run.job.id, fastestScan(recording.report?.timeline));
   const view = useQuery(viewQuery(recording.id)).data;
+  // What the scene shows lags behind the wish; what it says of another scan must not stand beside this one's number.
+  const shown = view?.mode === "inspect" && view.scan === wish.scan ? view : undefined;
   const quality = useQuery(scansQuery(run.job.id)).data;
   const start = useStartJob(recording.id);
   const done = spansOf(run);
@@ -86,7 +88,7 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
           onScan={(scan) => change({ scan, extent: "scan" })}
           onLeaveOut={(span) => setWished(joined(wished, span))}
         />
-        <Transport scan={wish.scan} scans={view?.n_scans ?? 0} timeS={view?.scan_t_s ?? null} points={view?.points_shown ?? 0} onScan={(scan) => change({ scan })} />
+        <Transport scan={wish.scan} scans={view?.n_scans ?? 0} timeS={times[wish.scan] ?? shown?.scan_t_s ?? null} points={shown?.points_shown ?? 0} onScan={(scan) => change({ scan })} />
       </div>
       <Panel
         title="Inspect"
@@ -103,7 +105,7 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
           wished={wished}
           done={done}
           scan={wish.scan}
-          scanTimeS={times[wish.scan] ?? view?.scan_t_s ?? null}
+          scanTimeS={times[wish.scan] ?? shown?.scan_t_s ?? null}
           periodS={periodS}
           worst={worst}
           onScan={(scan) => change({ scan, extent: "scan" })}

@@ -19,13 +19,16 @@ function isClick(value: string): value is Click {
 }
 
 /** What the mouse does in the scene: judge a patch, grow a new one from a point of the cloud, or draw a box. */
-export function ClickMode({ recordingId, planes }: { recordingId: string; planes: Planes }) {
+export function ClickMode({ recordingId, planes, onSet }: { recordingId: string; planes: Planes; onSet: () => void }) {
   const view = useQuery(viewQuery(recordingId));
   const change = useChangeView(recordingId);
   const click = view.data?.click ?? "toggle";
   const target = view.data?.target ?? null;
   const chosen = click === "restrict" ? planes.patches.find((patch) => patch.index === target) : undefined;
-  const set = (wish: Click) => change.mutate({ click: wish });
+  const set = (wish: Click) => {
+    onSet();
+    change.mutate({ click: wish });
+  };
   useShortcuts("3D scene", [
     { keys: "c", label: "Click confirms or drops", run: () => set("toggle") },
     { keys: "g", label: "Click grows a plane", run: () => set("grow") },

@@ -3,6 +3,7 @@ import { useEffect, useRef } from "react";
 import { useNavigate } from "react-router";
 import type { Operation, Planes } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
+import { asFault } from "../../api/fault";
 import { useClickRefusal } from "../../api/feed";
 import { useChangeView, useEditPlanes, useStartJob } from "../../api/queries";
 import { Icon } from "../../ui/icons";
@@ -27,7 +28,7 @@ export function PlanesScreen() {
   const job = jobs?.find((one) => one.kind === "planes") ?? null;
   const running = job !== null && !isFinal(job);
   const searching = running && planes === undefined;
-  const refusal = useClickRefusal(recording.id, planes?.revision);
+  const [refusal, forgetRefusal] = useClickRefusal(recording.id, planes?.revision);
 
   useEffect(() => {
     changeView({ mode: "planes", click: "toggle", nudge: null });
@@ -61,7 +62,12 @@ export function PlanesScreen() {
   const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   return (
     <>
-      {planes !== undefined && <ClickMode recordingId={recording.id} planes={planes} />}
+      {planes !== undefined && <ClickMode recordingId={recording.id} planes={planes} onSet={forgetRefusal} />}
+      {refusal !== null ? (
+        <Said level="warning" text={refusal} onRead={forgetRefusal} />
+      ) : (
+        edit.isError && <Said level="error" text={asFault(edit.error).message} onRead={edit.reset} />
+      )}
       <Panel
         title="Planes"
         lead="Keep walls, floor and ceiling; drop what can move or bend."
@@ -86,21 +92,9 @@ export function PlanesScreen() {
         }
       >
         {start.isError && <Fault error={start.error} />}
-        {edit.isError && <Fault error={edit.error} />}
-        {refusal !== null && (
-          <div className={css.refusal}>
-            <Notice level="warning">{refusal}</Notice>
-          </div>
-        )}
         {planes !== undefined ? (
           <>
             <DeterminacyMeter determinacy={planes.determinacy} />
-            {planes.restricted && (
-              <p className={css.region}>
-                <Icon name="box" size={14} />
-                <span>A box leaves part of the room out, in the solve too. Undo it, or use the suggestion.</span>
-              </p>
-            )}
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">
@@ -113,6 +107,12 @@ export function PlanesScreen() {
               apply={apply}
               onRestrict={(target) => changeView({ click: "restrict", target })}
             />
+            {planes.restricted && (
+              <p className={css.region}>
+                <Icon name="box" size={14} />
+                <span>A box leaves part of the room out, in the solve too. Undo it, or use the suggestion.</span>
+              </p>
+            )}
             <p className={css.background} aria-live="polite">
               {running ? "The rest of the recording is still being read; nothing here waits for it." : ""}
             </p>
@@ -136,6 +136,18 @@ export function PlanesScreen() {
         )}
       </Panel>
     </>
+  );
+}
+
+/** Why nothing happened, over the scene: in the list it would push the rows away from under the mouse. */
+function Said({ level, text, onRead }: { level: "warning" | "error"; text: string; onRead: () => void }) {
+  return (
+    <div className={css.said} role={level === "warning" ? "status" : undefined}>
+      <Notice level={level}>{text}</Notice>
+      <ActionIcon size="sm" variant="subtle" color="gray" aria-label="Close the message" onClick={onRead}>
+        <Icon name="cross" size={12} />
+      </ActionIcon>
+    </div>
   );
 }
 

@@ -44,7 +44,7 @@ export function RecordingScreen() {
           <p className={css.file}>
             <span className="clip" title={recording.name}>{recording.name}</span>
             <span className="num dim nowrap">
-              {bytes(recording.size_bytes)}
+              {recording.size_bytes > 0 && bytes(recording.size_bytes)}
               {recording.report !== null && recording.report !== undefined && `, ${duration(recording.report.duration_s)}`}
             </span>
           </p>
@@ -114,6 +114,9 @@ function Uploading({ recording }: { recording: Recording }) {
   );
 }
 
+/** A sample is written by the stage that writes results. */
+const simulated = { write: "Simulate the sensors" };
+
 function Inspecting({ job }: { job: Job | null }) {
   const run = useJobStream(job !== null && !isFinal(job) ? job.id : null);
   return (
@@ -122,7 +125,7 @@ function Inspecting({ job }: { job: Job | null }) {
       {job === null ? (
         <Skeleton height={120} />
       ) : (
-        <JobProgress run={run} jobId={job.id} expected={job.kind === "simulate" ? ["write"] : ["inspect"]} />
+        <JobProgress run={run} jobId={job.id} expected={job.kind === "simulate" ? ["write"] : ["inspect"]} titles={job.kind === "simulate" ? simulated : {}} />
       )}
     </div>
   );

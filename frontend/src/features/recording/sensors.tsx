@@ -139,7 +139,7 @@ function imuFacts({ imu }: DoctorReport): Fact[] {
   return [
     ["Readings", `${count(imu.readings)} at ${fixed(imu.stamps.rate_hz, 0)} Hz`],
     ["Units", `${imu.accelerometer_unit.replace("m_s2", "m/s²")}, ${imu.gyroscope_unit.replace("_", "/")}`],
-    ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 3)} m/s²`],
+    ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 2)} m/s²`],
     ["Noise", noiseOrigin(imu)],
     ["Gyroscope", `${fixed(gyroDeg, 4)} °/s/√Hz`],
     ["Accelerometer", `${fixed(accelUg, 0)} µg/√Hz`],

@@ -73,8 +73,8 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
         lidar&rsquo;s clock.
       </p>
       <div className={css.copies}>
-        <CopyBox label="the matrix" text={pose.matrix.map((row) => row.map((value) => value.toFixed(7).padStart(10)).join(" ")).join("\n")} />
-        <CopyBox label="translation and quaternion" text={`translation_m\n${row(pose.translationM, 6)}\nquaternion_xyzw\n${row(pose.quaternionXyzw, 7)}`} />
+        <CopyBox label="the matrix" caption="Matrix, last column in metres" text={pose.matrix.map((row) => row.map((value) => value.toFixed(7).padStart(10)).join(" ")).join("\n")} />
+        <CopyBox label="translation and quaternion" caption="Translation in metres, quaternion x y z w" text={`translation_m\n${row(pose.translationM, 6)}\nquaternion_xyzw\n${row(pose.quaternionXyzw, 7)}`} />
       </div>
     </section>
   );

@@ -6,7 +6,7 @@ import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./solve.module.css";
-import { secondsLeft, stagesShown, wholeFraction } from "./timeleft";
+import { secondsLeft, stagesShown, stageState, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -25,10 +25,14 @@ interface JobProgressProps {
   run: RunLog;
   jobId: string;
   expected?: readonly StageProgress["stage"][];
+  /** What this job calls a stage where the usual words do not fit it. */
+  titles?: Partial<typeof stageTitles>;
 }
 
+const stageWords = { waiting: ", waiting", active: ", running", done: ", done", stopped: ", not finished" };
+
 /** One job as it runs: what it is doing, how far it is, how long it will take, and the way to stop it. */
-export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
+export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgressProps) {
   const cancel = useCancelJob();
   const running = run.job === null || !isFinal(run.job);
   const now = useNow(500, running);
@@ -37,7 +41,7 @@ export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
   const ended = run.job?.ended_at;
   const elapsedS = began === null ? 0 : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
   const stages = stagesShown(run);
-  const fraction = wholeFraction(stages, expected);
+  const fraction = run.job?.state === "done" ? 1 : wholeFraction(stages, expected);
   const left = running ? secondsLeft(fraction, elapsedS) : null;
   const active = stages.at(-1);
   const names = [...new Set([...(running ? expected : []), ...stages.map((stage) => stage.stage)])];
@@ -53,7 +57,9 @@ export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
               ? left === null
                 ? `${duration(elapsedS)} so far`
                 : `about ${duration(left)} left`
-              : (run.job?.state_text ?? "")}
+              : run.job?.state === "done"
+                ? run.job.state_text
+                : ""}
         </span>
         {running && (
           <Button
@@ -68,21 +74,22 @@ export function JobProgress({ run, jobId, expected = [] }: JobProgressProps) {
         )}
       </div>
       <div className={css.bar} role="progressbar" aria-label="Progress" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
-        <span style={{ transform: `scaleX(${running ? fraction : 1})` }} />
+        <span style={{ transform: `scaleX(${fraction})` }} />
       </div>
       {cancel.isError && <Fault error={cancel.error} />}
       <ol className={css.stages}>
         {names.map((name) => {
           const seen = stages.find((stage) => stage.stage === name);
-          const state = seen === undefined ? "waiting" : seen.fraction >= 1 || seen !== active ? "done" : running ? "active" : "done";
+          const state = stageState(seen, active, run.job);
           return (
             <li key={name} data-state={state}>
               <span className={css.dot} aria-hidden="true">
                 {state === "done" && <Icon name="check" size={11} />}
+                {state === "stopped" && <Icon name="cross" size={9} />}
               </span>
               <span>
-                {stageTitles[name]}
-                <span className="sr-only">{state === "done" ? ", done" : state === "active" ? ", running" : ", waiting"}</span>
+                {titles[name] ?? stageTitles[name]}
+                <span className="sr-only">{stageWords[state]}</span>
               </span>
               <span className="num dim">{state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}</span>
             </li>

@@ -1,8 +1,8 @@
 import { Button } from "@mantine/core";
 import { useEffect } from "react";
 import { useNavigate, useSearchParams } from "react-router";
-import type { IterationEvent, Job } from "../../api/client";
-import { isFinal, useJobStream } from "../../api/jobstream";
+import type { IterationEvent, Job, PlaneLook } from "../../api/client";
+import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
 import { useChangeView, useRetryJob, useStartJob } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { LinePlot } from "../../ui/lineplot";
@@ -15,7 +15,7 @@ import { SolveOptions } from "./options";
 import { costs, parametersOf } from "./parameters";
 import { JobProgress } from "./progress";
 import css from "./solve.module.css";
-import { stagesOfSolve } from "./timeleft";
+import { stagesOfSolve, standingOf } from "./timeleft";
 
 /** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
 export function SolveScreen() {
@@ -56,12 +56,11 @@ export function SolveScreen() {
   }
 
   const looks = new Map((job?.planes ?? []).map((plane) => [plane.name, plane]));
-  const last = run.iterations.at(-1);
   const notable = run.logs.filter((log) => log.level !== "info");
   return (
     <Panel
-      title={ended ? "Solved" : "Solving"}
-      lead={ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."}
+      title={standingOf(job)}
+      lead={job === null || ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."}
       footer={
         <Button fullWidth disabled={onward === null} onClick={goOn} rightSection={<Icon name="next" />}>
           {onward === "result" ? "See why" : "Inspect the answer"}
@@ -90,16 +89,7 @@ export function SolveScreen() {
         )}
         {retry.isError && <Fault error={retry.error} />}
       </Section>
-      <Section title={ended ? "Answer" : "Answer so far"}>
-        <ParameterTable parameters={parametersOf(run.iterations)} />
-      </Section>
-      <Section title="Cost">
-        <CostPlot iterations={run.iterations} />
-        <p className="dim small">Each round takes in more points, so the cost may step up between rounds.</p>
-      </Section>
-      <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
-        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} looks={looks} />}
-      </Section>
+      {(!ended || hasEstimate) && <Estimate run={run} looks={looks} final={job?.state === "done"} />}
       {notable.length > 0 && (
         <Section title="Said on the way">
           <div className={css.logs}>
@@ -113,6 +103,32 @@ export function SolveScreen() {
       )}
       {ended && <SolveOptions before={job.settings} onSolve={(settings) => start.mutate({ kind: "solve", settings }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
     </Panel>
+  );
+}
+
+interface EstimateProps {
+  run: RunLog;
+  looks: ReadonlyMap<string, PlaneLook>;
+  /** Whether the last iteration is the answer. */
+  final: boolean;
+}
+
+/** The numbers of the last iteration, and how the run came to them. */
+function Estimate({ run, looks, final }: EstimateProps) {
+  const last = run.iterations.at(-1);
+  return (
+    <>
+      <Section title={final ? "Answer" : "Answer so far"}>
+        <ParameterTable parameters={parametersOf(run.iterations)} />
+      </Section>
+      <Section title="Cost">
+        <CostPlot iterations={run.iterations} />
+        <p className="dim small">Each round takes in more points, so the cost may step up between rounds.</p>
+      </Section>
+      <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
+        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} looks={looks} />}
+      </Section>
+    </>
   );
 }
 

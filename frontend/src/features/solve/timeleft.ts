@@ -1,4 +1,5 @@
-import type { RunLog, StageProgress } from "../../api/jobstream";
+import type { Job } from "../../api/client";
+import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
 
 type Stage = StageProgress["stage"];
 
@@ -43,4 +44,33 @@ export function wholeFraction(seen: readonly StageProgress[], expected: readonly
 export function secondsLeft(fraction: number, elapsedS: number): number | null {
   if (fraction < 0.05 || elapsedS < 1) return null;
   return (elapsedS * (1 - fraction)) / fraction;
+}
+
+export type StageState = "waiting" | "active" | "done" | "stopped";
+
+/** Where a stage of a run stands: what was under way when a run was stopped or failed is not done. */
+export function stageState(seen: StageProgress | undefined, active: StageProgress | undefined, job: Job | null): StageState {
+  if (seen === undefined) return "waiting";
+  if (seen !== active || seen.fraction >= 1 || job?.state === "done") return "done";
+  return job !== null && isFinal(job) ? "stopped" : "active";
+}
+
+/** What became of a run, in a word or two; "Solve" while that is not known yet. */
+export function standingOf(job: Job | null): string {
+  switch (job?.state) {
+    case undefined:
+      return "Solve";
+    case "done":
+      return job.result?.kind === "solve" && job.result.status === "refused" ? "Refused" : "Solved";
+    case "failed":
+      return "The solve failed";
+    case "cancelled":
+      return "Cancelled";
+    case "interrupted":
+      return "Interrupted";
+    case "queued":
+    case "running":
+    case "cancelling":
+      return "Solving";
+  }
 }

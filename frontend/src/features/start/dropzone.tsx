@@ -75,7 +75,7 @@ export function DropZone({ children }: { children: ReactNode }) {
         onChange={(event) => {
           const files = [...(event.currentTarget.files ?? [])];
           event.currentTarget.value = "";
-          if (files.length > 0) upload(filesOfFolder(files));
+          upload(filesOfFolder(files));
         }}
       />
       {error !== null && (

@@ -2,7 +2,7 @@ import { ActionIcon, Menu, Skeleton } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "react-router";
-import type { Recording } from "../../api/client";
+import type { Job, Recording } from "../../api/client";
 import { recordingsQuery, useDeleteRecording } from "../../api/queries";
 import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
@@ -85,6 +85,22 @@ interface Standing {
   screen: "recording" | "planes" | "solve" | "result";
 }
 
+function standingOfSolve(state: Job["state"]): Pick<Standing, "tone" | "text"> {
+  switch (state) {
+    case "failed":
+      return { tone: "error", text: "Solve failed" };
+    case "cancelled":
+      return { tone: "warning", text: "Solve cancelled" };
+    case "interrupted":
+      return { tone: "warning", text: "Solve interrupted" };
+    case "queued":
+    case "running":
+    case "cancelling":
+    case "done":
+      return { tone: "info", text: "Solving" };
+  }
+}
+
 /** Where a recording stands, in two words, and the screen to go on with. */
 export function standingOf(recording: Recording): Standing {
   switch (recording.state) {
@@ -109,7 +125,7 @@ export function standingOf(recording: Recording): Standing {
         return { tone: "error", text: "Refused", screen: "result" };
     }
   }
-  if (job?.kind === "solve") return { tone: job.state === "failed" ? "error" : "info", text: job.state === "failed" ? "Solve failed" : "Solving", screen: "solve" };
+  if (job?.kind === "solve") return { ...standingOfSolve(job.state), screen: "solve" };
   if (job?.kind === "planes") return { tone: "info", text: "Planes", screen: "planes" };
   return { tone: "info", text: "Ready", screen: "recording" };
 }

@@ -4,6 +4,7 @@ import { useEffect } from "react";
 import { Link, Outlet, useLocation, useParams } from "react-router";
 import { useRecordingFeed } from "../../api/feed";
 import { jobsQuery, planesQuery, recordingQuery, runsQuery } from "../../api/queries";
+import { LevelIcon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
 import { Shell } from "../../ui/shell";
 import type { StepName } from "../../ui/stepper";
@@ -27,7 +28,7 @@ export function WorkspaceLayout() {
   // Before they have been found there are none to ask for.
   const planes = useQuery({ ...planesQuery(recordingId), enabled: recording.data?.has_planes === true });
   const runs = useQuery({ ...runsQuery(recordingId), enabled: arrived });
-  useRecordingFeed(recordingId);
+  const lost = useRecordingFeed(recordingId);
 
   const name = recording.data?.name;
   useEffect(() => {
@@ -42,6 +43,12 @@ export function WorkspaceLayout() {
   return (
     <Shell steps={steps} current={current} {...(name === undefined ? {} : { recordingName: name })}>
       <main className={css.workspace} data-screen={current ?? "none"}>
+        {lost && recording.data !== undefined && (
+          <div className={css.lost} role="alert">
+            <LevelIcon level="warning" />
+            The server does not answer; see that `unsweep serve` is running. This page goes on by itself once it is back.
+          </div>
+        )}
         {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}
         {recording.isPending ? (
           <WorkspaceSkeleton />
