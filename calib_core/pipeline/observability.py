@@ -32,6 +32,8 @@ _NAMES = (
     "time offset",
 )  # fmt: skip
 _SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
+#: A direction with so much of its length in one kind of parameter is of that kind.
+_ONE_KIND = 0.99
 
 
 @dataclass(frozen=True)
@@ -140,21 +142,26 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
     alone = bool(abs(vector[largest]) > 0.95)
-    what = (
-        _NAMES[largest]
-        if alone
-        else "the combination "
-        + ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > 0.1)
-        + " (in units of 1 deg, 10 mm, 1 ms)"
-    )
+    what = _NAMES[largest] if alone else _mixture(vector)
     if undetermined:
-        text = f"The recording does not determine {what}; the value given is the prior's, not a measurement."
+        text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
     else:
         amount = _amount(vector, spread, largest)
         text = f"The recording determines {what} only to {amount} (1 sigma)."
     return WeakDirection(
         label=_LABELS[largest] if alone else None, vector=[float(v) for v in vector], std_scaled=spread, text=text
     )
+
+
+def _mixture(vector: FloatArray) -> str:
+    """A direction that is none of the seven parameters alone."""
+    rotation, lever = (", ".join(f"{v:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6)))
+    if np.linalg.norm(vector[3:6]) > _ONE_KIND:
+        return f"the lever arm along ({lever}) of the IMU's axes"
+    if np.linalg.norm(vector[:3]) > _ONE_KIND:
+        return f"the rotation about ({rotation}) of the lidar's axes"
+    parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > 0.1)
+    return f"the combination {parts} (in units of 1 deg, 10 mm, 1 ms)"
 
 
 def _amount(vector: FloatArray, spread: float, largest: int) -> str:

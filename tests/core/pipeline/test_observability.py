@@ -107,6 +107,21 @@ def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
     assert "-0.50 y" in known.weak[0].text
 
 
+def test_a_direction_of_one_kind_is_named_as_such() -> None:
+    """Fails when a slanting lever arm is called a combination in units nobody thinks in, or a rotation a lever arm."""
+    for first, said in (
+        (3, "lever arm along (+0.80, -0.60, +0.00) of the IMU's"),
+        (0, "rotation about (+0.80, -0.60, +0.00) of"),
+    ):
+        basis = np.eye(7)
+        basis[first : first + 2, first : first + 2] = [[0.8, 0.6], [-0.6, 0.8]]
+        spread = np.full(7, GOOD)
+        spread[first] = 30.0
+        known = _assess(spread, basis)
+        assert [d.label for d in known.weak] == [None]
+        assert said in known.weak[0].text
+
+
 def test_a_tape_measure_fills_in_but_does_not_hide_what_the_data_lack() -> None:
     """Fails when only standing priors are taken out: a user's prior of 1 mm would make the recording look good."""
     tape = PriorRow(5, 0.3, 0.001)
