@@ -62,6 +62,7 @@ def calibrate(chosen: argparse.Namespace) -> None:
     reading, manner = _read_settings(chosen), _manner(chosen)
     if chosen.output is not None:
         check_writable(chosen.output)
+    api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
     with listener(manner) as on_event:
         done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=on_event)

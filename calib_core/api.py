@@ -11,6 +11,8 @@ neither.
 
 from __future__ import annotations
 
+import importlib
+import threading
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -45,6 +47,7 @@ __all__ = [
     "discard_archives",
     "export",
     "export_names",
+    "get_ready",
     "grow_plane",
     "inspect",
     "load",
@@ -72,6 +75,13 @@ def inspect(
     from calib_core.pipeline import doctor
 
     return doctor.inspect(path, settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
+
+
+def get_ready() -> None:
+    """Import what `calibrate` needs on a thread of its own, while a recording is being read: a second saved."""
+    # What reading needs is imported first: two threads that import the same things wait for one another.
+    importlib.import_module("calib_core.readers.load")
+    threading.Thread(target=importlib.import_module, args=("calib_core.pipeline.calibrate",)).start()
 
 
 def load(

@@ -24,14 +24,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel, select_kernel, within_kernel
+from calib_core.factors.kernels import (
+    cells_kernel,
+    collapse_kernel,
+    hits_kernel,
+    move_and_sum_kernel,
+    select_kernel,
+    within_kernel,
+)
 from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
 #: A gate's extra width in standard deviations of what it makes room for.
 _GATE_STDS = 4.0
-_UPPER = np.triu_indices(5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +59,9 @@ class LidarNoise:
 class Gate:
     """Which points count. sigmas: of the distance noise; extra_m: added for the uncertainty of the poses.
 
-    margin_m: points whose hit is this near another plane are ambiguous.   robust_sigmas: scale of the redescending weight.
-    min_cosine: of the incidence.   extra_of_plane_m: (P,) instead of extra_m; below zero a plane takes no points.
+    margin_m: points whose ray meets another plane so near its hit are ambiguous.   robust_sigmas: scale of the
+    redescending weight.   min_cosine: of the incidence.   extra_of_plane_m: (P,) instead of extra_m; below zero a plane
+    takes no points.
     """
 
     sigmas: float = 4.0
@@ -97,7 +104,7 @@ class Hits:
     """Where the points of a scan, or of several, meet the planes (N points, P planes).
 
     plane: (N,), -1 where none is seen face on.   x_hit: (N, 3) lidar frame at the slice's centre.   d [m], cosine: (N,).
-    ambiguous_m: (N,) distance of the hit to the nearest other plane.   slice_index: (N,).
+    ambiguous_m: (N,) distance along the ray from the hit to the nearest other plane (`hits_kernel`).   slice_index: (N,).
     """
 
     plane: IntArray
@@ -194,26 +201,15 @@ def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> 
     return MicroBins(filled // n_planes, filled % n_planes, scatter[filled], count[filled])
 
 
-def unpack(scatter: FloatArray) -> FloatArray:
-    """Full symmetric matrices from upper triangles. scatter: (B, 15). Returns (B, 5, 5)."""
-    full = np.empty((len(scatter), 5, 5))
-    full[:, _UPPER[0], _UPPER[1]] = scatter
-    full[:, _UPPER[1], _UPPER[0]] = scatter
-    return full
+def move_and_sum(
+    scatter: FloatArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
+) -> tuple[IntArray, FloatArray]:
+    """Scatter matrices with their hits moved rigidly, x -> R x + p, and summed over equal keys.
 
-
-def move(scatter: FloatArray, R: FloatArray, p: FloatArray) -> FloatArray:
-    """Scatter matrices with their hits moved rigidly: x -> R x + p. scatter: (B, 5, 5), R: (B, 3, 3), p: (B, 3)."""
-    A = np.zeros((len(scatter), 5, 5))
-    A[:, :3, :3] = R
-    A[:, :3, 3] = p
-    A[:, 3, 3] = A[:, 4, 4] = 1.0
-    return A @ scatter @ np.swapaxes(A, 1, 2)
-
-
-def sum_by_key(key: IntArray, values: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Distinct keys in order and the sums of their rows. key: (B,), values: (B, ...)."""
-    order = np.argsort(key, kind="stable")
-    sorted_key = key[order]
-    starts = np.flatnonzero(np.concatenate([[True], sorted_key[1:] != sorted_key[:-1]]))
-    return sorted_key[starts], np.add.reduceat(values[order], starts, axis=0)
+    scatter: (B, 15).   R: (S, 3, 3), p: (S, 3).   pose: (B,) which of them.   key: (B,).   Returns the keys in order (K,)
+    and the sums (K, 5, 5).
+    """
+    keys, place = np.unique(key, return_inverse=True)
+    total = np.zeros((len(keys), 5, 5))
+    move_and_sum_kernel(scatter, R, p, pose, place, total)
+    return keys, total

@@ -11,6 +11,12 @@ import numpy as np
 
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray
 
+#: A plane seen at a smaller cosine is taken to be seen at this one, where it is asked how far a hit is from it.
+GRAZING = 0.25
+#: Over the last quarter of a standard deviation before the gate, and of the margin, weights fall to zero: with a step
+#: there, a point that comes or goes moves the answer, which lets another one go, and so on for ever.
+RAMP = 0.25
+
 
 @numba.njit(cache=True, nogil=True)
 def hits_kernel(
@@ -34,9 +40,10 @@ def hits_kernel(
 ) -> None:
     """Fills plane (-1: none), slice_index, x_hit (N, 3), d, cosine, beside (N,) for points xyz (N, 3) at offset_s (N,).
 
-    first_slice: (N,) that of each point's scan; offset_s counts from its beginning.   n_lidar: (S, P, 3), w_lidar: (S, P):
-    the planes as seen by the lidar at each slice's centre.   omega, v: (S, 3), lidar axes.   min_azimuth_cosine: of the
-    azimuth's cosine, -2 for all.
+    beside: distance along the ray to the nearest other plane, as seen at a cosine of GRAZING at least.   first_slice: (N,)
+    that of each point's scan; offset_s counts from its beginning.   n_lidar: (S, P, 3), w_lidar: (S, P): the planes as
+    seen by the lidar at each slice's centre.   omega, v: (S, 3), lidar axes.   min_azimuth_cosine: of the azimuth's
+    cosine, -2 for all.
     """
     n_planes = n_lidar.shape[1]
     D = np.empty(n_planes)
@@ -79,7 +86,7 @@ def hits_kernel(
         nearest = np.inf
         for j in range(n_planes):
             if j != best:
-                nearest = min(nearest, abs(D[j] - error * C[j]))
+                nearest = min(nearest, abs(D[j] - error * C[j]) / max(abs(C[j]), GRAZING))
         beside[i] = nearest
 
 
@@ -185,11 +192,16 @@ def select_kernel(
         extra = extra_of_plane_m[j]
         variance = (range_std_m * cosine[i]) ** 2 + surface_std_m**2
         std = np.sqrt(variance)
-        if extra < 0.0 or not abs(d[i]) < sigmas * std + extra or not ambiguous_m[i] > margin_m:
+        room = sigmas * std + extra - abs(d[i])
+        clear = ambiguous_m[i] - (1.0 - RAMP) * margin_m
+        if extra < 0.0 or not room > 0.0 or not clear > 0.0:
             continue
         keep[i] = True
         shortfall = max(1.0 - (d[i] / (robust_sigmas * std + extra)) ** 2, 0.0)
-        weight[i] = shortfall**2 / (variance + (extra / extra_stds) ** 2)
+        edge = min(room / (RAMP * std), 1.0)
+        if margin_m > 0.0:
+            edge *= min(clear / (RAMP * margin_m), 1.0)
+        weight[i] = edge * shortfall**2 / (variance + (extra / extra_stds) ** 2)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -218,3 +230,33 @@ def collapse_kernel(
                 scatter[b, place] += weight[i] * y[row] * y[column]
                 place += 1
         count[b] += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def move_and_sum_kernel(
+    scatter: FloatArray, R: FloatArray, p: FloatArray, pose: IntArray, place: IntArray, total: FloatArray
+) -> None:
+    """Adds A M A', A = diag([R p; 0 1], 1) of its pose, of every packed M (B, 15) to total (K, 5, 5) at its place (B,)."""
+    M, A, half = np.empty((5, 5)), np.empty((3, 4)), np.empty((5, 5))
+    for b in range(scatter.shape[0]):
+        packed = 0
+        for r in range(5):
+            for c in range(r, 5):
+                M[r, c] = M[c, r] = scatter[b, packed]
+                packed += 1
+        for r in range(3):
+            for c in range(3):
+                A[r, c] = R[pose[b], r, c]
+            A[r, 3] = p[pose[b], r]
+        for r in range(5):
+            for c in range(5):
+                half[r, c] = M[r, c]
+                if r < 3:
+                    half[r, c] = A[r, 0] * M[0, c] + A[r, 1] * M[1, c] + A[r, 2] * M[2, c] + A[r, 3] * M[3, c]
+        for r in range(5):
+            for c in range(3):
+                total[place[b], r, c] += (
+                    half[r, 0] * A[c, 0] + half[r, 1] * A[c, 1] + half[r, 2] * A[c, 2] + half[r, 3] * A[c, 3]
+                )
+            for c in range(3, 5):
+                total[place[b], r, c] += half[r, c]

@@ -1,4 +1,4 @@
-"""Single rotations for compiled loops, which cannot call so3.py. Twins of its exp and log."""
+"""Single rotations for compiled loops, which cannot call so3.py, and small triangles by the thousand."""
 
 from __future__ import annotations
 
@@ -36,6 +36,22 @@ def turn_into(A: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """Out = A x.   A: (3, 3).   x, out: (3,)."""
     for r in range(3):
         out[r] = A[r, 0] * x[0] + A[r, 1] * x[1] + A[r, 2] * x[2]
+
+
+@numba.njit(cache=True, nogil=True)
+def invert_lower(L: FloatArray, inverse: FloatArray) -> None:
+    """Fills inverse (N, n, n) with those of lower triangular matrices L (N, n, n)."""
+    n = L.shape[1]
+    for k in range(L.shape[0]):
+        for c in range(n):
+            for r in range(n):
+                if r < c:
+                    inverse[k, r, c] = 0.0
+                    continue
+                value = 1.0 if r == c else 0.0
+                for m in range(c, r):
+                    value -= L[k, r, m] * inverse[k, m, c]
+                inverse[k, r, c] = value / L[k, r, r]
 
 
 @numba.njit(cache=True, nogil=True)

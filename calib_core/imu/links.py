@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.geometry import cross, exp, hat, right_jacobian
+from calib_core.geometry.compiled import invert_lower
 from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.types import BoolArray, FloatArray
 
@@ -237,6 +238,8 @@ def _sqrt_info(up: UpsampledImu, accel_bias: FloatArray, noise: NoiseDensity) ->
         cov[:, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3] = np.swapaxes(block, 1, 2)
     scale = np.sqrt(np.einsum("lii->li", cov))
     lower = np.linalg.cholesky(cov / (scale[:, :, None] * scale[:, None, :]))
-    sqrt_info = np.linalg.inv(lower) / scale[:, None, :]
+    sqrt_info = np.empty_like(lower)
+    invert_lower(lower, sqrt_info)
+    sqrt_info /= scale[:, None, :]
     sqrt_info[~up.linked] = 0.0
     return sqrt_info

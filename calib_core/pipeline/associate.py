@@ -20,10 +20,8 @@ from calib_core.factors.bins import (
     cells_of,
     collapse,
     find_hits,
-    move,
+    move_and_sum,
     select,
-    sum_by_key,
-    unpack,
 )
 from calib_core.factors.extent import ExtentSurvey, PlaneExtents
 from calib_core.pipeline.context import Clocks
@@ -239,15 +237,14 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     p = (Rk_t @ (poses.p - knots.p[knot])[..., None])[..., 0]
     use = np.flatnonzero(poses.usable[of_slice])
     of_slice = of_slice[use]
-    moved = move(unpack(micro.scatter[use]), R[of_slice], p[of_slice])
     n_planes = len(estimate.normals)
     key = knot[of_slice] * n_planes + micro.plane[use]
     if len(key) == 0:
         empty = np.zeros(0, np.int64)
         return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s)
-    keys, scatter = sum_by_key(key, moved)
-    _, count = sum_by_key(key, micro.count[use].astype(np.float64))
-    return Bins(keys // n_planes, keys % n_planes, scatter, count.astype(np.int64), estimate.time_offset_s)
+    keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
+    count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
+    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s)
 
 
 def survey(

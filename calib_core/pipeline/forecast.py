@@ -29,8 +29,8 @@ from calib_core.pipeline.context import Context, NoStart
 from calib_core.pipeline.extend import extend
 from calib_core.pipeline.follow import Followed, follow
 from calib_core.pipeline.full import (
-    BIAS_NODE_SPACING_S,
     Start,
+    bias_nodes,
     first_estimate,
     knots_over,
     standing_priors,
@@ -41,7 +41,7 @@ from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import propose_planes, scan_points
 from calib_core.pipeline.register import ScanMotion
 from calib_core.pipeline.rounds import Rounds
-from calib_core.pipeline.state import CALIBRATION, BiasNodes
+from calib_core.pipeline.state import CALIBRATION
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
@@ -257,7 +257,7 @@ def _preview(
     whole = whole[: inside + round(_CARRIED_S / (whole[1] - whole[0]))]
     imu = ctx.recording.imu
     readings = upsample(ctx.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, ctx.hyper)
-    nodes = BiasNodes.spread(whole, BIAS_NODE_SPACING_S)
+    nodes = bias_nodes(whole)
     estimate = first_estimate(lidar, start, whole[:inside], followed.planes, len(nodes.times_s))
     scan_s, reference = ctx.clocks.scan_s, followed.reference
     covered = (scan_s > whole[0] + offset - 0.5) & (scan_s < whole[-1] + offset)

@@ -34,7 +34,9 @@ from calib_core.pipeline.state import BiasNodes, Estimate
 from calib_core.pipeline.track import track
 from calib_core.types import FloatArray, InitialGuess, Plane
 
-BIAS_NODE_SPACING_S = 5.0
+#: Between the nodes of the biases: closer in a short recording, where it costs nothing.
+_NODES_S = 5.0
+_CLOSEST_NODES_S, _FEW_NODES = 2.5, 14
 #: With less turning than this (rms) the gyroscope says nothing of the rotation, and the accelerometer has to.
 LEAST_TURNING_RAD_S = 0.03
 #: Of an IMU that nobody has named: gyroscope [rad/s per sqrt(s)], accelerometer [m/s2 per sqrt(s)]. Three times what good
@@ -155,6 +157,15 @@ def knots_over(imu_s: FloatArray, first_s: float, last_s: float, time_offset_s: 
     return np.asarray(origin + spacing * np.arange(first, last + 1), dtype=np.float64)
 
 
+def bias_nodes(knots_s: FloatArray) -> BiasNodes:
+    """Where biases that walk are estimated. knots_s: (K,).
+
+    Between nodes a walk strays from the straight line by half of what it walks in that time.
+    """
+    few = float(knots_s[-1] - knots_s[0]) / (_FEW_NODES - 1)
+    return BiasNodes.spread(knots_s, float(np.clip(few, _CLOSEST_NODES_S, _NODES_S)))
+
+
 def standing_priors(ctx: Context, start: Estimate, guess: InitialGuess | None) -> Priors:
     """The contract's standing prior, the user's own, gravity's and the bias walks'."""
     settings = ctx.settings
@@ -207,7 +218,7 @@ def solve(
     imu = ctx.recording.imu
     ctx.stage("associate", 0.0, "interpolating the IMU")
     readings = upsample(ctx.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, ctx.hyper)
-    nodes = BiasNodes.spread(whole, BIAS_NODE_SPACING_S if ctx.settings.bias_model == "random-walk" else None)
+    nodes = bias_nodes(whole) if ctx.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
     estimate = first_estimate(lidar, start, whole[:inside], planes, len(nodes.times_s))
     covered = (ctx.clocks.scan_s > whole[0] + offset - 0.5) & (ctx.clocks.scan_s < whole[-1] + offset)
     rounds = Rounds(

@@ -124,12 +124,17 @@ class JointProblem:
         normals = estimate.normals + np.einsum("pi,pij->pj", planes[:, :2], axes)
         # Turning a normal about the origin and renormalising: the offset follows the same scale.
         length = np.linalg.norm(normals, axis=1)
+        # Gravity turns, and its magnitude changes, each by what the step says: a magnitude that is given to a ten-millionth
+        # would let no step pass that adds to its square.
+        gravity = estimate.gravity + s[GRAVITY]
+        magnitude = float(np.linalg.norm(estimate.gravity))
+        gravity *= (magnitude + float(estimate.gravity @ s[GRAVITY]) / magnitude) / float(np.linalg.norm(gravity))
         return Estimate(
             states=estimate.states.moved(solution.step),
             R_imu_lidar=estimate.R_imu_lidar @ exp(s[0:3]),
             p_imu_lidar=estimate.p_imu_lidar + s[3:6],
             time_offset_s=estimate.time_offset_s + float(s[6]),
-            gravity=estimate.gravity + s[GRAVITY],
+            gravity=gravity,
             gyro_bias=estimate.gyro_bias + s[layout.gyro_bias()].reshape(-1, 3),
             accel_bias=estimate.accel_bias + s[layout.accel_bias()].reshape(-1, 3),
             normals=normals / length[:, None],

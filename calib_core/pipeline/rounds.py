@@ -41,8 +41,8 @@ _COARSE_TOLERANCE = 0.05
 #: a gate laid about a wrong motion keeps those points that confirm it. Nothing that matters depends on the last of those
 #: moves, but whether two starts end at the same cost to a millionth does: a point more or less is a ten-millionth of it.
 _SETTLED = 0.3
-_UNMOVED = 5e-5
-_SETTLING = 5
+_UNMOVED = 2e-6
+_SETTLING = 8
 #: Room in the gates while planes' extents are learnt, and while the motion settles.
 _LEARNING_M = 0.02
 _SETTLING_M = 0.01

@@ -8,7 +8,7 @@ thing for every unknown: the answer would move by a negligible part of its own u
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Generic, Protocol, TypeVar
 
@@ -65,9 +65,28 @@ def minimise(
     on_step: Callable[[E, float, ArrowSolution], None] | None = None,
 ) -> Minimum[E]:
     """The least-squares estimate from a start. tolerance: of the predicted decrease of the cost."""
+    end, system, damping = _descend(problem, estimate, max_iterations, tolerance, on_step)
+    if damping == 0.0 or system is None or end.solution is None:
+        return end
+    # The damped equations are no information: with them, what is hardly known would pass for known.
+    try:
+        return replace(end, solution=solve_arrow(system))
+    except NotPositiveDefinite:
+        return replace(end, solution=None, outcome=Outcome.SINGULAR)
+
+
+def _descend(
+    problem: Problem[E],
+    estimate: E,
+    max_iterations: int,
+    tolerance: float,
+    on_step: Callable[[E, float, ArrowSolution], None] | None,
+) -> tuple[Minimum[E], ArrowSystem | None, float]:
+    """Where it ended, the last linearisation and the damping of its solution."""
     cost = problem.cost(estimate)
-    damping = 0.0
+    damping = used = 0.0
     solution: ArrowSolution | None = None
+    system: ArrowSystem | None = None
     first = np.inf
     for iteration in range(max_iterations):
         system = problem.linearise(estimate)
@@ -75,7 +94,7 @@ def minimise(
         candidate, new_cost = estimate, cost
         for _ in range(12):
             try:
-                solution = solve_arrow(system, damping=damping)
+                solution, used = solve_arrow(system, damping=damping), damping
             except NotPositiveDefinite:
                 damping = max(damping * 10.0, 1e-9)
                 continue
@@ -87,16 +106,16 @@ def minimise(
                 accepted = True
                 break
             if solution.predicted_decrease < tolerance * max(1.0, 1e-6 * cost):
-                return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first)
+                return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first), system, used
             damping = max(damping * 10.0, 1e-6)
         if solution is None:
-            return Minimum(estimate, cost, None, Outcome.SINGULAR, iteration + 1, first)
+            return Minimum(estimate, cost, None, Outcome.SINGULAR, iteration + 1, first), system, used
         if not accepted:
-            return Minimum(estimate, cost, solution, Outcome.STALLED, iteration + 1, first)
+            return Minimum(estimate, cost, solution, Outcome.STALLED, iteration + 1, first), system, used
         estimate, cost = candidate, new_cost
         if on_step is not None:
             on_step(estimate, cost, solution)
         if damping == 0.0 and solution.predicted_decrease < tolerance:
-            return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first)
+            return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first), system, used
         damping = 0.0 if damping <= 1e-6 else damping * 0.1
-    return Minimum(estimate, cost, solution, Outcome.EXHAUSTED, max_iterations, first)
+    return Minimum(estimate, cost, solution, Outcome.EXHAUSTED, max_iterations, first), system, used

@@ -17,10 +17,8 @@ from calib_core.factors.bins import (
     cells_of,
     collapse,
     find_hits,
-    move,
+    move_and_sum,
     select,
-    sum_by_key,
-    unpack,
 )
 from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
@@ -122,7 +120,7 @@ def test_collapsed_cost_is_the_range_residuals_cost_and_so_is_its_gradient() -> 
 
 
 def test_moving_a_bin_is_moving_the_plane_it_is_seen_from() -> None:
-    """Fails when `move` uses A' M A, or leaves the translation out.
+    """Fails when A' M A is taken, or the translation is left out.
 
     Points in one frame and the plane seen from it, or both in a frame R, p further on: the same cost.
     """
@@ -135,12 +133,13 @@ def test_moving_a_bin_is_moving_the_plane_it_is_seen_from() -> None:
     n_there = (R @ n[..., None])[..., 0]
     there = np.column_stack([n_there, w - np.einsum("bi,bi->b", n_there, p), np.ones(8)])
     cost_here = np.einsum("bi,bij,bj->b", here, scatter, here)
-    moved = move(scatter, R, p)
+    _, moved = move_and_sum(scatter[:, *np.triu_indices(5)], R, p, np.arange(8), np.arange(8))
     np.testing.assert_allclose(np.einsum("bi,bij,bj->b", there, moved, there), cost_here, rtol=1e-10)
     x = np.einsum("bij,bnj->bni", R, y[:, :, :3]) + p[:, None, :]
     directly = np.concatenate([x, y[:, :, 3:]], axis=2)
     np.testing.assert_allclose(moved, np.swapaxes(directly, 1, 2) @ directly, atol=1e-9)
-    back = move(moved, np.swapaxes(R, 1, 2), -np.einsum("bji,bj->bi", R, p))
+    back_R, back_p = np.swapaxes(R, 1, 2), -np.einsum("bji,bj->bi", R, p)
+    _, back = move_and_sum(moved[:, *np.triu_indices(5)], back_R, back_p, np.arange(8), np.arange(8))
     np.testing.assert_allclose(back, scatter, atol=1e-9)
 
 
@@ -181,7 +180,8 @@ def test_field_of_view_keeps_azimuths() -> None:
 
 
 def test_selection_and_weights_point_by_point() -> None:
-    """Fails when `extra_m` is left out of the gate or of the weight, or a margin is taken for a limit from above.
+    """Fails when `extra_m` is left out of the gate or of the weight, or a margin is taken for a limit from above; when
+    the weight does not fall to zero at the gate and at the margin.
 
     Twin: the rules of `Gate`, said once more in a loop.
     """
@@ -195,13 +195,18 @@ def test_selection_and_weights_point_by_point() -> None:
     extents = PlaneExtents(NORMALS, inside)
     keep, weight = select(hits, noise, gate, extents)
     without, _ = select(hits, noise, gate, None)
+    edges = set()
     for i in range(len(keep)):
         std = np.sqrt(0.02**2 * hits.cosine[i] ** 2 + 0.005**2)
-        near = abs(hits.d[i]) < 3.0 * std + 0.01 and hits.ambiguous_m[i] > 0.3
+        room, clear = 3.0 * std + 0.01 - abs(hits.d[i]), hits.ambiguous_m[i] - 0.225
+        near = room > 0 and clear > 0
         assert without[i] == near
         assert keep[i] == (near and cells[i, 0] < HALF_CELLS)
         u = hits.d[i] / (6.0 * std + 0.01)
-        assert weight[i] == pytest.approx((1 - u**2) ** 2 / (std**2 + 0.0025**2) if near else 0.0)
+        edge = min(room / (0.25 * std), 1.0) * min(clear / 0.075, 1.0)
+        edges.add(edge < 1.0)
+        assert weight[i] == pytest.approx(edge * (1 - u**2) ** 2 / (std**2 + 0.0025**2) if near else 0.0)
+    assert edges == {False, True}
     assert 0 < keep.sum() < without.sum() < len(keep)
 
 
@@ -220,14 +225,24 @@ def test_noise_of_a_distance() -> None:
     np.testing.assert_allclose(noise.distance_std_m(np.array([0.0, -1.0, 0.5])), [0.04, 0.05, np.hypot(0.015, 0.04)])
 
 
-def test_triangles_unpack_and_keys_sum() -> None:
-    """Fails when the lower triangle stays empty, or rows of equal keys that are not neighbours are not joined."""
+def unpack(scatter: FloatArray) -> FloatArray:
+    """Full symmetric matrices from upper triangles (B, 15): (B, 5, 5)."""
+    full = np.empty((len(scatter), 5, 5))
+    full[:, *np.triu_indices(5)] = scatter
+    return np.triu(full) + np.swapaxes(np.triu(full, 1), 1, 2)
+
+
+def test_bins_of_one_key_are_summed_each_from_its_own_pose() -> None:
+    """Fails when rows of equal keys that are not neighbours are not joined, or poses are counted by bins."""
     rng = np.random.default_rng(10)
     full = rng.normal(size=(6, 5, 5))
     full += np.swapaxes(full, 1, 2)
-    np.testing.assert_array_equal(unpack(full[:, *np.triu_indices(5)]), full)
-    key = np.array([4, 2, 4, 9, 2, 2])
-    keys, sums = sum_by_key(key, full)
+    R, p = Rotation.random(3, rng=rng).as_matrix(), rng.normal(size=(3, 3))
+    pose, key = np.array([0, 1, 1, 2, 0, 0]), np.array([4, 2, 4, 9, 2, 2])
+    A = np.tile(np.eye(5), (3, 1, 1))
+    A[:, :3, :3], A[:, :3, 3] = R, p
+    moved = A[pose] @ full @ np.swapaxes(A[pose], 1, 2)
+    keys, sums = move_and_sum(full[:, *np.triu_indices(5)], R, p, pose, key)
     np.testing.assert_array_equal(keys, [2, 4, 9])
     for k, total in zip(keys, sums, strict=True):
-        np.testing.assert_allclose(total, full[key == k].sum(axis=0), atol=1e-14)
+        np.testing.assert_allclose(total, moved[key == k].sum(axis=0), atol=1e-12)

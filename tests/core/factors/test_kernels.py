@@ -55,7 +55,7 @@ class Sweep:
         seen &= np.isfinite(error[at, best])
         e = error[at, best]
         with np.errstate(invalid="ignore"):
-            other = np.abs(D - e[:, None] * C)
+            other = np.abs(D - e[:, None] * C) / np.maximum(np.abs(C), 0.25)
             other[at, best] = np.inf
             x_hit = turned + shift - (e / r)[:, None] * turned
         blank = np.where(seen, 1.0, np.nan)

@@ -70,6 +70,19 @@ class Flat(Valley):
         return system
 
 
+def test_information_is_never_that_of_a_damped_step() -> None:
+    """Fails when the solution of the last, damped step is handed out: its information is more than the problem has.
+
+    The bowl's curvature is the same everywhere, so what the border has is known: 0.1 (J' J) without its chain.
+    """
+    J = np.array([[3.0, 1.0], [1.0, -1.0]])
+    H = 0.1 * J.T @ J
+    for most in (1, 3, 60):
+        end = minimise(Bowl(), np.array([5.0, -3.0]), max_iterations=most)
+        assert end.solution is not None
+        assert end.solution.information[0, 0] == pytest.approx(H[1, 1] - H[0, 1] ** 2 / H[0, 0], rel=1e-12)
+
+
 def test_valley_is_followed_to_its_minimum_and_the_cost_never_rises() -> None:
     """Fails when a step is accepted whatever its cost."""
     costs: list[float] = []

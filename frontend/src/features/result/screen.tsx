@@ -101,11 +101,13 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
 function Document({ result, verdict }: { result: CalibrationResult; verdict: string }) {
   const [direction, setDirection] = useState<Direction>("imu_lidar");
   const pose = poseOf(result, direction);
+  // What is weak has a list of its own; for those who read the file alone it is among the messages too.
+  const weak = new Set(result.observability.weak_directions?.map((one) => one.text));
   return (
     <div className={css.document}>
       <Verdict status={result.status} text={verdict} />
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
-      <Messages messages={result.messages} />
+      <Messages messages={result.messages.filter((message) => !weak.has(message.text))} />
       <Advice observability={result.observability} />
       <Quality result={result} />
     </div>
