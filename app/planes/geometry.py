@@ -99,15 +99,15 @@ def labels(proposals: PlaneProposals, planes: PlaneSet) -> NDArray[np.int16]:
     for place, patch in enumerate(planes.patches):
         owner[list(patch.members)] = place
     found: NDArray[np.int16] = owner[proposals.cloud_patch]
-    for place, patch in enumerate(planes.patches):
+    # What a box has taken from a detected patch may belong to one that was grown there: first the detected ones.
+    for place, patch in sorted(enumerate(planes.patches), key=lambda one: not one[1].members):
         if not patch.members:
             found[(found == -1) & within_patch(proposals.cloud_m, patch)] = place
-    if planes.region:
-        found[~within_region(proposals.cloud_m, planes.region)] = -1
-    for place, patch in enumerate(planes.patches):
         if patch.region:
             mine = np.flatnonzero(found == place)
             found[mine[~within_region(proposals.cloud_m[mine], patch.region)]] = -1
+    if planes.region:
+        found[~within_region(proposals.cloud_m, planes.region)] = -1
     return found
 
 

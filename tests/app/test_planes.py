@@ -289,6 +289,24 @@ def test_growing_sees_free_points_inside_the_box_only():
     assert offered.cloud_patch.max() == len(after.patches) - 1
 
 
+def test_what_a_box_has_set_free_belongs_to_the_patch_grown_there_and_merging_gives_the_wall_back():
+    """Oracle: the wall that was cut. Mutation: boxes taken off after grown patches have taken leave these without points."""
+    east = next(k for k, patch in enumerate(START.patches) if patch.name == "east")
+    whole = START.patches[east]
+    cut = edit(START, Restrict(op="restrict", index=east, sides=[Side(normal=[0, 1, 0], offset_m=0.0)]))
+    wall = PROPOSALS.cloud_patch == east
+    free = wall & (PROPOSALS.cloud_m[:, 1] < 0)
+    fitted = fit_plane(PROPOSALS.cloud_m[free])
+    found = PlanePatch(Plane("x", fitted.normal, fitted.offset_m), fitted.outline_m, int(free.sum()), 0.01, 1.0)
+    grown = edit(cut, Grow(op="grow", seed_m=PROPOSALS.cloud_m[free][0].tolist()), grow=lambda *_: found)
+    owner = labels(PROPOSALS, grown)
+    np.testing.assert_array_equal(owner == len(START.patches), free)
+    np.testing.assert_array_equal(owner == east, wall & ~free)
+    merged = edit(grown, Merge(op="merge", indices=[east, len(START.patches)])).patches[east]
+    assert merged.n_points == whole.n_points
+    assert merged.area_m2 == pytest.approx(fit_plane(PROPOSALS.cloud_m[wall]).area_m2)
+
+
 @settings(deadline=None)
 @given(st.integers(0, 10_000))
 def test_the_hull_of_many_points_is_the_hull_of_their_outer_ones(seed):
