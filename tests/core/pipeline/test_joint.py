@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from calib_core.factors.knots import KnotStates, link_residuals
 from calib_core.geometry import plane_axes
 from calib_core.imu.links import NoiseDensity, UpsampledImu, preintegrate
+from calib_core.pipeline.full import bias_nodes
 from calib_core.pipeline.joint import JointProblem, bin_jacobian
 from calib_core.pipeline.priors import PriorRow, Priors, prior_rows
 from calib_core.pipeline.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
@@ -240,6 +241,13 @@ def test_moving_moves_each_kind_of_unknown_in_its_own_way() -> None:
         tilted = e.normals[j] + u * e1 + v * e2
         np.testing.assert_allclose(m.normals[j], tilted / np.linalg.norm(tilted), atol=1e-14)
         assert m.offsets_m[j] == pytest.approx(e.offsets_m[j] + w)
+
+
+@pytest.mark.parametrize(("lasts_s", "spacing_s"), [(20.0, 2.5), (52.0, 4.0), (100.0, 5.0)])
+def test_bias_nodes_stand_closer_in_a_short_recording(lasts_s: float, spacing_s: float) -> None:
+    """Fails when every recording gets a node each 5 s: a walk strays from the straight line between them."""
+    times_s = bias_nodes(np.arange(0.0, lasts_s + 0.005, 0.01)).times_s
+    np.testing.assert_allclose(np.diff(times_s), spacing_s, rtol=1e-3)
 
 
 def test_the_map_frame_is_free() -> None:
