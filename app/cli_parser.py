@@ -173,6 +173,12 @@ def _add_solving(command: Parser) -> None:
         default=defaults.bias_model,
         help="how the IMU's biases behave (%(default)s)",
     )
+    add(
+        "--imu-sampling",
+        choices=("detect", "as-stamped", "even"),
+        default=defaults.imu_sampling,
+        help="when the IMU's readings were taken: when stamped, evenly, or what they themselves tell (%(default)s)",
+    )
     add("--random-seed", type=_natural, default=defaults.random_seed, help="seed of the plane search (%(default)s)")
     add(
         "--max-rounds",

@@ -140,6 +140,7 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             estimate_time_offset=not chosen.fix_time_offset,
             estimate_planes=not chosen.fix_planes,
             bias_model=chosen.bias_model,
+            imu_sampling=chosen.imu_sampling,
             priors=options.parse_priors(chosen.prior),
             random_seed=chosen.random_seed,
             max_rounds=chosen.max_rounds,

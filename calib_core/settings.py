@@ -71,6 +71,10 @@ class CalibrateSettings(_Settings):
     estimate_time_offset: bool = True
     estimate_planes: bool = True
     bias_model: Literal["constant", "random-walk"] = "random-walk"
+    imu_sampling: Literal["detect", "as-stamped", "even"] = Field(
+        default="detect",
+        description="when the IMU's readings were taken: when their stamps say, evenly, or what the readings themselves tell",
+    )
     priors: tuple[Prior, ...] = ()
     random_seed: int = 0
     max_rounds: int = Field(default=12, gt=0)

@@ -76,6 +76,8 @@ def _solving_words(settings: CalibrateSettings) -> list[str]:
         words.append("--fix-planes")
     if settings.bias_model != defaults.bias_model:
         words += ["--bias-model", settings.bias_model]
+    if settings.imu_sampling != defaults.imu_sampling:
+        words += ["--imu-sampling", settings.imu_sampling]
     if settings.random_seed != defaults.random_seed:
         words += ["--random-seed", str(settings.random_seed)]
     if settings.max_rounds != defaults.max_rounds:

@@ -10,7 +10,7 @@ import platform
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -30,6 +30,7 @@ from calib_core.pipeline.plausible import gravity_std, implausible, inflation, s
 from calib_core.pipeline.propose import find_reference, propose_planes
 from calib_core.pipeline.report import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.pipeline.rounds import Solved
+from calib_core.pipeline.sampling import as_taken
 from calib_core.presets import find_imu_preset
 from calib_core.result import (
     CalibrationResult,
@@ -181,6 +182,7 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
         solved.problem.priors,
         inflation=inflation(ctx, solved, frozen_offset=frozen),
         frozen_offset=frozen,
+        offset_std_s=ctx.clocks.jitter_mean_std_s,
     )
     if not knowledge.rotation_known:
         return refuse(
@@ -193,9 +195,10 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
 def make_context(
     recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel
 ) -> Context:
-    """Clocks and the IMU's noise and interpolation, once for the whole run."""
+    """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
     on_event(StageEvent(stage="initialise", fraction=0.0, text="noise of the IMU"))
-    clocks = read_clocks(recording)
+    recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
+    clocks = replace(read_clocks(recording), jitter_mean_std_s=jitter_mean_std_s)
     imu = recording.imu
     noise = _imu_noise(recording, settings, clocks, on_event)
     pool = ThreadPoolExecutor(1)

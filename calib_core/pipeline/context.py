@@ -28,7 +28,8 @@ class NoStart(Exception):
 class Clocks:
     """Both clocks in seconds of their own epochs. lidar time = imu time + offset, |offset| small after coarse alignment.
 
-    imu_s: (Q,).   scan_s: (M,) first points' times.   sweep_s: (M,) last point after the first.
+    imu_s: (Q,).   scan_s: (M,) first points' times.   sweep_s: (M,) last point after the first.   jitter_mean_std_s: what
+    the time offset is unsure by because the mean of the stamps' jitter is part of it.
     """
 
     lidar_epoch_ns: int
@@ -36,6 +37,7 @@ class Clocks:
     imu_s: FloatArray
     scan_s: FloatArray
     sweep_s: FloatArray
+    jitter_mean_std_s: float = 0.0
 
     def offset_ns(self, time_offset_s: float) -> int:
         """The contract's time offset in nanoseconds: exact epochs' difference plus the estimate."""

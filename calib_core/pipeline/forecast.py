@@ -230,7 +230,13 @@ class _Preview(Rounds):
         except NotPositiveDefinite as error:
             raise NoStart("solve.diverged", "the planes and the motion that were found do not fit together") from error
         frozen = not self.ctx.settings.estimate_time_offset
-        return assess(information, problem.priors, inflation=float(np.sqrt(share)), frozen_offset=frozen)
+        return assess(
+            information,
+            problem.priors,
+            inflation=float(np.sqrt(share)),
+            frozen_offset=frozen,
+            offset_std_s=self.ctx.clocks.jitter_mean_std_s * float(np.sqrt(share)),
+        )
 
 
 def _preview(

@@ -107,9 +107,17 @@ def _is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:
 
 
 def assess(
-    information: FloatArray, priors: Priors, *, inflation: float = 1.0, frozen_offset: bool = False
+    information: FloatArray,
+    priors: Priors,
+    *,
+    inflation: float = 1.0,
+    frozen_offset: bool = False,
+    offset_std_s: float = 0.0,
 ) -> Knowledge:
-    """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations."""
+    """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations.
+
+    offset_std_s: an error of the time offset that no residual knows of, added to its variance unless it is frozen.
+    """
     data = data_information(information, priors) / inflation**2
     if frozen_offset:
         data[6, :] = data[:, 6] = 0.0
@@ -133,6 +141,9 @@ def assess(
     for row in priors.rows:
         rows[row.column] += 1.0 / row.std**2
     covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
+    if not frozen_offset:
+        covariance[6, 6] += offset_std_s**2
+        data_std[6] = np.hypot(data_std[6], offset_std_s)
     rotation = np.linalg.eigvalsh(data[:3, :3])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / 5.0**2))
 

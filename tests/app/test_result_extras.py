@@ -99,7 +99,7 @@ def test_walls_and_scans_are_measured_within_their_outlines():
         CalibrateSettings(points_per_plane_per_scan=50, field_of_view_deg=60.5, bias_model="constant", max_rounds=4),
         CalibrateSettings(gravity=Gravity(magnitude_m_s2=9.81, std_m_s2=0.0), estimate_planes=False),
         CalibrateSettings(priors=(Prior(axis="tz", value=-0.3, std=0.01), Prior(axis="rx", value=0.1, std=1 / 3))),
-        CalibrateSettings(imu_noise="mti-3"),
+        CalibrateSettings(imu_noise="mti-3", imu_sampling="as-stamped"),
     ],
 )
 def test_the_command_asks_for_the_same(settings):

@@ -50,6 +50,19 @@ def _all(value: float, **changed: float) -> FloatArray:
     return spread
 
 
+def test_what_no_residual_knows_of_the_clocks_is_added_to_the_offset_alone() -> None:
+    """Mutation: added to the standard deviation instead of the variance, or although the offset is held."""
+    priors = _priors()
+    information = _information(_all(GOOD), np.eye(7), priors)
+    plain, widened = assess(information, priors), assess(information, priors, offset_std_s=3e-4)
+    expected = plain.covariance.copy()
+    expected[6, 6] += 9e-8
+    np.testing.assert_allclose(widened.covariance, expected, rtol=1e-12)
+    assert widened.data_std[6] == pytest.approx(np.hypot(plain.data_std[6], 3e-4))
+    held = assess(information, priors, frozen_offset=True, offset_std_s=3e-4)
+    np.testing.assert_array_equal(held.covariance, assess(information, priors, frozen_offset=True).covariance)
+
+
 def test_what_is_well_known_is_reported_with_its_own_spread() -> None:
     """Fails when the rest is not eliminated (the block of the information is inverted instead of the whole).
 

@@ -650,6 +650,13 @@ export interface components {
              */
             imu_noise?: components["schemas"]["ImuNoise"] | string | null;
             /**
+             * Imu Sampling
+             * @description when the IMU's readings were taken: when their stamps say, evenly, or what the readings themselves tell
+             * @default detect
+             * @enum {string}
+             */
+            imu_sampling: "detect" | "as-stamped" | "even";
+            /**
              * Max Rounds
              * @default 12
              */
@@ -1623,6 +1630,7 @@ export interface components {
              *         "magnitude_m_s2": 9.807,
              *         "std_m_s2": 0.02
              *       },
+             *       "imu_sampling": "detect",
              *       "max_rounds": 12,
              *       "method": "full",
              *       "priors": [],

@@ -55,6 +55,8 @@ function choices(run: Run): string {
     settings.estimate_time_offset ? "" : "clock held",
     settings.estimate_planes ? "" : "planes held",
     settings.bias_model === "constant" ? "constant biases" : "",
+    settings.imu_sampling === "even" ? "IMU taken as sampled evenly" : "",
+    settings.imu_sampling === "as-stamped" ? "IMU taken as stamped" : "",
     priors.length === 0 ? "" : `${priors.length} ${priors.length === 1 ? "prior" : "priors"}`,
     ...spans.map((span) => `without ${fixed(Number(span[0]), 1)} to ${fixed(Number(span[1]), 1)} s`),
     planes.length === 0 ? "" : `${planes.length} planes`,

@@ -1,0 +1,117 @@
+"""Jitter on the stamps of a whole recording: what is said, what may be asked for instead, and what it does to the answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.events import LogEvent
+from calib_core.pipeline.calibrate import Calibration, calibrate
+from calib_core.pipeline.sampling import as_taken
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth, prepare
+from calib_core.simulate.imu import measure
+from calib_core.simulate.motion import seconds
+from calib_core.types import FloatArray, ImuData, Recording
+
+JITTER_S = 0.002
+
+
+def _said(recording: Recording, settings: CalibrateSettings) -> tuple[Recording, float, list[str]]:
+    heard: list[LogEvent] = []
+    taken, std_s = as_taken(
+        recording, settings, lambda event: heard.append(event) if isinstance(event, LogEvent) else None
+    )
+    assert {event.code for event in heard} <= {"imu.sampling"}
+    return taken, std_s, [event.text for event in heard]
+
+
+def _jittered(recording: Recording, seed: int = 0) -> tuple[Recording, FloatArray]:
+    """The same readings with stamps that are wrong by up to 2 ms, and by how much [s]."""
+    imu = recording.imu
+    wrong_ns = np.rint(np.random.default_rng(seed).uniform(-JITTER_S, JITTER_S, len(imu.stamps_ns)) * 1e9).astype(
+        np.int64
+    )
+    wrong_s = np.asarray(wrong_ns * 1e-9, dtype=np.float64)
+    return replace(recording, imu=replace(imu, stamps_ns=imu.stamps_ns + wrong_ns)), wrong_s
+
+
+def test_even_stamps_are_not_touched_and_nothing_is_said(noisy: tuple[Recording, Truth]) -> None:
+    """Mutation: let the line's rounding into every recording, or tell everyone of no jitter."""
+    taken, std_s, said = _said(noisy[0], CalibrateSettings())
+    assert taken is noisy[0]
+    assert (std_s, said) == (0.0, [])
+
+
+def test_stamps_that_jitter_are_found_and_either_reading_can_be_asked_for(noisy: tuple[Recording, Truth]) -> None:
+    """Mutation: ignore one of the settings, or leave the mean of the jitter out."""
+    jittered, wrong_s = _jittered(noisy[0])
+    taken, std_s, said = _said(jittered, CalibrateSettings())
+    left_s = (taken.imu.stamps_ns - noisy[0].imu.stamps_ns) * 1e-9
+    assert np.std(left_s) < 0.1 * np.std(wrong_s)
+    assert std_s == pytest.approx(JITTER_S / np.sqrt(3.0 * len(left_s)), rel=0.1)
+    assert len(said) == 1
+    assert "jitter by 1.1 ms, the sampling does not" in said[0]
+    assert "sampled evenly, every 10 ms" in said[0]
+    assert _said(jittered, CalibrateSettings(imu_sampling="as-stamped"))[:2] == (jittered, 0.0)
+    forced = _said(jittered, CalibrateSettings(imu_sampling="even"))
+    assert (forced[0].imu.stamps_ns == taken.imu.stamps_ns).all()
+    assert forced[2][0].endswith("as asked")
+
+
+def test_readings_taken_when_the_stamps_say_keep_them(noisy: tuple[Recording, Truth]) -> None:
+    """A sensor polled by a busy host, by the simulator's own readings at those instants. Mutation: always even."""
+    simulation = prepare(noisy[1].scenario, seed=3)
+    even_ns = simulation.imu_messages.true_ns
+    rng = np.random.default_rng(1)
+    polled_ns = even_ns + np.rint(rng.uniform(-JITTER_S, JITTER_S, len(even_ns)) * 1e9).astype(np.int64)
+    imu, truth = simulation.scenario.imu, simulation.truth
+    read = measure(imu, polled_ns, truth.imu(seconds(polled_ns)), truth.gravity_m_s2, (np.zeros(3), np.zeros(3)), rng)
+    recording = replace(noisy[0], imu=ImuData(truth.epoch_ns + polled_ns, read.gyro_rad_s, read.accel_m_s2, "/imu"))
+    taken, std_s, said = _said(recording, CalibrateSettings())
+    assert taken is recording
+    assert std_s == 0.0
+    assert len(said) == 1
+    assert "the stamps of /imu jitter by 1.1 ms, and so does the sampling" in said[0]
+    assert len(_said(recording, CalibrateSettings(imu_sampling="even"))[0].imu.stamps_ns) == len(even_ns)
+
+
+def test_asking_for_an_even_row_where_there_is_none_is_answered(noisy: tuple[Recording, Truth]) -> None:
+    """Mutation: say nothing, and leave a person to believe that it was done."""
+    imu = noisy[0].imu
+    few = replace(noisy[0], imu=ImuData(imu.stamps_ns[:60], imu.gyro_rad_s[:60], imu.accel_m_s2[:60], "/imu"))
+    taken, std_s, said = _said(few, CalibrateSettings(imu_sampling="even"))
+    assert (taken, std_s) == (few, 0.0)
+    assert "follow no even sampling" in said[0]
+
+
+def test_jitter_costs_the_answer_its_mean_and_no_more(noisy: tuple[Recording, Truth], calibrated: Calibration) -> None:
+    """Against the answer of the same readings with true stamps: fast motion, where 1.2 ms is 20 times the gyroscope's noise.
+
+    Mutations: solve with the stamps as they are; leave the mean's variance out of the time offset's.
+    """
+    jittered, wrong_s = _jittered(noisy[0])
+    result = calibrate(jittered, CalibrateSettings()).result
+    plain = calibrated.result
+    assert result.T_imu_lidar is not None
+    assert plain.T_imu_lidar is not None
+    assert result.uncertainty is not None
+    assert plain.uncertainty is not None
+    std = np.sqrt(np.diag(np.array(plain.uncertainty.covariance)))
+    T, T_plain = np.array(result.T_imu_lidar.matrix), np.array(plain.T_imu_lidar.matrix)
+    assert (np.abs(T[:3, 3] - T_plain[:3, 3]) < 1.0 * std[3:6]).all()
+    assert np.linalg.norm(T[:3, :3] - T_plain[:3, :3]) < 1.0 * np.linalg.norm(std[:3])
+    # What is left of the jitter on the line, where the rate changes fast, is what the offset cannot be told from.
+    left_s = (_said(jittered, CalibrateSettings())[0].imu.stamps_ns - noisy[0].imu.stamps_ns)[1:] * 1e-9
+    weight = np.sum(np.diff(noisy[0].imu.gyro_rad_s, axis=0) ** 2, axis=1)
+    moved_s = float(weight @ left_s / weight.sum())
+    assert result.time_offset_s is not None
+    assert plain.time_offset_s is not None
+    stated_s = float(np.sqrt(np.array(result.uncertainty.covariance)[6, 6]))
+    mean_std_s = float(np.std(wrong_s) / np.sqrt(len(wrong_s)))
+    assert stated_s == pytest.approx(np.hypot(std[6], mean_std_s), rel=0.2)
+    assert abs(moved_s) > 3.0 * std[6]
+    assert abs(result.time_offset_s - plain.time_offset_s + moved_s) < 1.0 * std[6]
+    assert [message.code for message in result.messages].count("imu.sampling") == 1
