@@ -33,6 +33,8 @@ _SURE = 5.0
 #: Readings on either side that a slope is taken from, and neighbours on either side that a reading is expected from.
 _SLOPE_SPAN, _SPAN = 5, 2
 _EXPECTED = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
+#: Readings to a block whose means are compared.
+_BLOCK = 50
 #: Standard deviations by which beta has to be on its side of a half.
 _DECISIVE = 3.0
 
@@ -93,7 +95,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
         jitter_s=jitter,
         in_sampling=share,
         in_sampling_std=std,
-        mean_std_s=jitter / float(np.sqrt(np.count_nonzero(in_row))),
+        mean_std_s=_std_of_mean(tau[in_row]),
     )
 
 
@@ -183,6 +185,16 @@ def _bent(number: IntArray, left: FloatArray, nodes: int) -> FloatArray:
     goal = np.bincount(cell, (1 - right) * left, count) + np.bincount(cell + 1, right * left, count)
     node = solveh_banded(banded, goal)
     return np.asarray((1 - right) * node[cell] + right * node[cell + 1], dtype=np.float64)
+
+
+def _std_of_mean(tau: FloatArray) -> float:
+    """Standard deviation of the mean. A busy host is late for a while: means of blocks know of what single stamps share."""
+    single = float(np.sqrt(np.mean(tau**2) / len(tau)))
+    blocks = len(tau) // _BLOCK
+    if blocks < 2:
+        return single
+    means = tau[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)
+    return max(single, float(np.sqrt(np.mean(means**2) / blocks)))
 
 
 def _share_in_sampling(

@@ -98,6 +98,18 @@ def test_both_standard_deviations_are_those_of_many_recordings() -> None:
     assert abs(np.mean(shares)) < 4.0 / np.sqrt(60)
 
 
+def test_jitter_that_lasts_leaves_a_mean_that_is_less_sure() -> None:
+    """A host that is late for a fifth of a second at a time. Mutation: count every stamp as if it said something new."""
+    means = []
+    for seed in range(60):
+        rng = np.random.default_rng([10, seed])
+        t = _instants(rng)
+        tau = np.repeat(rng.uniform(-JITTER_S, JITTER_S, len(t) // 20), 20)
+        sampling = _known(_stamps(t + tau), _values(t, rng))
+        means.append(_off_s(sampling, t).mean() / sampling.mean_std_s)
+    assert 0.5 < np.mean(np.square(means)) < 1.66
+
+
 def test_a_drifting_clock_bends_the_line() -> None:
     """Mutation: a straight line through a clock that runs 40 ppm faster later on (0.6 ms off in the middle)."""
     rng = np.random.default_rng(5)
