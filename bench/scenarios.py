@@ -23,6 +23,7 @@ import numpy as np
 from pydantic import BaseModel
 from scipy.stats import chi2
 
+from bench.bounds import BoundRow, read_bounds
 from bench.campaign import version_label
 from bench.runs import compare, difference
 from bench.store import RESULTS
@@ -41,6 +42,10 @@ ASKED: dict[str, tuple[str, int]] = {
     "no-rotation": ("weak", 3),
     "static": ("refused", 0),
 }
+_HEAD = (
+    "scenario", "status", "rotation", "translation", "offset", "error / bound", "stated / bound", "NEES", "of", "scans used",
+    "the same", "holds",
+)  # fmt: skip
 #: The chance that an honest answer's determined directions are called too far from the truth.
 _CHANCE = 1e-4
 
@@ -136,21 +141,23 @@ def same(first: str, second: str) -> bool:
     return bool(documents[0] == documents[1])
 
 
-def table(rows: Sequence[Row]) -> str:
-    """The page."""
+def table(rows: Sequence[Row], bounds: Mapping[str, BoundRow]) -> str:
+    """The page. bounds: by scenario, of those that have one."""
     lines = [
         "# Every scenario through the command line",
         "",
         "Written by `python -m bench.scenarios`: `unsweep simulate SCENARIO`, then `unsweep calibrate` without any option,",
         "on all cores and again on one. Rotation [deg], translation [mm], time offset [ms]: norm of the error (norm of the",
-        "stated sigmas). NEES is of the determined directions, its law chi-square with as many degrees of freedom. The same:",
-        "both documents are equal but for `quality.duration_s`.",
+        "stated sigmas). Efficiency: error over the Cramér-Rao bound of `bounds.csv`, and stated sigmas over it, rotation /",
+        "translation / time offset; one recording's error is a single draw, what many come to is in accuracy.md. NEES is of the",
+        "determined directions, its law chi-square with as many degrees of freedom. The same: both documents are equal but for",
+        "`quality.duration_s`.",
         "",
         f"{sum(row.holds for row in rows)} of {len(rows)} are as they should be.",
         "",
-        "| scenario | status | rotation | translation | offset | NEES | of | scans used | the same | holds |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | --- | --- |",
-        *map(_line, rows),
+        f"| {' | '.join(_HEAD)} |",
+        "| --- | --- |" + " ---: |" * (len(_HEAD) - 4) + " --- | --- |",
+        *(_line(row, bounds.get(row.scenario)) for row in rows),
         "",
         "## What is said where something is open",
         "",
@@ -164,11 +171,12 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def _line(row: Row) -> str:
+def _line(row: Row, bound: BoundRow | None) -> str:
+    error, stated = row.error or [], row.stated or []
+    limits = [] if bound is None else [bound.rotation_deg, bound.translation_mm, bound.offset_ms]
     cells = [row.scenario, row.status]
-    for index in range(3):
-        is_known = row.error is not None and row.stated is not None
-        cells.append(f"{_short(row.error[index])} ({_short(row.stated[index])})" if is_known else "")  # type: ignore[index]
+    cells += [f"{_short(a)} ({_short(b)})" for a, b in zip(error, stated, strict=True)] or ["", "", ""]
+    cells += [" / ".join(f"{a / b:.2f}" for a, b in zip(norms, limits, strict=False)) for norms in (error, stated)]
     cells += ["", ""] if row.nees is None else [f"{row.nees:.1f}", str(row.determined)]
     cells += [f"{row.scans_used} of {row.scans_total}", _yes(row.repeatable), _yes(row.holds)]
     return f"| {' | '.join(cells)} |"
@@ -210,7 +218,7 @@ def write_rows(rows: Mapping[str, Row], folder: Path = RESULTS) -> None:
     ordered = [rows[slug] for slug in SCENARIOS if slug in rows]
     text = json.dumps([row.model_dump() for row in ordered], indent=2)
     (folder / ROWS).write_text(text + "\n", encoding="utf-8")
-    (folder / TABLE).write_text(table(ordered), encoding="utf-8")
+    (folder / TABLE).write_text(table(ordered, read_bounds(folder)), encoding="utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

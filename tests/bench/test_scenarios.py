@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.bounds import BoundRow
 from bench.scenarios import Row, nees_of_determined, read_rows, run, same, table, write_rows
 from calib_core.pipeline.observability import UNITS
 from calib_core.result import CalibrationResult
@@ -146,17 +147,18 @@ def test_documents_may_differ_in_their_duration_only() -> None:
 
 
 def test_rows_come_back_and_the_table_says_what_fails(tmp_path: Path) -> None:
-    """Mutation: sort by name, or leave a failing row out of the count."""
+    """Mutation: sort by name, leave a failing row out of the count, or divide the bound by the error."""
     wrong = AXIS.model_copy(update={"repeatable": False})
     write_rows({row.scenario: row for row in (STILL, wrong, ROOM)}, tmp_path)
     assert list(read_rows(tmp_path)) == ["paper-normal", "one-axis", "static"]
-    text = table(list(read_rows(tmp_path).values()))
+    bound = BoundRow("paper-normal", 1, 0.005, 0.6, 0.01, (0.0,) * 7, 6, 5_000_000, 30.0)
+    text = table(list(read_rows(tmp_path).values()), {"paper-normal": bound})
     assert "2 of 3 are as they should be." in text
     assert (
-        "| paper-normal | calibrated | 0.004 (0.006) | 0.9 (0.9) | 0.02 (0.016) | 7.0 | 7 | 200 of 200 | yes | yes |"
-        in text
+        "| paper-normal | calibrated | 0.004 (0.006) | 0.9 (0.9) | 0.02 (0.016) | 0.80 / 1.50 / 2.00 | 1.20 / 1.50 / 1.60 "
+        "| 7.0 | 7 | 200 of 200 | yes | yes |" in text
     )
-    assert "| static | refused |  |  |  |  |  | 200 of 200 | yes | yes |" in text
+    assert "| static | refused |  |  |  |  |  |  |  | 200 of 200 | yes | yes |" in text
     assert "- the sensors did not move" in text
     assert "- To add: turn about another axis" in text
 
