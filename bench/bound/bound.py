@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.bound.eliminate import covariance_of_last, stepped, triangle_of
+from bench.bound.eliminate import covariance_of_last, solution_of_last, stepped, triangle_of
 from bench.bound.lidar import Faces, Returns, all_returns, faces_of, rows_of
 from bench.bound.model import CALIBRATION, Assumptions, Columns, FloatArray
-from bench.bound.motion import ImuNoise, noise_back, steps_back
+from bench.bound.motion import ImuNoise, drawn_noise, noise_back, steps_back
 from calib_core.simulate import Scenario, Simulation, Truth, prepare
 
 #: A plane that fewer returns came from is not used: its own three unknowns would eat what it says.
@@ -21,12 +21,14 @@ LEAST_RETURNS = 1000
 class Bound:
     """The bound of the 7 calibration parameters. covariance: (7, 7) in the contract's order, SI.   points: used.
 
-    planes: names of those used.   gravity_std_m_s2: of its magnitude, given everything.
+    planes: names of those used.   efficient_error: (7,) how far the efficient estimate is from the truth with the noise that
+    was really drawn for this seed, in the same order and units: an estimator as good as can be makes this error, too.
     """
 
     covariance: FloatArray
     points: int
     planes: tuple[str, ...]
+    efficient_error: FloatArray
 
     @property
     def std(self) -> FloatArray:
@@ -56,7 +58,7 @@ def bound_of(
     duration_s: float | None = None,
     assumed: Assumptions = Assumptions(),  # noqa: B008  frozen
 ) -> Bound:
-    """The bound of a recording of `calib_core.simulate`. The seed matters only for which returns were lost."""
+    """The bound of a recording of `calib_core.simulate`. To the covariance the seed matters only by which returns were lost."""
     simulation = prepare(scenario, seed=seed, duration_s=duration_s)
     truth = simulation.truth
     faces = faces_of(simulation)
@@ -64,14 +66,19 @@ def bound_of(
     counts = np.bincount(np.concatenate([s.plane for s in sweeps]), minlength=len(faces.normals))
     numbers = [int(face) for face in np.flatnonzero(counts >= LEAST_RETURNS)]
     columns, noise = unknowns(simulation, assumed, len(numbers))
-    triangle = opening(columns, assumed)
+    triangle = opening(columns, assumed, truth.gravity_m_s2)
     held = columns.held(assumed.known)
-    for back, disturbance, rows in instants(simulation, truth, faces, numbers, sweeps, columns, noise, assumed):
+    for back, disturbance, rows, drawn in instants(simulation, truth, faces, numbers, sweeps, columns, noise, assumed):
         back[:, held] = 0.0
         rows[:, held] = 0.0
-        triangle = stepped(triangle, back, disturbance, rows)
+        triangle = stepped(triangle, back, disturbance, rows, drawn)
     names = tuple(simulation.scenario.scene.faces[face].name for face in numbers)
-    return Bound(covariance_of_last(triangle, CALIBRATION), int(counts[numbers].sum()), names)
+    return Bound(
+        covariance_of_last(triangle, CALIBRATION),
+        int(counts[numbers].sum()),
+        names,
+        solution_of_last(triangle, CALIBRATION),
+    )
 
 
 def unknowns(simulation: Simulation, assumed: Assumptions, planes: int) -> tuple[Columns, ImuNoise]:
@@ -86,14 +93,19 @@ def unknowns(simulation: Simulation, assumed: Assumptions, planes: int) -> tuple
     return Columns(noise.gyro_walk > 0 or noise.accel_walk > 0, planes), noise
 
 
-def opening(columns: Columns, assumed: Assumptions) -> FloatArray:
-    """What is known before the first instant: the frame's gauge, gravity's magnitude, and what is held as known."""
-    gauge = np.zeros((6, columns.size))
+def opening(columns: Columns, assumed: Assumptions, gravity_m_s2: float) -> FloatArray:
+    """What is known before the first instant: the frame's gauge, gravity's magnitude, and what is held as known.
+
+    gravity_m_s2: the true one.   Returns (size, size + 1), the right-hand side last.
+    """
+    gauge = np.zeros((6, columns.size + 1))
     gauge[:3, columns.turn] = gauge[3:, columns.position] = np.eye(3) / assumed.gauge_std
-    magnitude = np.zeros((1, columns.size))
-    magnitude[0, columns.gravity.stop - 1] = 1.0 / assumed.gravity_std_m_s2  # world z is along gravity
-    held = np.eye(columns.size)[columns.held(assumed.known)]
-    return triangle_of(np.vstack([gauge, magnitude, held]))
+    magnitude = np.zeros((1, columns.size + 1))
+    # World z is against gravity: an error upwards makes it smaller.
+    magnitude[0, columns.gravity.stop - 1] = 1.0 / assumed.gravity_std_m_s2
+    magnitude[0, -1] = (gravity_m_s2 - assumed.gravity_m_s2) / assumed.gravity_std_m_s2
+    held = np.eye(columns.size, columns.size + 1)[columns.held(assumed.known)]
+    return triangle_of(np.vstack([gauge, magnitude, held]))[: columns.size]
 
 
 def instants(
@@ -105,19 +117,22 @@ def instants(
     columns: Columns,
     noise: ImuNoise,
     assumed: Assumptions,
-) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Step by step: errors before it from those after it, from its noise, and the rows of the returns around its end."""
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """Step by step: errors before it from those after it, from its noise, the rows of the returns around its end, and what was
+    drawn for its noise."""
     h = assumed.step_s
     first_s, last_s = float(sweeps[0].t_s.min()), float(max(s.t_s.max() for s in sweeps if len(s.t_s)))
     n = int(np.ceil((last_s - first_s) / h)) + 1
-    middles = truth.imu(np.asarray(first_s + h * (np.arange(n) - 0.5), dtype=np.float64))
+    middles_s = np.asarray(first_s + h * (np.arange(n) - 0.5), dtype=np.float64)
+    middles = truth.imu(middles_s)
     force = middles.a_m_s2 - truth.gravity_world_m_s2
     back = steps_back(middles.R_world, force, h, columns)
     disturbance = noise_back(force, h, noise, columns)
+    drawn = drawn_noise(simulation, truth, middles_s, middles.R_world, h, noise, columns)
     scenario = simulation.scenario
     range_std_m = scenario.lidar.range_std_m * assumed.range_noise_factor
     pending = iter(sweeps)
-    rows = np.zeros((0, columns.size))
+    rows = np.zeros((0, columns.size + 1))
     nearest = np.zeros(0, dtype=np.intp)
     more = True
     for number in range(n):
@@ -132,5 +147,5 @@ def instants(
             new = rows_of(seen, truth.R_imu_lidar, faces, numbers, after_s, range_std_m, columns)
             rows, nearest = np.vstack([rows, new]), np.concatenate([nearest, mine])
         end = int(np.searchsorted(nearest, number, side="right"))
-        yield back[number], disturbance[number], rows[:end]
+        yield back[number], disturbance[number], rows[:end], drawn[number]
         rows, nearest = rows[end:], nearest[end:]

@@ -26,7 +26,8 @@ class Returns:
     """Returns from planes. t_s: (N,) of their firing column.   plane: (N,) face of the scene.   x_m: (N, 3) where the ray
     met it, lidar frame.   hit_m: (N, 3) the same in the world.   arm_m: (N, 3) from the IMU to it, world.
     R_imu: (N, 3, 3).   sweep_m_s: (N, 3) velocity of the hit's place if it were fixed to the rig, world.
-    cosine: (N,) normal . ray, negative.   beside_m: (N,) distance to the nearest other plane.
+    cosine: (N,) normal . ray, negative.   beside_m: (N,) distance to the nearest other plane.   range_error_m: (N,) of what
+    the lidar measured.
     """
 
     t_s: FloatArray
@@ -38,6 +39,7 @@ class Returns:
     sweep_m_s: FloatArray
     cosine: FloatArray
     beside_m: FloatArray
+    range_error_m: FloatArray
 
     def chosen(self, which: NDArray[np.bool_] | slice) -> Returns:
         """Some of them."""
@@ -97,6 +99,7 @@ def returns_of(simulation: Simulation, truth: Truth, faces: Faces, index: int) -
         sweep_m_s=imu.v_m_s[column] + np.cross(turning, arm),
         cosine=cosine,
         beside_m=distance.min(axis=1),
+        range_error_m=np.einsum("ni,ni->n", sweep.xyz_m[column, channel] - x, ray),
     )
 
 
@@ -110,10 +113,11 @@ def rows_of(
     columns: Columns,
 ) -> FloatArray:
     """One whitened row a return. numbers: faces of the scene that are unknown planes, in the order of their columns.
-    after_s: (N,) from the instant of the moving columns to the return. Returns (N, size)."""
+    after_s: (N,) from the instant of the moving columns to the return. Returns (N, size + 1), the last column what was drawn.
+    """
     n = faces.normals[seen.plane]
     n_imu = np.einsum("nji,nj->ni", seen.R_imu, n)
-    row = np.zeros((len(n), columns.size))
+    row = np.zeros((len(n), columns.size + 1))
     row[:, columns.turn] = np.cross(seen.arm_m, n)
     row[:, columns.velocity] = n * after_s[:, None]
     row[:, columns.position] = n
@@ -126,6 +130,8 @@ def rows_of(
         place = columns.plane(number)
         row[mine, place.start : place.start + 2] = seen.hit_m[mine] @ faces.axes[face].T
         row[mine, place.start + 2] = 1.0
+    # The cosine is negative: a range too long is a point behind its plane.
+    row[:, -1] = np.abs(seen.cosine) * seen.range_error_m
     return row / (np.abs(seen.cosine) * range_std_m)[:, None]
 
 

@@ -21,7 +21,7 @@ class Assumptions:
     """What the bound supposes; the defaults are the bound itself, the others show what an estimator's choices cost.
 
     step_s: between instants.   gyro_walk [rad/s/sqrt(s)], accel_walk [m/s2/sqrt(s)]: None: the scenario's own.
-    gravity_std_m_s2: of the magnitude's prior.   gauge_std: of the first pose, which only defines the frame.
+    gravity_m_s2, gravity_std_m_s2: the magnitude's prior.   gauge_std: of the first pose, which only defines the frame.
     known: not estimated.   margin_m: returns this near another plane are not used.   min_cosine: nor those under a
     lower cosine of incidence.   imu_noise_factor, range_noise_factor: on the true standard deviations.
     """
@@ -29,6 +29,7 @@ class Assumptions:
     step_s: float = 0.0025
     gyro_walk: float | None = None
     accel_walk: float | None = None
+    gravity_m_s2: float = 9.807
     gravity_std_m_s2: float = 0.02
     gauge_std: float = 1e-3
     known: tuple[Known, ...] = ()

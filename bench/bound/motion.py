@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.bound.model import Columns, FloatArray
+from calib_core.simulate import Simulation, Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,3 +80,39 @@ def noise_back(force_m_s2: FloatArray, h_s: float, noise: ImuNoise, columns: Col
         back[:, 9:12, 6:9] = noise.gyro_walk * np.sqrt(h_s) * np.eye(3)
         back[:, 12:15, 9:12] = noise.accel_walk * np.sqrt(h_s) * np.eye(3)
     return back
+
+
+def drawn_noise(
+    simulation: Simulation,
+    truth: Truth,
+    middles_s: FloatArray,
+    R: FloatArray,
+    h_s: float,
+    noise: ImuNoise,
+    columns: Columns,
+) -> FloatArray:
+    """(N, noises) right-hand side of the noises of unit variance: the errors that undo what the IMU really drew.
+
+    A sample's noise counts for the time that is nearer to it than to its neighbours. middles_s: (N,), R: (N, 3, 3) there.
+    """
+    messages = simulation.imu_messages
+    order = np.argsort(messages.true_ns, kind="stable")
+    t_s = np.asarray(messages.true_ns[order] * 1e-9, dtype=np.float64)
+    at = truth.imu(t_s)
+    force = np.einsum("nji,nj->ni", at.R_world, at.a_m_s2 - truth.gravity_world_m_s2)
+    gyro_bias, accel_bias = messages.gyro_bias_rad_s[order], messages.accel_bias_m_s2[order]
+    gyro = messages.gyro_rad_s[order] - gyro_bias - at.omega_rad_s
+    accel = messages.accel_m_s2[order] - accel_bias - force
+    nearest = np.searchsorted(0.5 * (t_s[1:] + t_s[:-1]), middles_s)
+    root = np.sqrt(h_s)
+    parts = [
+        -np.einsum("nij,nj->ni", R, gyro[nearest]) * root / noise.gyro,
+        -np.einsum("nij,nj->ni", R, accel[nearest]) * root / noise.accel,
+    ]
+    if columns.biases_walk:
+        for bias, walk in ((gyro_bias, noise.gyro_walk), (accel_bias, noise.accel_walk)):
+            ends = [
+                np.stack([np.interp(middles_s + side * h_s / 2, t_s, axis) for axis in bias.T], 1) for side in (-1, 1)
+            ]
+            parts.append((ends[1] - ends[0]) / (walk * root) if walk > 0.0 else np.zeros_like(ends[0]))
+    return np.hstack(parts)

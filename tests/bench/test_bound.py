@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from bench.bound import Assumptions, bound_of
 from bench.bound.bound import instants, opening, unknowns
 from bench.bound.eliminate import covariance_of_last, stepped
 from bench.bound.lidar import Faces, Returns, faces_of, returns_of, rows_of
 from bench.bound.model import Columns
-from bench.bound.motion import ImuNoise, noise_back, steps_back
+from bench.bound.motion import ImuNoise, drawn_noise, noise_back, steps_back
 from calib_core.simulate import SCENARIOS, Simulation, prepare
+from calib_core.simulate.sensors import Spinning
 
 COLUMNS = Columns(biases_walk=False, planes=6)
 
@@ -173,7 +175,7 @@ def test_elimination_is_the_dense_inverse(walks: bool) -> None:
     backs[:, np.arange(moving), np.arange(moving)] += 1.0
     spreads = rng.standard_normal((steps, moving, noises)) * 0.3
     rows = rng.standard_normal((steps, 9, n))
-    triangle = opening(columns, Assumptions())
+    triangle = opening(columns, Assumptions(), 9.807)[:, :-1]
     first = triangle.copy()
     for back, spread, row in zip(backs, spreads, rows, strict=True):
         triangle = stepped(triangle, back, spread, row)
@@ -197,7 +199,7 @@ def short(simulation: Simulation, assumed: Assumptions) -> Any:
     truth, faces = simulation.truth, faces_of(simulation)
     sweeps = [returns_of(simulation, truth, faces, i).chosen(slice(0, None, 20)) for i in range(20, 60, 2)]
     columns, noise = unknowns(simulation, assumed, 6)
-    triangle = opening(columns, assumed)
+    triangle = opening(columns, assumed, truth.gravity_m_s2)
     for step in instants(simulation, truth, faces, list(range(6)), sweeps, columns, noise, assumed):
         triangle = stepped(triangle, *step)
     return covariance_of_last(triangle, 7)
@@ -219,6 +221,64 @@ def test_laws_of_the_bound(simulation: Simulation) -> None:
     assert np.all(np.linalg.eigvalsh(walking - reference) > -1e-12)
     loud = short(simulation, replace(base, imu_noise_factor=2.0, range_noise_factor=2.0, gravity_std_m_s2=0.04))
     np.testing.assert_allclose(loud, 4.0 * reference, rtol=1e-6)
+
+
+def test_a_range_that_errors_explain_is_explained(simulation: Simulation) -> None:
+    """What a return drew is on the side of the errors that would have made it. Mutation: the right-hand side's sign."""
+    faces = faces_of(simulation)
+    everything = returns_of(simulation, simulation.truth, faces, 45)
+    some = np.zeros(len(everything.t_s), dtype=bool)
+    some[::977] = True
+    seen = everything.chosen(some)
+    z = 1e-5 * np.random.default_rng(4).standard_normal(COLUMNS.size)
+    z[COLUMNS.velocity] = 0.0
+    none = np.zeros(COLUMNS.size)
+    made = [
+        predicted_range(simulation, faces, seen, i, z) - predicted_range(simulation, faces, seen, i, none)
+        for i in range(len(seen.t_s))
+    ]
+    seen = replace(seen, range_error_m=np.array(made))
+    rows = rows_of(seen, simulation.truth.R_imu_lidar, faces, list(range(6)), np.zeros(len(made)), 0.02, COLUMNS)
+    np.testing.assert_allclose(rows[:, :-1] @ z, rows[:, -1], atol=2e-3 * np.abs(rows[:, -1]).max())
+
+
+def test_noise_of_the_imu_that_was_drawn_is_undone(simulation: Simulation) -> None:
+    """Over one sample the errors of what the readings integrate to, against the readings with and without noise.
+
+    Mutations: the sign, the sample before instead of the nearest, the IMU's axes instead of the world's.
+    """
+    quiet = prepare("paper-fast", seed=1, duration_s=6.0, noise=False).imu_messages
+    noisy = simulation.imu_messages
+    sample, h = 470, 0.0025
+    middles_s = noisy.true_ns[sample] * 1e-9 + h * (np.arange(4) - 1.5)
+    middles = simulation.truth.imu(middles_s)
+    noise = ImuNoise(1e-3, 1e-2, 0.0, 0.0)
+    drawn = drawn_noise(simulation, simulation.truth, middles_s, middles.R_world, h, noise, COLUMNS)
+    back = noise_back(middles.a_m_s2 - simulation.truth.gravity_world_m_s2, h, noise, COLUMNS)
+    grown = -np.einsum("nij,nj->i", back, drawn)
+    R = simulation.truth.imu(middles_s.mean(keepdims=True)).R_world[0]
+    turned = 4 * h * R @ (noisy.gyro_rad_s - quiet.gyro_rad_s)[sample]
+    pushed = 4 * h * R @ (noisy.accel_m_s2 - quiet.accel_m_s2)[sample]
+    np.testing.assert_allclose(grown[:3], turned, atol=0.01 * np.abs(turned).max())
+    np.testing.assert_allclose(grown[3:6], pushed, atol=0.02 * np.abs(pushed).max())
+
+
+@pytest.mark.slow
+def test_the_efficient_estimate_errs_as_the_bound_says() -> None:
+    """Chi-square of 20 recordings with walking biases. Mutations: leave out what one of the sensors drew (too small), scale
+    it by the step instead of its root (too large).
+    """
+    lidar = SCENARIOS["paper-fast"].lidar
+    assert isinstance(lidar.pattern, Spinning)
+    few = replace(lidar, pattern=replace(lidar.pattern, column_period_ns=16 * lidar.pattern.column_period_ns))
+    imu = replace(SCENARIOS["paper-fast"].imu, gyroscope_random_walk=1e-3, accelerometer_random_walk=1e-2)
+    scenario = replace(SCENARIOS["paper-fast"], lidar=few, imu=imu, duration_s=5.0, gravity_m_s2=9.807)
+    nees = []
+    for seed in range(20):
+        bound = bound_of(scenario, seed=seed, assumed=Assumptions(step_s=0.005))
+        nees.append(bound.efficient_error @ np.linalg.solve(bound.covariance, bound.efficient_error))
+    low, high = chi2.ppf([0.0005, 0.9995], 7 * len(nees)) / len(nees)
+    assert low < np.mean(nees) < high
 
 
 def test_what_is_known_helps_and_what_is_left_out_costs() -> None:
