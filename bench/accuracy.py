@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from bench import draw
 from bench.accuracy_plots import plot_nees, plot_scaled_errors
 from bench.bounds import BoundRow, read_bounds
 from bench.campaign import MONTE_CARLO, read_runs
@@ -28,11 +29,13 @@ def write_report(folder: Path = RESULTS, label: str | None = None) -> Path:
     lines = [
         "# Accuracy, consistency, robustness",
         "",
-        f"Written by `python -m bench report` from `{MONTE_CARLO}`, `bounds.csv` and `{STARTS}`, where every run has its row.",
+        f"Written by `python -m bench report` from `{MONTE_CARLO}`, `bounds.csv`, `{draw.DRAWS}` and",
+        f"`{STARTS}`, where every run has its row.",
         "Errors are root mean squares over the runs of the norms of eq. (15). The bound is the Cramér-Rao bound of that",
         "block (`bench/bound`): all returns from planes; planes, gravity and biases unknown, gravity's magnitude with the prior",
         "9.807 +- 0.02 m/s2 that the estimator has by default. Efficiency is rms / bound.",
         *_accuracy_section(runs, bounds),
+        *draw.section(runs, draw.read_draws(folder)),
         *_consistency_section(runs),
         *_twin_section(runs),
         *_starts_section(latest(read_starts(folder), label)),
