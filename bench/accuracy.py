@@ -38,7 +38,7 @@ def write_report(folder: Path = RESULTS, label: str | None = None) -> Path:
         *draw.section(runs, draw.read_draws(folder)),
         *_consistency_section(runs),
         *_twin_section(runs),
-        *_starts_section(latest(read_starts(folder), label)),
+        *_starts_section([start for start in read_starts(folder) if label in (None, start.label)]),
         *_failures_section(runs),
         *_seeds_section(runs),
         "",
@@ -241,8 +241,8 @@ def _twin_section(runs: Mapping[str, list[Run]]) -> list[str]:
 
 def _starts_section(starts: Sequence[StartRun]) -> list[str]:
     rows = []
-    for kind in dict.fromkeys(run.kind for run in starts):
-        some = [run for run in starts if run.kind == kind]
+    for kind, version in dict.fromkeys((run.kind, run.label) for run in starts):
+        some = latest([run for run in starts if run.kind == kind], version)
         solved = [run for run in some if np.isfinite(run.worst_sigmas)]
         outside = [run.seed for run in some if not run.worst_sigmas <= START_SIGMAS]
         dearer = [run.seed for run in some if not abs(run.cost_excess) <= START_COST]
@@ -250,6 +250,7 @@ def _starts_section(starts: Sequence[StartRun]) -> list[str]:
         rows.append(
             [
                 kind,
+                version,
                 some[0].scenario,
                 f"{len(solved)} of {len(some)}",
                 f"{max((run.worst_sigmas for run in solved), default=np.nan):.2f}",
@@ -262,6 +263,7 @@ def _starts_section(starts: Sequence[StartRun]) -> list[str]:
         )
     head = (
         "start",
+        "version",
         "recording",
         "solved",
         "worst error [sigmas]",
@@ -277,6 +279,7 @@ def _starts_section(starts: Sequence[StartRun]) -> list[str]:
         "",
         "Random mountings over all of SO(3), lever arms to 1 m, offsets to 0.5 s (`any`); the same with clocks minutes apart",
         "or of different epochs. Each is solved without a guess and again from the truth; cost and distance compare the two.",
+        "A later version that some seeds were run again with has a row of its own.",
         "",
         *_table(head, rows),
     ]

@@ -8,6 +8,7 @@ bridged by the IMU. The last rounds use every point within four standard deviati
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -192,12 +193,21 @@ class Rounds:
     def settle(self) -> None:
         """With a part of the points, to where planes' extents, noise, gates and motion no longer change one another.
 
-        That place depends on the recording alone, not on the start values: what follows is the same from any start.
+        That place depends on the recording alone, not on the start values: what follows is the same from any start. A cell
+        whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
+        stays out.
         """
+        cells: list[BoolArray] = []
         for _ in range(_SETTLING):
             if self.ctx.settings.estimate_planes:  # otherwise the frame is that of the planes given
                 self.anchor()
-            self.learn(Gate(extra_m=_LEARNING_M, margin_m=self.margin_m))
+            learning = Gate(extra_m=_LEARNING_M, margin_m=self.margin_m)
+            if not _swings(cells):
+                extents = self.survey(learning)
+                cells.append(extents.inside)
+                if _swings(cells):
+                    self.extents = PlaneExtents(extents.normals, cells[-1] & cells[-2])
+            self.measure(learning)
             self.associate(Gate(extra_m=_SETTLING_M, margin_m=self.margin_m), stride=self.coarse_stride())
             before = self.estimate
             problem, _ = self.solve(1)  # what another step would add, the next round's first step does
@@ -288,6 +298,10 @@ class Rounds:
     def learn(self, gate: Gate) -> None:
         """How far each plane reaches and how noisy the lidar is."""
         self.survey(gate)
+        self.measure(gate)
+
+    def measure(self, gate: Gate) -> None:
+        """How noisy the lidar is, within the extents."""
         view = self.present_view()
         step = max(1, len(self.positions) // _NOISE_SCANS)
         self.lidar_noise = measure_noise(view, self.positions[::step], self.lidar_noise, gate, self.extents)
@@ -353,3 +367,10 @@ class Rounds:
             only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
             held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
         self.priors = replace(self.priors, held=tuple(held))
+
+
+def _swings(cells: Sequence[BoolArray]) -> bool:
+    """Whether the last of some surveys is the one before the last again, and the last was another."""
+    if len(cells) < 3:
+        return False
+    return np.array_equal(cells[-1], cells[-3]) and not np.array_equal(cells[-1], cells[-2])
