@@ -59,6 +59,7 @@ bench-accuracy: system-run $(STAMPS)/project $(STAMPS)/test
 	$(BIN)/python -m bench monte-carlo $(ACCURACY)
 	$(BIN)/python -m bench starts
 	$(BIN)/python -m bench starts --kinds minutes epochs --seeds 1-4
+	$(BIN)/python -m bench.scenarios
 	$(BIN)/python -m bench report
 
 bench-paper: system-run $(STAMPS)/project $(STAMPS)/test

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 
 import hatch_build
 from calib_core.simulate import simulate
-from tests.e2e.support import Api, Complaints
+from tests.e2e.support import Api, Complaints, Server
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = os.environ.get("UNSWEEP_CHROMIUM", "/usr/bin/chromium")
@@ -40,8 +40,8 @@ def bag(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def address(folder: Path) -> Iterator[str]:
-    """The address of a server started as a person starts it."""
+def server(folder: Path) -> Iterator[Server]:
+    """A server started as a person starts it."""
     hatch_build.build_client()
     shared = folder / "shared"
     shared.mkdir()
@@ -55,14 +55,20 @@ def address(folder: Path) -> Iterator[str]:
         env=environment,
         stderr=subprocess.PIPE,
         text=True,
-    ) as server:
-        assert server.stderr is not None
-        line = server.stderr.readline()
+    ) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
         found = re.search(r"http://\S+?(?=/? |/?$)", line)
         assert found is not None, f"the server did not say where it is: {line!r}"
-        yield found.group()
-        server.terminate()
-        server.communicate(timeout=20)
+        yield Server(found.group(), process.pid)
+        process.terminate()
+        process.communicate(timeout=20)
+
+
+@pytest.fixture(scope="session")
+def address(server: Server) -> str:
+    """Where the server is."""
+    return server.address
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,20 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from calib_core.simulate import simulate
-from tests.e2e.support import JOB_WAIT_S, Api, Complaints, go_on, keep_screenshot, serious_faults, until, wait_for_cloud
+from tests.e2e.support import (
+    JOB_WAIT_S,
+    Api,
+    Complaints,
+    Server,
+    go_on,
+    keep_screenshot,
+    serious_faults,
+    until,
+    wait_for_cloud,
+)
 
 both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
 
@@ -49,14 +59,15 @@ def long_recording(api: Api, tmp_path: Path) -> str:
 
 
 def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
-    page: Page, browser: Browser, address: str, api: Api, long_recording: str
+    page: Page, browser: Browser, server: Server, api: Api, long_recording: str
 ) -> None:
     """A run started in one browser is the run the other sees; what one cancels is cancelled for both.
 
     Fails with the recording's feed not telling of jobs; with every run that has ended called solved.
     """
     recording = long_recording
-    other = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    viewport: ViewportSize = {"width": 1280, "height": 720}
+    other = browser.new_context(base_url=server.address, viewport=viewport, reduced_motion="reduce")
     try:
         second = other.new_page()
         complaints = Complaints(second)
@@ -67,10 +78,11 @@ def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
         go_on(page, "Solve with")
         expect(page).to_have_url(re.compile("job="))
         job = re.findall(r"job=(\w+)", page.url)[0]
-        steps.get_by_role("link", name="Solve").click()
-        expect(second.get_by_role("heading", name="Solving")).to_be_visible()
-        expect(second.get_by_text("Start values")).to_be_visible()
-        second.get_by_role("button", name="Cancel").click()
+        with server.workers_stand_still():
+            steps.get_by_role("link", name="Solve").click()
+            expect(second.get_by_role("heading", name="Solving")).to_be_visible()
+            expect(second.get_by_text("Start values")).to_be_visible()
+            second.get_by_role("button", name="Cancel").click()
         until(lambda: api.ask("GET", f"/api/jobs/{job}")["state"] == "cancelled")
         for one in (page, second):
             expect(one.get_by_role("button", name="Run again")).to_be_visible(timeout=JOB_WAIT_S * 1000)
