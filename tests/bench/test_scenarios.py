@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bench.bounds import BoundRow
-from bench.scenarios import Row, nees_of_determined, read_rows, run, same, table, write_rows
+from bench.scenarios import Row, nees_of_determined, read_rows, row_of, run, same, table, write_rows
 from calib_core.pipeline.observability import UNITS
 from calib_core.result import CalibrationResult
 from calib_core.simulate import Truth, prepare
@@ -94,6 +95,23 @@ def test_only_what_is_determined_counts(tmp_path: Path) -> None:
     off = _result(truth, 0.05 * across + 100.0 * open_direction, weak=[open_direction])
     assert nees_of_determined(off, truth) == pytest.approx((25.0, 6), rel=1e-6)
     assert nees_of_determined(_result(truth, 0.05 * across, weak=[]), truth) == pytest.approx((25.0, 7), rel=1e-6)
+
+
+def test_a_turn_that_is_open_and_far_off_leaves_nothing_to_judge() -> None:
+    """Mutation: judge across directions that hold near another answer (seen: NEES 69104 with an honest covariance)."""
+    truth = prepare("one-axis-in-place", seed=1).truth
+    result = _result(truth, np.zeros(7), weak=[np.eye(7)[2]])
+    near = row_of(result, truth, 1, "abc", 0, repeatable=True)
+    assert (near.nees, near.determined) == (pytest.approx(0.0, abs=1e-9), 6)
+    assert result.T_imu_lidar is not None
+    turn = Rotation.from_rotvec([0.0, 0.0, np.radians(60.0)]).as_matrix()
+    result.T_imu_lidar.matrix = [
+        [*row, value]
+        for row, value in zip((truth.R_imu_lidar @ turn).tolist(), truth.p_imu_lidar.tolist(), strict=True)
+    ] + [[0.0, 0.0, 0.0, 1.0]]
+    far = row_of(result, truth, 1, "abc", 0, repeatable=True)
+    assert (far.nees, far.determined) == (None, 0)
+    assert far.error == pytest.approx([60.0, 0.0, 0.0], abs=1e-6)
 
 
 def _result(truth: Truth, error: np.ndarray[Any, np.dtype[np.float64]], weak: list[Any]) -> CalibrationResult:
