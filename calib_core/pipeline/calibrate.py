@@ -147,7 +147,7 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
         still = standing_still(motions, len(recording.scans))
         if still is not None:
             return refuse(*still)
-        lidar, start = start_values(ctx, motions, guess)
+        lidar, start = start_values(ctx, motions, used_planes, guess)
         add = planes is None
         solved = solve(ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=add)
         if len(motions) < len(recording.scans) and implausible(ctx, solved) is not None:

@@ -157,7 +157,7 @@ def _look(
     followed = follow(ctx, [patch.plane for patch in proposals.patches], first, given=False)
     _require_motion(followed.motions)
     tell(0.6, "first values of the calibration")
-    lidar, start = start_values(ctx, followed.motions, None)
+    lidar, start = start_values(ctx, followed.motions, followed.planes, None)
     tell(0.7, "what a solve would know")
     sampled = [sample_scan(scan, SAMPLED_POINTS) for scan in recording.scans]
     stands_for = points_per_scan / np.array([max(len(scan.points), 1) for scan in sampled])

@@ -22,10 +22,12 @@ from calib_core.pipeline.initialise import (
     LidarTrack,
     LinearStart,
     RotationStart,
+    Trial,
     acceleration_start,
     linear_start,
     rotation_start,
     turns_about,
+    upright,
 )
 from calib_core.pipeline.priors import PriorRow, Priors
 from calib_core.pipeline.register import ScanMotion
@@ -42,6 +44,8 @@ LEAST_TURNING_RAD_S = 0.03
 #: Of an IMU that nobody has named: gyroscope [rad/s per sqrt(s)], accelerometer [m/s2 per sqrt(s)]. Three times what good
 #: ones are said to have. A walk taken for smaller than it is bends the whole trajectory; one taken for larger costs nothing.
 USUAL_WALK = (3e-5, 3e-4)
+#: Turns about the only axis that are tried where it stays open.
+_TURNS = 24
 _AXES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 
 
@@ -59,8 +63,14 @@ def track_lidar(ctx: Context, planes: Sequence[Plane], reference: int) -> list[S
     return track(ctx.recording.scans, planes, reference, on_progress=lambda f: ctx.stage("track", f))
 
 
-def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGuess | None) -> tuple[LidarTrack, Start]:
-    """Time offset, rotation, gravity, lever arm and accelerometer bias from the lidar-only motion."""
+def start_values(
+    ctx: Context, motions: Sequence[ScanMotion], planes: Sequence[Plane], guess: InitialGuess | None
+) -> tuple[LidarTrack, Start]:
+    """Time offset, rotation, gravity, lever arm and accelerometer bias from the lidar-only motion.
+
+    planes: those that were followed; where the turn about the only axis stays open, it is taken so that they are plumb
+    and level.
+    """
     ctx.stage("initialise", 0.0, "time offset and rotation")
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, ctx.clocks.scan_s[positions], ctx.clocks.sweep_s[positions])
@@ -76,21 +86,30 @@ def start_values(ctx: Context, motions: Sequence[ScanMotion], guess: InitialGues
             "start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion"
         )
     magnitude = ctx.settings.gravity.magnitude_m_s2
-    trials: list[tuple[float, RotationStart, LinearStart]] = []
+
+    def trial(rotation: RotationStart) -> Trial:
+        linear = linear_start(lidar, ctx.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
+        return Trial(rotation, linear)
+
+    trials: list[Trial] = []
     best = candidates[0].residual
     for candidate in candidates:
         if candidate.residual > max(2.0 * best, best + 0.1):
             continue
         rotations = [candidate.R_imu_lidar]
         if candidate.open_axis_imu is not None:
-            rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, 24)
-        for R in rotations:
-            trial = replace(candidate, R_imu_lidar=R)
-            linear = linear_start(lidar, ctx.clocks.imu_s, imu.accel_m_s2, trial, gravity_m_s2=magnitude)
-            trials.append((linear.rms * (1.0 + candidate.residual), trial, linear))
-    trials.sort(key=lambda t: t[0])
+            rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, _TURNS)
+        trials.extend(trial(replace(candidate, R_imu_lidar=R)) for R in rotations)
+    chosen = upright(trials, np.array([plane.normal for plane in planes]), trial)
+    if chosen is not min(trials, key=lambda t: t.misfit):
+        ctx.say(
+            "info",
+            "start.open_turn",
+            "all turning is about one axis and the accelerations hardly tell how the IMU is turned about it: the solve starts "
+            "where the planes are plumb and level",
+        )
     ctx.stage("initialise", 1.0)
-    _, rotation, linear = trials[0]
+    rotation, linear = chosen.rotation, chosen.linear
     if guess is None or guess.R_imu_lidar is None:
         _refuse_misread_imu(ctx, lidar, max(candidates, key=lambda c: c.correlation), linear)
     if guess is not None and guess.p_imu_lidar is not None:

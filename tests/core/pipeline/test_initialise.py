@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,15 +13,19 @@ from calib_core.geometry import exp, log
 from calib_core.pipeline.initialise import (
     GyroTurns,
     LidarTrack,
+    RotationStart,
+    Trial,
     _double_integral,
     candidate_lags,
     linear_start,
     rotation_start,
     turns_about,
     turns_of,
+    upright,
 )
 from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth
-from calib_core.simulate.motions import HINGE, ONE_AXIS, PAPER_FAST
+from calib_core.simulate.motion import Pose
+from calib_core.simulate.motions import HINGE, ONE_AXIS, ONE_AXIS_IN_PLACE, PAPER_FAST
 from calib_core.types import FloatArray
 
 SWEEP_S = 0.1
@@ -124,6 +129,70 @@ def test_turning_about_one_axis_leaves_the_turn_about_it_open() -> None:
     turns = turns_about(axis, start.R_imu_lidar, 24)
     nearest = min(np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ R))) for R in turns)
     assert nearest < 8.0
+
+
+def _trials(truth: Truth, noise: float) -> tuple[list[Trial], Callable[[RotationStart], Trial]]:
+    """What the accelerations say at 24 turns about the axis, and how they were asked."""
+    track = _tracked(truth, 5.0, 25.0, noise=noise)
+    stamps, gyro, accel = _imu(truth, 4.0, 26.0, 0.02)
+    start = rotation_start(track, stamps, gyro)[0]
+    assert start.open_axis_imu is not None
+
+    def trial(rotation: RotationStart) -> Trial:
+        return Trial(rotation, linear_start(track, stamps, accel, rotation, gravity_m_s2=9.807))
+
+    turns = turns_about(start.open_axis_imu, start.R_imu_lidar, 24)
+    return [trial(replace(start, R_imu_lidar=R)) for R in turns], trial
+
+
+def _seen(truth: Truth, *normals_world: tuple[float, float, float]) -> FloatArray:
+    """Normals in the map frame."""
+    R_world_map = truth.lidar(np.zeros(1)).R_world[0]
+    return np.array([np.array(n) / np.linalg.norm(n) for n in normals_world]) @ R_world_map
+
+
+FLOOR, WALLS, RAMP = (0.02, -0.01, 1.0), ((1.0, 0.03, 0.0), (0.02, -1.0, 0.03)), (0.3, 0.2, 0.9)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("normals", [(FLOOR, *WALLS), (RAMP, FLOOR, *WALLS), (*WALLS, RAMP)])
+def test_an_open_turn_is_taken_where_planes_are_plumb_and_level(
+    normals: tuple[tuple[float, float, float], ...], seed: int
+) -> None:
+    """Fails when the best fit is taken (up to 180 deg off), or a slope counts in full instead of as one at most.
+
+    Turning in place about a hinge that is not upright; floor and walls a degree or two off.
+    """
+    scenario = SCENARIOS["one-axis-in-place"]
+    truth = _truth(replace(scenario, motion=ONE_AXIS_IN_PLACE, mounting=_mounting(seed)))
+    trials, trial = _trials(truth, 0.002)
+    chosen = upright(trials, _seen(truth, *normals), trial)
+    off = np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ chosen.rotation.R_imu_lidar)))
+    assert off < 4.0
+
+
+def test_a_turn_that_the_accelerations_tell_is_left_to_them() -> None:
+    """Fails when trials count as alike that fit twice as badly: then it is the turn at which the ramp is level.
+
+    Turning about one axis while moving along all three, before nothing but a ramp.
+    """
+    truth = _truth(replace(SCENARIOS["one-axis"], motion=ONE_AXIS, mounting=_mounting(4)))
+    trials, trial = _trials(truth, 0.002)
+    chosen = upright(trials, _seen(truth, RAMP), trial)
+    assert chosen is min(trials, key=lambda t: t.misfit)
+
+
+def test_an_upright_axis_leaves_the_turn_about_it_to_chance() -> None:
+    """Fails when no trial is returned where all are equally upright (a turntable): each of them is as good."""
+    upright_hinge = replace(ONE_AXIS_IN_PLACE.turns[0], axis=(0.0, 0.0, 1.0))
+    level = Pose(position_m=(1.2, 1.2, 0.9))
+    motion = replace(ONE_AXIS_IN_PLACE, turns=(upright_hinge,), base=level)
+    truth = _truth(replace(SCENARIOS["one-axis-in-place"], motion=motion))
+    trials, trial = _trials(truth, 0.002)
+    chosen = upright(trials, _seen(truth, FLOOR, *WALLS), trial)
+    assert chosen.misfit < 1.1 * min(t.misfit for t in trials)
+    up = truth.R_imu_lidar @ np.array([0.0, 0.0, 1.0])
+    assert np.degrees(np.arccos((chosen.rotation.R_imu_lidar @ np.array([0.0, 0.0, 1.0])) @ up)) < 1.0
 
 
 def test_turns_go_once_round() -> None:
