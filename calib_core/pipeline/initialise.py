@@ -35,6 +35,8 @@ _ALIKE = 1.05
 #: Walls and floors are upright and level to about this [rad]; a plane further off both is a slope and says nothing.
 _PLUMB_RAD = np.radians(3.0)
 _FINE_RAD = np.radians(0.5)
+#: The turn that the accelerations like best is left only for one at which half a plane more is plumb or level.
+_WORTH_A_TURN = 0.5
 
 
 @dataclass(frozen=True)
@@ -438,6 +440,8 @@ def upright(trials: Sequence[Trial], normals: FloatArray, trial: Callable[[Rotat
     apart = np.abs((fine[:, None] - angles[alike] + np.pi) % (2 * np.pi) - np.pi).min(axis=1)
     within = fine[apart <= np.pi / len(family)]
     slopes = [_slope(g, normals) for g in _circle(within) @ harmonic]
+    if min(slopes) > _slope(best.linear.gravity, normals) - _WORTH_A_TURN:
+        return best
     unit = axis / np.linalg.norm(axis)
     R = exp(unit * within[int(np.argmin(slopes))]) @ family[0].rotation.R_imu_lidar
     return trial(replace(best.rotation, R_imu_lidar=R))
