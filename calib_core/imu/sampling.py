@@ -7,220 +7,173 @@ its slope times tau. The regression of one on the other,
 
     e_i = y_i - sum_j c_j y_{i+j} = beta ydot_i (tau_i - sum_j c_j tau_{i+j}) + noise,   c = (-1, 4, 4, -1) / 6,
 
-over all channels says which: beta is 0 where only the stamps jitter, 1 where the sampling does. c is exact for cubics.
+over all channels says which: beta is 0 where only the stamps jitter, 1 where the sampling does. c is exact for cubics. It is
+asked of neighbours at 1, 2, 4 ... samples' distance, since the fast part of tau may be the stamps' and the slow part the
+sampling's. What is slower still it cannot tell, and lines (`rows.py`) do not take that away.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
+from calib_core.imu.rows import LEAST, Row, even_rows, lasting
 from calib_core.types import BoolArray, FloatArray, IntArray
 
-#: A pause of more than this many periods ends a row of readings: how many were lost in it is not sure.
-_GAP_PERIODS = 3.5
-#: A row has at least so many readings.
-_LEAST = 100
-#: Of a critically damped loop that follows the samples.
-_PHASE_GAIN, _PERIOD_GAIN = 0.05, 0.05**2 / 4.0
-#: Clocks drift: a row's line may bend at nodes this far apart where a straight one does not do.
-_NODE_S = 10.0
-#: A bend, or a clock started anew, has to be surer than this many standard deviations of its chi-square.
-_SURE = 5.0
 #: Readings on either side that a slope is taken from, and neighbours on either side that a reading is expected from.
 _SLOPE_SPAN, _SPAN = 5, 2
 _EXPECTED = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
-#: Readings to a block whose means are compared.
-_BLOCK = 50
+#: Readings whose neighbours are no further apart than this many times what they should be have lost none.
+_NO_GAP = 1.5
+#: The furthest neighbour that a reading is expected from.
+_REACH_S = 0.1
+#: A distance of neighbours at which beta is so many times less sure than at the best one does not count.
+_LESS_SURE = 3.0
 #: Standard deviations by which beta has to be on its side of a half.
 _DECISIVE = 3.0
+#: Beta is 0 to 1; beyond either end by more than this, and surely, neither holds.
+_BEYOND = 0.25
+#: Beta is between 0 and 1 where it is further from both, and surely.
+_PARTLY = 0.1
+#: Parts of the readings' own size below which a channel does not change but by rounding.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
     """What is known of when readings were taken.
 
-    even_ns: (Q,) stamps on the lines; as given where a reading is in no row.   period_s: of the lines, median.
-    jitter_s: root mean square of the given stamps about them.   in_sampling, in_sampling_std: beta, the share of the jitter
-    that the readings know of, and its standard deviation (infinite where the motion does not tell).
-    mean_std_s: how well the mean of the jitter, which no line takes away, is known to be the one over all time.
+    even_ns: (Q,) stamps on the lines; as given where a reading is in no row.   in_rows: share of the readings that are.
+    period_s: of the lines, median.   jitter_s: root mean square of the given stamps about them, late ones left out.
+    in_sampling, in_sampling_std: beta, the share of the jitter that the readings know of, and its standard deviation
+    (infinite where they do not tell).   compared: readings that were held against their neighbours.   mean_std_s: how well
+    the mean of the jitter, which no line takes away, is known to be the one over all time; where the readings change, since
+    there the time offset is learnt.
     """
 
     even_ns: IntArray
+    in_rows: float
     period_s: float
     jitter_s: float
     in_sampling: float
     in_sampling_std: float
+    compared: int
     mean_std_s: float
+
+    @property
+    def fits_neither(self) -> bool:
+        """Whether beta is surely neither 0, nor 1, nor between."""
+        sure = _DECISIVE * self.in_sampling_std
+        return self.in_sampling + sure < -_BEYOND or self.in_sampling - sure > 1.0 + _BEYOND
 
     @property
     def is_even(self) -> bool:
         """Whether the readings say that less than half of the jitter is in when they were taken."""
-        return self.in_sampling + _DECISIVE * self.in_sampling_std < 0.5
+        return self.in_sampling + _DECISIVE * self.in_sampling_std < 0.5 and not self.fits_neither
 
     @property
     def is_as_stamped(self) -> bool:
         """Whether they say that more than half of it is."""
-        return self.in_sampling - _DECISIVE * self.in_sampling_std > 0.5
+        return self.in_sampling - _DECISIVE * self.in_sampling_std > 0.5 and not self.fits_neither
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether beta is surely between 0 and 1."""
+        sure = _DECISIVE * self.in_sampling_std
+        return self.in_sampling - sure > _PARTLY and self.in_sampling + sure < 1.0 - _PARTLY
 
 
 def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
-    """Lines through the stamps, and what the readings say of them; None where the stamps are in no even row.
+    """Lines through the stamps, and what the readings say of them; None where too few stamps are in an even row.
 
     stamps_ns: (Q,) strictly increasing.   values: (Q, C), any units.
     """
     n = stamps_ns.shape[0]
-    if n < _LEAST:
+    if n < LEAST:
         return None
     t = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9, dtype=np.float64)
-    period = float(np.median(np.diff(t)))
-    rows = list(_rows(t, period))
-    number, even, in_row = _counted(t, period, rows)
-    if np.count_nonzero(in_row) < max(_LEAST, n // 2):
+    rows = even_rows(t)
+    number, even, used = np.zeros(n, dtype=np.int64), t.copy(), np.zeros(n, dtype=np.bool_)
+    in_row = used.copy()
+    for row in rows:
+        number[row.index], even[row.index], used[row.index], in_row[row.index] = row.number, row.even_s, row.used, True
+    if np.count_nonzero(in_row) < max(LEAST, n // 2):
         return None
-    if len(rows) > 1 and in_row.all():
-        # The sensor's clock goes on through a gap, unless it was started anew.
-        whole = _counted(t, period, [slice(0, n)])
-        if whole[2].all() and _fits_as_well(t - whole[1], t - even, freedoms=2 * (len(rows) - 1)):
-            number, even, in_row = whole
+    period = float(np.median([row.period_s for row in rows for _ in range(len(row.index) // LEAST)]))
     tau = t - even
-    jitter = float(np.sqrt(np.mean(tau[in_row] ** 2)))
-    share, std = _share_in_sampling(number, in_row, tau, values, period)
+    jitter = float(np.sqrt(np.mean(tau[used] ** 2)))
+    values = values[:, np.ptp(values, axis=0) > _ROUNDING * np.abs(values).max(axis=0)].astype(np.float64)
+    share, std = _least_even(number, in_row, tau, values, period)
+    apart_s = t[2 * _SLOPE_SPAN :] - t[: -2 * _SLOPE_SPAN]
+    whole = np.flatnonzero(apart_s < _NO_GAP * 2 * _SLOPE_SPAN * period) + _SLOPE_SPAN
     return Sampling(
         even_ns=stamps_ns - np.rint(tau * 1e9).astype(np.int64),
-        period_s=float(np.median(np.diff(even)[in_row[1:]] / np.maximum(np.diff(number)[in_row[1:]], 1))),
+        in_rows=float(np.mean(in_row)),
+        period_s=period,
         jitter_s=jitter,
         in_sampling=share,
         in_sampling_std=std,
-        mean_std_s=_std_of_mean(tau[in_row]),
+        compared=len(_unbroken(number, in_row, _SLOPE_SPAN)),
+        mean_std_s=jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n),
     )
 
 
-def _counted(t: FloatArray, period: float, rows: Sequence[slice]) -> tuple[IntArray, FloatArray, BoolArray]:
-    """Numbers of the samples, their times on the lines of their rows, and whether they are in one; (Q,) each."""
-    number, even, in_row = np.zeros(len(t), dtype=np.int64), t.copy(), np.zeros(len(t), dtype=np.bool_)
-    for row in rows:
-        counted = _numbered(t[row], period)
-        if counted is not None:
-            number[row], even[row], in_row[row] = counted, _line(counted, t[row]), True
-    return number, even, in_row
+def _unbroken(number: IntArray, in_row: BoolArray, span: int) -> IntArray:
+    """The readings with no neighbour missing up to `span` samples away on either side."""
+    width = 2 * span + 1
+    if len(number) < width:
+        return np.zeros(0, dtype=np.int64)
+    last = width - 1
+    whole = (number[last:] - number[: len(number) - last] == last) & in_row[last:] & in_row[: len(number) - last]
+    return np.asarray(np.flatnonzero(whole) + span)
 
 
-def _fits_as_well(stiff: FloatArray, loose: FloatArray, *, freedoms: int) -> bool:
-    """Whether residuals with fewer free numbers are no larger than chance allows."""
-    noise = float(np.mean(loose**2))
-    gained = float(stiff @ stiff - loose @ loose)
-    # Of pure noise the gain is chi-square with as many degrees of freedom as numbers were set free.
-    return gained <= noise * (freedoms + _SURE * np.sqrt(2.0 * freedoms))
-
-
-def _rows(t: FloatArray, period: float) -> Iterator[slice]:
-    """Stretches between gaps that are long enough."""
-    ends = np.concatenate([np.flatnonzero(np.diff(t) > _GAP_PERIODS * period) + 1, [len(t)]])
-    start = 0
-    for end in ends.tolist():
-        if end - start >= _LEAST:
-            yield slice(start, end)
-        start = end
-
-
-def _numbered(t: FloatArray, period: float) -> IntArray | None:
-    """(Q,) which sample of an even row each reading is; None where two would be the same one."""
-    number = _tracked(t, period)
-    # Where the loop slipped by a sample, the line of all the others puts it right.
-    for _ in range(3):
-        line = _line(number, t)
-        step = (line[-1] - line[0]) / max(int(number[-1] - number[0]), 1)
-        number = number + np.rint((t - line) / step).astype(np.int64)
-    return number if (np.diff(number) > 0).all() else None
-
-
-def _tracked(t: FloatArray, period: float) -> IntArray:
-    """(Q,) samples counted by a loop that follows their phase and period: a single step is too uncertain to count by.
-
-    It locks on the way to the end and counts on the way back.
-    """
-    expected, step = float(t[0]), period
-    count, numbers = 0, [0]
-    for row in (t[1:], t[-2::-1]):
-        count, numbers = 0, [0]
-        for now in row.tolist():
-            passed = round((now - expected) / step)
-            late = now - (expected + passed * step)
-            count += passed
-            expected = now + (_PHASE_GAIN - 1.0) * late
-            step += _PERIOD_GAIN * late / (passed or 1)
-            numbers.append(count)
-    number = np.array(numbers[::-1], dtype=np.int64)
-    return np.asarray(number - number[0])
-
-
-def _line(number: IntArray, t: FloatArray) -> FloatArray:
-    """Times of the samples: a straight line, or one that bends every few seconds where that fits significantly better."""
-    x = number - number.mean()
-    slope = float(x @ t / (x @ x))
-    straight = np.asarray(t.mean() + slope * x, dtype=np.float64)
-    left = t - straight
-    nodes = int(slope * (number[-1] - number[0]) / _NODE_S)
-    if nodes < 1:
-        return straight
-    bend = _bent(number, left, nodes)
-    return straight if _fits_as_well(left, left - bend, freedoms=nodes) else straight + bend
-
-
-def _bent(number: IntArray, left: FloatArray, nodes: int) -> FloatArray:
-    """Least-squares fit of a function that is linear between `nodes` + 1 even nodes."""
-    place = (number - number[0]) / (number[-1] - number[0]) * nodes
-    cell = np.minimum(place.astype(np.int64), nodes - 1)
-    right = place - cell
-    count = nodes + 1
-    banded = np.zeros((2, count))
-    banded[1] = np.bincount(cell, (1 - right) ** 2, count) + np.bincount(cell + 1, right**2, count)
-    banded[0, 1:] = np.bincount(cell, right * (1 - right), count)[:-1]
-    # A node over nothing but lost readings stays where it is.
-    banded[1] += 1e-9 * banded[1].max()
-    goal = np.bincount(cell, (1 - right) * left, count) + np.bincount(cell + 1, right * left, count)
-    node = solveh_banded(banded, goal)
-    return np.asarray((1 - right) * node[cell] + right * node[cell + 1], dtype=np.float64)
-
-
-def _std_of_mean(tau: FloatArray) -> float:
-    """Standard deviation of the mean. A busy host is late for a while: means of blocks know of what single stamps share."""
-    single = float(np.sqrt(np.mean(tau**2) / len(tau)))
-    blocks = len(tau) // _BLOCK
-    if blocks < 2:
-        return single
-    means = tau[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)
-    return max(single, float(np.sqrt(np.mean(means**2) / blocks)))
-
-
-def _share_in_sampling(
-    number: IntArray, in_row: BoolArray, tau: FloatArray, values: FloatArray, period: float
-) -> tuple[float, float]:
-    """Share and standard deviation; (0.5, infinite) where nothing is to be told."""
-    width = 2 * _SLOPE_SPAN + 1
-    if len(number) <= width:
-        return 0.5, np.inf
-    whole = (number[width - 1 :] - number[: -width + 1] == width - 1) & in_row[width - 1 :] & in_row[: -width + 1]
-    centre = np.flatnonzero(whole) + _SLOPE_SPAN
-    if len(centre) < _LEAST:
-        return 0.5, np.inf
+def _slopes(centre: IntArray, values: FloatArray) -> FloatArray:
+    """(N, C) per sample, of a line through the readings beside each."""
     steps = np.arange(-_SLOPE_SPAN, _SLOPE_SPAN + 1)
     slope = np.zeros((len(centre), values.shape[1]))
     for step in steps.tolist():
         slope += step * values[centre + step]
-    slope /= period * float(steps @ steps)
-    error, moved = values[centre].astype(np.float64), tau[centre].copy()
+    return slope / float(steps @ steps)
+
+
+def _against_neighbours(centre: IntArray, values: FloatArray, apart: int) -> FloatArray:
+    """(N, ...): what neighbours `apart` samples from one another do not let one expect."""
+    left = values[centre]
     for step, weight in zip(range(-_SPAN, _SPAN + 1), _EXPECTED.tolist(), strict=True):
-        error -= weight * values[centre + step]
-        moved -= weight * tau[centre + step]
-    x = slope * moved[:, None]
-    spread = np.mean(error**2, axis=0)
+        left = left - weight * values[centre + step * apart]
+    return left
+
+
+def _least_even(
+    number: IntArray, in_row: BoolArray, tau: FloatArray, values: FloatArray, period: float
+) -> tuple[float, float]:
+    """Beta and its standard deviation at the distance of neighbours at which it is most surely above a half."""
+    found = []
+    apart = 1
+    while apart == 1 or _SPAN * apart * period <= _REACH_S:
+        found.append(_share_in_sampling(number, in_row, tau, values, period, apart))
+        apart *= 2
+    surest = min(std for _, std in found)
+    if not np.isfinite(surest):
+        return 0.5, np.inf
+    return max((f for f in found if f[1] <= _LESS_SURE * surest), key=lambda f: (f[0] - 0.5) / f[1])
+
+
+def _share_in_sampling(
+    number: IntArray, in_row: BoolArray, tau: FloatArray, values: FloatArray, period: float, apart: int
+) -> tuple[float, float]:
+    """Beta and its standard deviation; (0.5, infinite) where nothing is to be told."""
+    centre = _unbroken(number, in_row, max(_SLOPE_SPAN, _SPAN * apart))
+    if len(centre) < LEAST:
+        return 0.5, np.inf
+    error = _against_neighbours(centre, values, apart)
+    spread = np.sqrt(np.mean(error**2, axis=0))
     known = spread > 0
-    x, error = x[:, known] / np.sqrt(spread[known]), error[:, known] / np.sqrt(spread[known])
+    error = error[:, known] / spread[known]
+    moved = _against_neighbours(centre, tau, apart)
+    x = _slopes(centre, values[:, known]) / spread[known] * (moved[:, None] / period)
     size = float(np.sum(x**2))
     if size <= 0.0:
         return 0.5, np.inf
@@ -228,6 +181,24 @@ def _share_in_sampling(
     # Neighbours' errors share readings: the spread is taken from the products themselves, with what they have in common.
     product = np.sum(x * (error - share * x), axis=1)
     variance = float(product @ product)
-    for lag in range(1, 2 * _SPAN + 1):
+    for lag in range(apart, (2 * _SPAN + 1) * apart, apart):
         variance += 2.0 * float(product[lag:] @ product[:-lag])
     return share, float(np.sqrt(max(variance, float(product @ product) / 4.0))) / size
+
+
+def _std_where_it_moves(rows: list[Row], centre: IntArray, values: FloatArray, count: int) -> float:
+    """Standard deviation of the mean error for stamps with independent errors of 1, weighted by squared slopes.
+
+    That of the lines where there are any, of the stamps themselves where there are none.
+    """
+    weight = np.zeros(count)
+    if len(centre):
+        noise = np.mean(_against_neighbours(centre, values, 1) ** 2, axis=0)
+        weight[centre] = np.sum(_slopes(centre, values) ** 2 / np.maximum(noise, np.finfo(np.float64).tiny), axis=1)
+    if weight.sum() <= 0.0:
+        weight = np.ones(count)
+    weight /= weight.sum()
+    total = sum(row.variance_of_mean(weight[row.index]) for row in rows)
+    for row in rows:
+        weight[row.index] = 0.0
+    return float(np.sqrt(total + weight @ weight))

@@ -37,7 +37,7 @@ def deskewer(
     """A function that takes the motion out of a scan of `recording`: (N, 3) [m], lidar frame, first point's time."""
     guess, priors = held_calibration(result)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
-    settings = CalibrateSettings(priors=priors)
+    settings = _as_solved(result).model_copy(update={"priors": priors})
     done = calibrate(recording, settings, initial_guess=guess, on_event=on_event, should_cancel=should_cancel)
     solved = done.trajectory
     if solved is None:
@@ -48,6 +48,17 @@ def deskewer(
         return deskew_points(scan, solved if solved is not None and covers(solved, scan) else turning)
 
     return deskew
+
+
+def _as_solved(result: CalibrationResult) -> CalibrateSettings:
+    """What the calibration takes stamps to mean: one whose IMU's stamps were put on a line holds for the line."""
+    match result.provenance.settings.get("imu_sampling"):
+        case "as-stamped":
+            return CalibrateSettings(imu_sampling="as-stamped")
+        case "even":
+            return CalibrateSettings(imu_sampling="even")
+        case _:
+            return CalibrateSettings()
 
 
 def covers(trajectory: Trajectory, scan: Scan) -> bool:

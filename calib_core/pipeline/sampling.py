@@ -7,12 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.events import LogEvent, OnEvent
+from calib_core.imu.rows import LEAST
 from calib_core.imu.sampling import Sampling, study_sampling
 from calib_core.settings import CalibrateSettings
-from calib_core.types import Recording
+from calib_core.types import IntArray, Recording
 
 #: Jitter below this share of the period is not worth a sentence where nothing follows from it.
 _WORTH_SAYING = 0.02
+#: Steps whose middle nine tenths differ by more than this share of their median are uneven.
+_UNEVEN = 0.2
+#: Readings below this share of all are not worth a mention.
+_WORTH_COUNTING = 0.005
 
 
 def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEvent) -> tuple[Recording, float]:
@@ -25,29 +30,49 @@ def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEven
     imu = recording.imu
     sampling = study_sampling(imu.stamps_ns, np.hstack([imu.gyro_rad_s, imu.accel_m_s2]))
     forced = settings.imu_sampling == "even"
+    topic = imu.topic or "the IMU"
     if sampling is None:
-        if forced:
-            text = f"the stamps of {imu.topic or 'the IMU'} follow no even sampling; readings are taken as sampled when stamped"
-            on_event(LogEvent(level="warning", code="imu.sampling", text=text))
+        if forced or _is_uneven(imu.stamps_ns):
+            text = f"the stamps of {topic} follow no even row of samples: {_AS_STAMPED}"
+            on_event(LogEvent(level="warning" if forced else "info", code="imu.sampling", text=text))
         return recording, 0.0
     even = forced or sampling.is_even
     if even or sampling.jitter_s > _WORTH_SAYING * sampling.period_s:
-        on_event(LogEvent(level="info", code="imu.sampling", text=_in_words(sampling, imu.topic, forced=forced)))
+        on_event(LogEvent(level="info", code="imu.sampling", text=_in_words(sampling, topic, forced=forced)))
     if not even:
         return recording, 0.0
     return replace(recording, imu=replace(imu, stamps_ns=sampling.even_ns)), sampling.mean_std_s
 
 
+_AS_STAMPED = "readings are taken as sampled when stamped"
+
+
+def _is_uneven(stamps_ns: IntArray) -> bool:
+    if len(stamps_ns) < LEAST:
+        return False
+    short, middle, long = np.percentile(np.diff(stamps_ns), [5.0, 50.0, 95.0])
+    return bool(long - short > _UNEVEN * middle)
+
+
 def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
-    stamps = f"the stamps of {topic or 'the IMU'} jitter by {1e3 * sampling.jitter_s:.2g} ms"
-    shown = (
-        f"{100.0 * sampling.in_sampling:.1f} +- {100.0 * sampling.in_sampling_std:.1f} % of it shows in the readings"
-    )
+    stamps = f"the stamps of {topic} jitter by {1e3 * sampling.jitter_s:.2g} ms"
+    share, std = 100.0 * sampling.in_sampling, 100.0 * sampling.in_sampling_std
+    shown = f"{share:.1f} +- {std:.1f} % of it shows in the readings"
     evenly = f"readings are taken as sampled evenly, every {1e3 * sampling.period_s:.4g} ms"
+    if 1.0 - sampling.in_rows > _WORTH_COUNTING:
+        evenly += f", but for {100.0 * (1.0 - sampling.in_rows):.0f} % of them, whose stamps follow no line"
     if forced:
         return f"{stamps}; {evenly}, as asked"
     if sampling.is_even:
-        return f"{stamps}, the sampling does not ({shown}): {evenly}"
+        says = "less than half of it is in the sampling" if sampling.is_mixed else "the sampling does not"
+        return f"{stamps}, {says} ({shown}): {evenly}"
     if sampling.is_as_stamped:
-        return f"{stamps}, and so does the sampling ({shown}): readings are taken as sampled when stamped"
-    return f"{stamps}; whether the sampling does cannot be told from this motion: readings are taken as sampled when stamped"
+        says = "more than half of it is in the sampling" if sampling.is_mixed else "and so does the sampling"
+        return f"{stamps}, {says} ({shown}): {_AS_STAMPED}"
+    if sampling.fits_neither:
+        return f"{stamps}; the readings fit neither sampling when stamped nor even sampling ({shown}): {_AS_STAMPED}"
+    if sampling.compared < LEAST:
+        return (
+            f"{stamps}; too few readings in a row are without a loss to tell whether the sampling does: {_AS_STAMPED}"
+        )
+    return f"{stamps}; whether the sampling does cannot be told from this motion: {_AS_STAMPED}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from calib_core.imu.sampling import Sampling, study_sampling
 from calib_core.types import FloatArray, IntArray
@@ -110,14 +111,140 @@ def test_jitter_that_lasts_leaves_a_mean_that_is_less_sure() -> None:
     assert 0.5 < np.mean(np.square(means)) < 1.66
 
 
-def test_a_drifting_clock_bends_the_line() -> None:
+@pytest.mark.parametrize("kink_s", [60.0, 55.0])
+def test_a_drifting_clock_bends_the_line(kink_s: float) -> None:
     """Mutation: a straight line through a clock that runs 40 ppm faster later on (0.6 ms off in the middle)."""
     rng = np.random.default_rng(5)
     t = _instants(rng, 12000)
-    clock = t + 40e-6 * np.maximum(t - 60.0, 0.0)
+    clock = t + 40e-6 * np.maximum(t - kink_s, 0.0)
     sampling = _known(_stamps(clock + _jitter(rng, len(t))), _values(t, rng))
     assert np.abs(_off_s(sampling, clock)).max() < 2.5e-4
     assert sampling.jitter_s == pytest.approx(JITTER_S / np.sqrt(3.0), rel=0.03)
+
+
+@pytest.mark.parametrize(("step_s", "ppm"), [(0.004, 0.0), (0.0, 500.0)])
+def test_a_clock_that_is_set_leaves_the_stamps_around_as_they_are(step_s: float, ppm: float) -> None:
+    """A host's clock put forward by 4 ms, or slewed by 6 ms in 12 s, within a row: the stamps are that clock's, and right.
+
+    Mutation: take wandering for jitter (stamps 2 ms off for seconds, where they were wrong by 0.2 ms).
+    """
+    rng = np.random.default_rng(11)
+    t = _instants(rng, 6000)
+    clock = t + np.where(t > 33.0, step_s, 0.0) + 1e-6 * ppm * np.clip(t - 33.0, 0.0, 12.0)
+    wrong = 2e-4 * rng.standard_normal(len(t))
+    sampling = _known(_stamps(clock + wrong), _values(t, rng))
+    assert sampling.is_even
+    assert 0.7 < sampling.in_rows < 0.95
+    assert np.sqrt(np.mean(_off_s(sampling, clock) ** 2)) < 0.6 * 2e-4
+    assert np.abs(_off_s(sampling, clock)).max() < 8e-4
+
+
+@pytest.mark.parametrize("kind", ["asleep between", "uneven pace", "late for a while"])
+def test_sampling_that_wanders_below_stamps_that_jitter_is_never_put_on_a_line(kind: str) -> None:
+    """A poll that sleeps a period each time; one whose pace swings by 1.5 ms; one that is late by up to a millisecond or two
+    for an eighth of a second at a time. Their stamps jitter, too, by less.
+
+    Mutations: ask the readings of their nearest neighbours only; take wandering for jitter (1 ms off where it was 0.2).
+    """
+    rng = np.random.default_rng(12)
+    t = _instants(rng, 6000)
+    if kind == "asleep between":
+        t = np.asarray(t + np.cumsum(1e-4 * rng.standard_normal(len(t))))
+    elif kind == "uneven pace":
+        t = np.asarray(t + 1.5e-3 * np.sin(np.pi * t))
+    else:
+        fading = np.exp(-1.0 / 12.0)
+        t = np.asarray(t + lfilter([8e-4 * np.sqrt(1.0 - fading**2)], [1.0, -fading], rng.standard_normal(len(t))))
+    sampling = study_sampling(_stamps(t + 3e-4 * rng.standard_normal(len(t))), _values(t, rng))
+    assert sampling is None or not sampling.is_even
+
+
+def test_stamps_that_are_left_keep_their_own_uncertainty() -> None:
+    """Motion only where a clock was set and no line is drawn. Mutation: count nothing for readings without a line."""
+    rng = np.random.default_rng(18)
+    t = _instants(rng, 6000)
+    moving = (t > 31.0) & (t < 35.0)
+    values = np.where(moving[:, None], _values(t, rng), _NOISE * rng.standard_normal((len(t), 6)))
+    wrong = 2e-4 * rng.standard_normal(len(t))
+    sampling = _known(_stamps(t + np.where(t > 33.0, 0.004, 0.0) + wrong), values)
+    assert sampling.in_rows < 0.95
+    assert sampling.mean_std_s > 0.9 * 2e-4 / np.sqrt(np.count_nonzero(moving))
+
+
+def test_late_stamps_are_late_and_change_nothing_else() -> None:
+    """One reading in fifty 4 ms late; and a host that stands still for 0.9 s and then stamps 90 readings in 18 ms.
+
+    Mutations: give up a row where two readings would be the same sample; let late stamps pull at the line.
+    """
+    rng = np.random.default_rng(13)
+    t = _instants(rng, 6000)
+    stamps = t + 3e-4 * rng.standard_normal(len(t))
+    late = stamps + np.where(rng.random(len(t)) < 0.02, 0.004, 0.0)
+    sampling = _known(_stamps(late), _values(t, rng))
+    assert sampling.is_even
+    assert np.abs(_off_s(sampling, t)).max() < 6e-5
+    assert sampling.jitter_s == pytest.approx(3e-4, rel=0.05)
+    stood = stamps.copy()
+    stood[3600:3690] = stamps[3690] - 0.018 + 2e-4 * np.arange(90)
+    stood = np.maximum.accumulate(stood) + 1e-6 * np.arange(len(t))
+    sampling = _known(_stamps(stood), _values(t, rng))
+    assert sampling.is_even
+    assert sampling.in_rows == 1.0
+    # The microsecond a stamp above is a slope of its own.
+    assert np.abs(_off_s(sampling, t + 1e-6 * np.arange(len(t)))).max() < 6e-5
+    assert sampling.jitter_s == pytest.approx(3e-4, rel=0.05)
+
+
+def test_stamps_coarser_than_the_period_still_count_right() -> None:
+    """400 Hz in whole milliseconds: steps of 2 and 3. Mutation: begin with the median step only."""
+    rng = np.random.default_rng(14)
+    t = 0.0025 * np.arange(8000)
+    sampling = _known(_stamps(np.floor(t * 1e3) * 1e-3), _values(t, rng))
+    assert sampling.period_s == pytest.approx(0.0025, rel=1e-6)
+    assert np.ptp(_off_s(sampling, t)) < 2e-5
+
+
+def test_a_channel_that_is_stuck_says_nothing() -> None:
+    """Constant 9.81 differs from its neighbours' mean by rounding. Mutation: every channel whose spread is not zero."""
+    rng = np.random.default_rng(15)
+    t = _instants(rng)
+    polled = np.asarray(t + _jitter(rng, len(t)))
+    values = _values(polled, rng, pace=0.05)
+    stuck = np.column_stack([values[:, :5], np.full(len(t), 9.81)])
+    seen = _known(_stamps(polled), stuck)
+    alone = _known(_stamps(polled), values[:, :5])
+    assert (seen.in_sampling, seen.in_sampling_std) == (alone.in_sampling, alone.in_sampling_std)
+    dead = _known(_stamps(polled), np.full((len(t), 6), 9.81))
+    assert not dead.is_even
+    assert not dead.is_as_stamped
+
+
+@pytest.mark.parametrize("beta", [-1.0, 6.0])
+def test_readings_that_fit_neither_are_said_to(beta: float) -> None:
+    """Readings taken against their stamps, or far beyond them. Mutation: any share below a half is even, any above is not."""
+    rng = np.random.default_rng(16)
+    t = _instants(rng)
+    tau = 0.3 * _jitter(rng, len(t))
+    sampling = _known(_stamps(t + tau), _values(np.asarray(t + beta * tau), rng))
+    assert sampling.fits_neither
+    assert not sampling.is_even
+    assert not sampling.is_as_stamped
+
+
+def test_the_mean_is_as_sure_as_where_it_is_learnt() -> None:
+    """Motion in the last tenth only, where the line's end is surer by less than its middle: chi-square over 60 recordings.
+
+    Mutation: the standard deviation of the mean over the whole recording (half of it).
+    """
+    ratios = []
+    for seed in range(60):
+        rng = np.random.default_rng([17, seed])
+        t = _instants(rng, 6000)
+        moving = t > 54.0
+        values = np.where(moving[:, None], _values(t, rng), _NOISE * rng.standard_normal((len(t), 6)))
+        sampling = _known(_stamps(t + _jitter(rng, len(t))), values)
+        ratios.append(_off_s(sampling, t)[moving].mean() / sampling.mean_std_s)
+    assert 0.5 < np.mean(np.square(ratios)) < 1.66
 
 
 def test_the_clock_goes_on_through_a_gap_unless_it_was_started_anew() -> None:

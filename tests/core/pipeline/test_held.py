@@ -7,8 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import SettingsError
+from calib_core.pipeline.calibrate import Calibration
 from calib_core.pipeline.deskew import deskew_points
 from calib_core.pipeline.held import covers, deskewer, turning_alone
+from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
 from calib_core.types import POINT_DTYPE, Float32Array, ImuData, InitialGuess, Recording, Scan, Trajectory
 from tests.core.exporters.results import make_result
@@ -67,6 +69,31 @@ def test_a_refused_result_is_one_sentence() -> None:
     recording = Recording(name="x", imu=ImuData(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))), scans=())
     with pytest.raises(SettingsError, match="refused"):
         deskewer(recording, make_result(np.eye(3), np.zeros(3), status="refused"))
+
+
+@pytest.mark.parametrize(
+    ("written", "used"), [("as-stamped", "as-stamped"), ("even", "even"), (None, "detect"), ("rubbish", "detect")]
+)
+def test_stamps_mean_what_they_meant_to_the_calibration(
+    written: str | None, used: str, simulated: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails if motion is taken out with the IMU's stamps read otherwise than when the calibration was solved."""
+    recording, truth = simulated
+    result = make_result(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
+    result = result.model_copy(update={"gyroscope_bias_rad_s": [0.0, 0.0, 0.0]})
+    result.provenance.settings.pop("imu_sampling", None)
+    if written is not None:
+        result.provenance.settings["imu_sampling"] = written
+    asked: list[CalibrateSettings] = []
+
+    def solve(_: Recording, settings: CalibrateSettings, **__: object) -> Calibration:
+        asked.append(settings)
+        return Calibration(result, None)
+
+    monkeypatch.setattr("calib_core.pipeline.held.calibrate", solve)
+    deskewer(recording, result)
+    assert [settings.imu_sampling for settings in asked] == [used]
+    assert asked[0].priors
 
 
 @pytest.fixture(scope="module")

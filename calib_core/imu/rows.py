@@ -1,0 +1,313 @@
+"""Even rows of samples behind stamps that jitter: which sample of its row each reading is, and the line of their times.
+
+A row is counted by a loop that follows phase and period, then put right by its own line; it ends where readings were lost
+for long. Its line is straight, or bends every ten seconds where a clock drifts. Stamps that wander more slowly than they
+jitter are no jitter about that line: such a row is halved until its parts do not, and a part that still does has no line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numba
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from calib_core.types import BoolArray, FloatArray, IntArray
+
+#: A pause of more than this many periods ends a row: how many readings were lost in it is not sure.
+_GAP_PERIODS = 3.5
+#: A row has at least so many readings.
+LEAST = 100
+#: Of a critically damped loop that follows the samples.
+_PHASE_GAIN, _PERIOD_GAIN = 0.05, 0.05**2 / 4.0
+#: Clocks drift: a line may bend at nodes this far apart where a straight one does not do.
+_NODE_S = 10.0
+#: A bend, or a clock started anew, has to be surer than this many standard deviations of its chi-square.
+_SURE = 5.0
+#: Stamps further from their line than so many robust standard deviations, or half a period, are late: it ignores them.
+_LATE_SIGMAS = 6.0
+#: A row may have this share of late stamps, and the others an rms of so much of a period (evenly spread: 0.29).
+_LATE_SHARE, _SPREAD = 0.05, 0.25
+#: Means of blocks longer than this against those of blocks as long tell wandering from jitter that lasts: so far the
+#: readings themselves can tell the one from the other (`sampling.py`), and no further.
+_QUICK_S, _LEAST_QUICK = 0.1, 5
+#: How much more than chance long blocks may keep, compared with quick ones.
+_GROWTH = 2.0
+#: Of a shorter part nobody can say that it does not wander.
+_SHORTEST_S = 7.5
+#: Errors of less than this share of the period are no jitter, and change nothing whichever way they are taken.
+_STILL = 1e-3
+#: Blocks that a verdict about their spread needs, and a measure of it.
+_FEWEST_BLOCKS, _MEASURED_BLOCKS = 8, 24
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Readings of one even clock.
+
+    index: (N,) which of the recording's readings.   number: (N,) which sample each is, increasing.   even_s: (N,) the
+    samples' times on the line.   used: (N,) whether the line was fitted to it.   cells: of the line, 1 where it is straight.
+    """
+
+    index: IntArray
+    number: IntArray
+    even_s: FloatArray
+    used: BoolArray
+    cells: int
+
+    @property
+    def period_s(self) -> float:
+        """Mean distance of samples."""
+        return float((self.even_s[-1] - self.even_s[0]) / (self.number[-1] - self.number[0]))
+
+    def variance_of_mean(self, weight: FloatArray) -> float:
+        """Variance of the line's error in the mean with `weight` (N,), for stamps with independent errors of variance 1."""
+        cell, right = _places(self.number, self.cells)
+        normal = _normal_equations(cell, right, self.used, self.cells)
+        goal = _onto_nodes(cell, right, weight, self.cells)
+        return float(goal @ solveh_banded(normal, goal))
+
+
+def even_rows(t: FloatArray) -> list[Row]:
+    """The rows behind stamps t (Q,) [s], strictly increasing; readings that follow none are in no row."""
+    period = float(np.median(np.diff(t)))
+    rows: list[Row] = []
+    for stretch in _stretches(t, period):
+        numbered = _numbered(t[stretch], period)
+        if numbered is not None:
+            rows.append(_fitted(np.arange(stretch.start, stretch.stop), *numbered, t))
+    if len(rows) > 1:
+        # The sensor's clock goes on through a gap, unless it was started anew.
+        whole = _joined(rows, t)
+        apart = np.concatenate([(t[row.index] - row.even_s)[row.used] for row in rows])
+        together = (t[whole.index] - whole.even_s)[np.concatenate([row.used for row in rows])]
+        if _fits_as_well(together, apart, freedoms=2 * (len(rows) - 1)):
+            rows = [whole]
+    return _in_order([part for row in rows for part in _steady(row, t)], t)
+
+
+def lasting(rows: Sequence[Row], t: FloatArray) -> float:
+    """How many times less sure a mean of the stamps' errors is than if they were independent, 1 at least."""
+    errors = [np.where(row.used, t[row.index] - row.even_s, 0.0) for row in rows]
+    size = max((len(e) for e in errors), default=0)
+    variance = float(np.mean(np.concatenate(errors) ** 2)) if errors else 0.0
+    worst, length = 1.0, 2
+    while variance > 0.0 and length * _MEASURED_BLOCKS <= size:
+        means = np.concatenate([_block_means(e, length) for e in errors])
+        worst = max(worst, float(np.mean(means**2)) * length / variance)
+        length *= 2
+    return math.sqrt(worst)
+
+
+def _stretches(t: FloatArray, period: float) -> Iterator[slice]:
+    """Between gaps, where they are long enough."""
+    ends = np.concatenate([np.flatnonzero(np.diff(t) > _GAP_PERIODS * period) + 1, [len(t)]])
+    start = 0
+    for end in ends.tolist():
+        if end - start >= LEAST:
+            yield slice(start, end)
+        start = end
+
+
+def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None:
+    """Which sample of an even row each reading is, and whether it is stamped near it, (N,) each; None where they are in none.
+
+    The median step is far from the period where stamps are coarse, the mean step where readings were lost: the one whose
+    row fits better is right.
+    """
+    best, least = None, _SPREAD
+    for guess in (period, float(t[-1] - t[0]) / (len(t) - 1)):
+        number = _tracked(t, guess)
+        # Readings that came in a burst, after a host had stood still, say nothing of the line.
+        alone = np.diff(number) > 0
+        used = np.concatenate([[True], alone]) & np.concatenate([alone, [True]])
+        for _ in range(3):
+            if np.count_nonzero(used) < LEAST:
+                break
+            # Where the loop slipped by a sample, the line of all the others puts it right. A reading stamped so late that
+            # it takes its successor's number was the sample before.
+            line, _cells = _line(number, t, used)
+            step = (line[-1] - line[0]) / max(int(number[-1] - number[0]), 1)
+            number = _each_its_own(number + np.rint((t - line) / step).astype(np.int64))
+            used = np.abs(t - _line(number, t, used)[0]) <= 0.5 * step
+        number = _each_its_own(number)
+        if np.count_nonzero(used) < LEAST:
+            continue
+        row = _fitted(np.arange(len(t)), number, used, t)
+        off = (t - row.even_s) / row.period_s
+        near = np.abs(off) < 0.5
+        spread = float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else np.inf
+        if np.mean(~near) < _LATE_SHARE and spread < least:
+            best, least = (number, used), spread
+    return best
+
+
+def _each_its_own(number: IntArray) -> IntArray:
+    """Strictly increasing numbers: the largest such that none exceeds what was counted."""
+    place = np.arange(len(number))
+    return np.asarray(np.minimum.accumulate((number - place)[::-1])[::-1] + place)
+
+
+def _tracked(t: FloatArray, period: float) -> IntArray:
+    """(N,) samples counted by a loop that follows their phase and period: a single step is too uncertain to count by.
+
+    It locks on the way to the end and counts on the way back.
+    """
+    number = np.zeros(len(t), dtype=np.int64)
+    _track(t, period, number)
+    return np.asarray(number - number[0])
+
+
+@numba.njit(cache=True, nogil=True)
+def _track(t: FloatArray, period: float, number: IntArray) -> None:
+    expected, step, count = t[0], period, 0
+    for leg in range(2):
+        count = 0
+        for k in range(1, len(t)):
+            now = t[k] if leg == 0 else t[len(t) - 1 - k]
+            passed = math.floor((now - expected) / step + 0.5)
+            late = now - (expected + passed * step)
+            count += passed
+            expected = now + (_PHASE_GAIN - 1.0) * late
+            step += _PERIOD_GAIN * late / (passed if passed != 0 else 1)
+            if leg == 1:
+                number[len(t) - 1 - k] = count
+
+
+def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -> Row:
+    """The row with its line, late stamps left out. used: (N,) those to begin with.   t: (Q,) of the whole recording."""
+    here = t[index]
+    even, cells = _line(number, here, used)
+    for _ in range(2):
+        off = here - even
+        centre = float(np.median(off[used]))
+        period = (even[-1] - even[0]) / max(int(number[-1] - number[0]), 1)
+        robust = 1.4826 * float(np.median(np.abs(off[used] - centre)))
+        used = np.abs(off - centre) <= min(0.5 * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
+        even, cells = _line(number, here, used)
+    return Row(index, number, even, used, cells)
+
+
+def _line(number: IntArray, t: FloatArray, used: BoolArray) -> tuple[FloatArray, int]:
+    """Times of the samples and the line's cells: straight, or bending every few seconds where that fits much better."""
+    straight = _through(number, t, used, 1)
+    cells = int((straight[-1] - straight[0]) / _NODE_S)
+    if cells < 2:
+        return straight, 1
+    bent = _through(number, t, used, cells)
+    as_well = _fits_as_well((t - straight)[used], (t - bent)[used], freedoms=cells - 1)
+    return (straight, 1) if as_well else (bent, cells)
+
+
+def _through(number: IntArray, t: FloatArray, used: BoolArray, cells: int) -> FloatArray:
+    """Least-squares fit of a function that is linear between `cells` + 1 even nodes."""
+    x, y = number[used] - number[used].mean(), t[used] - t[used].mean()
+    straight = t[used].mean() + float(x @ y / (x @ x)) * (number - number[used].mean())
+    if cells == 1:
+        return np.asarray(straight, dtype=np.float64)
+    cell, right = _places(number, cells)
+    left = np.where(used, t - straight, 0.0)
+    node = solveh_banded(_normal_equations(cell, right, used, cells), _onto_nodes(cell, right, left, cells))
+    return np.asarray(straight + (1 - right) * node[cell] + right * node[cell + 1], dtype=np.float64)
+
+
+def _places(number: IntArray, cells: int) -> tuple[IntArray, FloatArray]:
+    """The cell each sample is in, and how far towards its right node, 0 to 1."""
+    place = (number - number[0]) / max(int(number[-1] - number[0]), 1) * cells
+    cell = np.minimum(place.astype(np.int64), cells - 1)
+    return cell, np.asarray(place - cell, dtype=np.float64)
+
+
+def _normal_equations(cell: IntArray, right: FloatArray, used: BoolArray, cells: int) -> FloatArray:
+    """Upper banded form (2, cells + 1), for samples of unit weight."""
+    banded = np.zeros((2, cells + 1))
+    banded[1] = _onto_nodes(cell, right, np.where(used, 1 - right, 0.0), cells, other=np.where(used, right, 0.0))
+    banded[0, 1:] = np.bincount(cell, np.where(used, right * (1 - right), 0.0), cells + 1)[:-1]
+    # A node over nothing but lost readings stays where it is.
+    banded[1] += 1e-9 * banded[1].max()
+    return banded
+
+
+def _onto_nodes(
+    cell: IntArray, right: FloatArray, weight: FloatArray, cells: int, *, other: FloatArray | None = None
+) -> FloatArray:
+    """(cells + 1,): sums of weights onto the nodes left and right. other: the weight for the right node, if another."""
+    onto_right = weight if other is None else other
+    return np.asarray(
+        np.bincount(cell, (1 - right) * weight, cells + 1) + np.bincount(cell + 1, right * onto_right, cells + 1)
+    )
+
+
+def _fits_as_well(stiff: FloatArray, loose: FloatArray, *, freedoms: int) -> bool:
+    """Whether residuals with fewer free numbers are no larger than chance allows."""
+    noise = float(np.mean(loose**2))
+    gained = float(stiff @ stiff - loose @ loose)
+    # Of pure noise the gain is chi-square with as many degrees of freedom as numbers were set free.
+    return gained <= noise * (freedoms + _SURE * np.sqrt(2.0 * freedoms))
+
+
+def _joined(rows: Sequence[Row], t: FloatArray) -> Row:
+    """One row through all: each goes on counting where the line of the one before it would be."""
+    numbers = [rows[0].number]
+    for before, after in pairwise(rows):
+        passed = round((after.even_s[0] - before.even_s[-1]) / before.period_s)
+        numbers.append(after.number - after.number[0] + numbers[-1][-1] + max(passed, 1))
+    index, used = np.concatenate([row.index for row in rows]), np.concatenate([row.used for row in rows])
+    return _fitted(index, np.concatenate(numbers), used, t)
+
+
+def _steady(row: Row, t: FloatArray) -> Iterator[Row]:
+    """The parts of a row whose stamps jitter about their line and do not wander about it."""
+    if not _wanders(row, t):
+        yield row
+        return
+    half = len(row.index) // 2
+    if half < LEAST or half * row.period_s < _SHORTEST_S:
+        return
+    near = np.abs(t[row.index] - row.even_s) <= 0.5 * row.period_s
+    for part in (slice(0, half), slice(half, None)):
+        if np.count_nonzero(near[part]) >= LEAST:
+            yield from _steady(_fitted(row.index[part], row.number[part], near[part], t), t)
+
+
+def _wanders(row: Row, t: FloatArray) -> bool:
+    """Whether means over long blocks are further from the line than those over quick ones let one expect.
+
+    Errors that share something for a while raise both alike; a step, a drift or an uneven pace raises the long ones.
+    """
+    here = t[row.index]
+    # Stamps that are late for seconds are a clock that was set; a host that stood still stamps all it missed in no time.
+    time = np.minimum(np.gradient(here) / row.period_s, 1.0)
+    error = time * np.clip(here - row.even_s, -0.5 * row.period_s, 0.5 * row.period_s)
+    variance = float(np.mean(error**2))
+    if variance <= (_STILL * row.period_s) ** 2:
+        return False
+    excess = []
+    length = max(round(_QUICK_S / row.period_s), _LEAST_QUICK)
+    while length * _FEWEST_BLOCKS <= len(error):
+        excess.append(float(np.sqrt(np.mean(_block_means(error, length) ** 2) * length / variance)))
+        length *= 2
+    return len(excess) > 1 and max(excess) > _GROWTH * max(excess[0], 1.0)
+
+
+def _block_means(values: FloatArray, length: int) -> FloatArray:
+    blocks = len(values) // length
+    return np.asarray(values[: blocks * length].reshape(blocks, length).mean(axis=1))
+
+
+def _in_order(rows: list[Row], t: FloatArray) -> list[Row]:
+    """Without the rows whose samples would change places with readings beside them."""
+    while True:
+        even = t.copy()
+        owner = np.full(len(t), -1)
+        for k, row in enumerate(rows):
+            even[row.index], owner[row.index] = row.even_s, k
+        wrong = np.flatnonzero(np.diff(even) <= 0)
+        out = set(owner[np.concatenate([wrong, wrong + 1])].tolist()) - {-1}
+        if not out:
+            return rows
+        rows = [row for k, row in enumerate(rows) if k not in out]
