@@ -1,9 +1,9 @@
 """How far a plane is known to reach: cells of it that were seen, and seen to be flat.
 
 An equation n . x + w = 0 goes on for ever; walls do not. Each plane carries a grid of cells in its own two axes. A cell
-belongs to the plane where most of the returns near it lie within the noise of the plane itself, so that a shelf in front
-of a wall, a door frame or the next room do not count on it. Where a person has drawn an outline, no cell that reaches
-over it belongs to the plane, whatever was seen there.
+belongs to the plane where most of the returns near it lie within the noise of the plane itself, and not all of them on one
+side of it, so that a shelf in front of a wall, a door in it or the next room do not count on it. Where a person has drawn an
+outline, no cell that reaches over it belongs to the plane, whatever was seen there.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from calib_core.factors.kernels import count_kernel
 from calib_core.geometry import plane_axes
-from calib_core.types import BoolArray, CountArray, FloatArray, IntArray
+from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray
 
 CELL_M = 0.2
 #: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.
@@ -80,12 +80,14 @@ def reach_around(extents: PlaneExtents, reach_m: float) -> PlaneExtents:
 class ExtentSurvey:
     """Counts of returns on and beside every plane, cell by cell, gathered scan by scan. on, beside: (P, rows, columns).
 
+    off: (P, rows, columns), sums over those on the plane of how far off they are, 1 being too far for a mean.
     box: (P, 4) lowest row, lowest column, highest row, highest column with a return on the plane.
     """
 
     normals: FloatArray
     on: CountArray
     beside: CountArray
+    off: Float32Array
     box: IntArray
 
     @staticmethod
@@ -93,11 +95,16 @@ class ExtentSurvey:
         """No counts yet."""
         shape = (len(normals), 2 * HALF_CELLS, 2 * HALF_CELLS)
         nothing = np.tile([2 * HALF_CELLS, 2 * HALF_CELLS, -1, -1], (len(normals), 1))
-        return ExtentSurvey(normals, np.zeros(shape, np.int32), np.zeros(shape, np.int32), nothing)
+        return ExtentSurvey(
+            normals, np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.float32), nothing
+        )
 
-    def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray) -> None:
-        """Count returns: the cell in which their rays meet the plane, and whether they lie on it or beside it."""
-        count_kernel(plane, cell, on_plane, self.on, self.beside, self.box)
+    def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray, off: FloatArray) -> None:
+        """Count returns: the cell in which their rays meet the plane, whether they lie on it or beside it, and how far off.
+
+        off: (N,) signed, 1 where the mean of many would be too far.
+        """
+        count_kernel(plane, cell, on_plane, off, self.on, self.beside, self.off, self.box)
 
     def finish(
         self, within: BoolArray | None = None, *, least: int = 8, share: float = 0.75, island: float = 0.02
@@ -114,7 +121,7 @@ class ExtentSurvey:
             box = slice(top, bottom + 1), slice(left, right + 1)  # a plane fills a small part of its grid
             on, beside = self.on[plane][box].astype(np.int64), self.beside[plane][box]
             seen = on >= least if within is None else (on >= least) & within[plane][box]
-            flat = seen & (on >= share * (on + beside))
+            flat = seen & (on >= share * (on + beside)) & (np.abs(self.off[plane][box]) <= on)
             if flat.any():
                 inside[plane][box] = _without_islands(flat, on, island)
         inside[:, [0, -1], :] = False

@@ -126,9 +126,18 @@ def cells_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def count_kernel(
-    plane: IntArray, cell: IntArray, on_plane: BoolArray, on: CountArray, beside: CountArray, box: IntArray
+    plane: IntArray,
+    cell: IntArray,
+    on_plane: BoolArray,
+    off: FloatArray,
+    on: CountArray,
+    beside: CountArray,
+    total: Float32Array,
+    box: IntArray,
 ) -> None:
     """Counts hits in cells (N, 2) of their planes (N,): in `on` or in `beside` (P, rows, columns).
+
+    total: (P, rows, columns), the sum of `off` (N,) over those on the plane.
 
     box: (P, 4) lowest row and column, highest row and column of those on the plane, widened as they come.
     """
@@ -138,6 +147,7 @@ def count_kernel(
             beside[j, r, c] += 1
             continue
         on[j, r, c] += 1
+        total[j, r, c] += off[i]
         box[j, 0], box[j, 1] = min(box[j, 0], r), min(box[j, 1], c)
         box[j, 2], box[j, 3] = max(box[j, 2], r), max(box[j, 3], c)
 

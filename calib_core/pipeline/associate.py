@@ -34,6 +34,9 @@ from calib_core.types import BoolArray, FloatArray, IntArray, Scan
 T = TypeVar("T")
 #: Points that are worth a call of their own.
 _BATCH = 20_000
+#: Returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane than this many
+#: standard deviations of one of them.
+_OFF_SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
@@ -262,16 +265,19 @@ def survey(
     """
     total = ExtentSurvey.empty(view.estimate.normals)
 
-    def some(batch: Sequence[int]) -> tuple[IntArray, IntArray, BoolArray]:
+    def some(batch: Sequence[int]) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
         hits = view.hits(batch, gate, stride)
         std = noise.distance_std_m(hits.cosine)
         close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m))
         cells = cells_of(hits, view.estimate.normals)
         on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
-        return hits.plane[close], cells[close], on[close]
+        off = hits.d[close] / (_OFF_SIGMAS * std[close] + gate.extra_m)
+        return hits.plane[close], cells[close], on[close], off
 
-    plane, cell, on = (np.concatenate(each) for each in zip(*view.over_batches(positions, stride, some), strict=True))
-    total.add(plane, cell, on)
+    plane, cell, on, off = (
+        np.concatenate(each) for each in zip(*view.over_batches(positions, stride, some), strict=True)
+    )
+    total.add(plane, cell, on, off)
     return total.finish(within)
 
 

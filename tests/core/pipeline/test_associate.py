@@ -156,3 +156,20 @@ def test_surveyed_cells_are_those_of_the_walls(noisy: tuple[Recording, Truth]) -
             if i != j:
                 assert (centres @ normals[i] + offsets[i]).min(initial=1.0) > -1.5 * CELL_M
     assert found > 100
+
+
+def test_returns_that_all_lie_off_a_plane_make_it_no_cells(noisy: tuple[Recording, Truth]) -> None:
+    """A wall said to be 4.5 cm from where it is, as a door's leaf is from its wall: within the gate, but more than two sigmas off.
+
+    Fails when only shares within the gate are looked at, or a sigma off is too much already.
+    """
+    view = _view(*noisy)
+    gate = replace(GATE, extra_m=0.01)
+    area = survey(view, SCANS, NOISE, gate, stride=4)
+    wall = int(np.argmax([area.area_m2(j) for j in range(6)]))
+    for off_m, least, most in ((0.02, 0.8, 1.2), (0.045, 0.0, 0.3)):
+        offsets = view.estimate.offsets_m.copy()
+        offsets[wall] += off_m
+        moved = replace(view, estimate=replace(view.estimate, offsets_m=offsets), thinned={})
+        left = survey(moved, SCANS, NOISE, gate, stride=4).area_m2(wall) / area.area_m2(wall)
+        assert least <= left <= most
