@@ -43,7 +43,7 @@ _COARSE_TOLERANCE = 0.05
 #: moves, but whether two starts end at the same cost to a millionth does: a point more or less is a ten-millionth of it.
 _SETTLED = 0.3
 _UNMOVED = 2e-6
-_SETTLING = 8
+_SETTLING = 12
 #: Room in the gates while planes' extents are learnt, and while the motion settles.
 _LEARNING_M = 0.02
 _SETTLING_M = 0.01
@@ -370,7 +370,9 @@ class Rounds:
 
 
 def _swings(cells: Sequence[BoolArray]) -> bool:
-    """Whether the last of some surveys is the one before the last again, and the last was another."""
-    if len(cells) < 3:
+    """Whether the surveys have gone to and fro twice. Once may be on the way to rest: noise is still being learnt."""
+    if len(cells) < 4:
         return False
-    return np.array_equal(cells[-1], cells[-3]) and not np.array_equal(cells[-1], cells[-2])
+    one, other = cells[-2:]
+    to_and_fro = np.array_equal(other, cells[-3]) and np.array_equal(one, cells[-4])
+    return to_and_fro and not np.array_equal(one, other)

@@ -55,11 +55,15 @@ def test_two_starts_end_at_the_same_cost_and_the_same_answer(noisy: tuple[Record
     assert np.max(np.abs(apart) / stds) < 0.02
 
 
-def test_only_there_and_back_is_a_swing() -> None:
-    """Mutation: take surveys that stay as they are for a swing, and never look again."""
+def test_only_twice_there_and_back_is_a_swing() -> None:
+    """Seen in 1 of 200 starts: out and in again while the noise was learnt, and then at rest.
+
+    Mutations: take surveys that stay as they are for a swing, and never look again; take one return for a swing.
+    """
     there, back = np.zeros((1, 2, 2), dtype=bool), np.ones((1, 2, 2), dtype=bool)
-    assert rounds._swings([there, back, there.copy()])
-    for quiet in ([], [there, back], [there, there, there], [there, back, back], [back, there, there.copy()]):
+    assert rounds._swings([there, back, there.copy(), back.copy()])
+    assert rounds._swings([there, there, back, there, back])
+    for quiet in ([], [there, back], [there] * 4, [there, there, back, there], [there, back, there, there], [back] * 5):
         assert not rounds._swings(quiet)
 
 
@@ -112,7 +116,7 @@ def test_a_cell_that_swings_is_left_out(monkeypatch: pytest.MonkeyPatch, begun: 
     assert swinging.estimate == 0.0
     assert swinging.extents.inside.sum() == 1
     assert moves[-1] == 0.0
-    assert swinging.surveys == 3
+    assert swinging.surveys == 4
 
 
 def _estimate(rng: np.random.Generator) -> Estimate:
