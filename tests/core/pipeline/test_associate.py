@@ -159,7 +159,7 @@ def test_surveyed_cells_are_those_of_the_walls(noisy: tuple[Recording, Truth]) -
 
 
 def test_returns_that_all_lie_off_a_plane_make_it_no_cells(noisy: tuple[Recording, Truth]) -> None:
-    """A wall said to be 4.5 cm from where it is, as a door's leaf is from its wall: within the gate, but more than two sigmas off.
+    """A wall said to be 4.5 cm from where it is, as a door is from its wall: within the gate, but over two sigmas off.
 
     Fails when only shares within the gate are looked at, or a sigma off is too much already.
     """
