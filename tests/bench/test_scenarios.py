@@ -70,6 +70,10 @@ STILL = ROOM.model_copy(
         (AXIS, {"weak": ["one", "two"]}, False),
         (AXIS, {"advice": []}, False),
         (AXIS, {"nees": 35.0}, False),
+        # Without noise: 0.0013 deg and 0.095 mm are asked, whatever is stated.
+        (ROOM, {"scenario": "noise-free-fast", "error": [0.0001, 0.013, 1e-5], "nees": 500.0}, True),
+        (ROOM, {"scenario": "noise-free-fast", "error": [0.0001, 0.1, 1e-5], "nees": 1.0}, False),
+        (ROOM, {"scenario": "noise-free-fast", "error": [0.002, 0.013, 1e-5], "nees": 1.0}, False),
         (STILL, {}, True),
         (STILL, {"errors": []}, False),
         (STILL, {"status": "weak", "determined": 7, "nees": 5.0}, False),
