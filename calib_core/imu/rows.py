@@ -32,6 +32,8 @@ _SURE = 5.0
 _LATE_SIGMAS = 6.0
 #: A row may have this share of late stamps, and the others an rms of so much of a period (evenly spread: 0.29).
 _LATE_SHARE, _SPREAD = 0.05, 0.25
+#: Periods that differ by less lead to the same count: the loop that counts follows the period.
+_SAME_PERIOD = 1e-3
 #: Means of blocks longer than this against those of blocks as long tell wandering from jitter that lasts: so far the
 #: readings themselves can tell the one from the other (`sampling.py`), and no further.
 _QUICK_S, _LEAST_QUICK = 0.1, 5
@@ -120,20 +122,23 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
     row fits better is right.
     """
     best, least = None, _SPREAD
-    for guess in (period, float(t[-1] - t[0]) / (len(t) - 1)):
+    mean = float(t[-1] - t[0]) / (len(t) - 1)
+    for guess in (period, mean) if abs(mean - period) > _SAME_PERIOD * period else (period,):
         number = _tracked(t, guess)
-        # Readings that came in a burst, after a host had stood still, say nothing of the line.
-        alone = np.diff(number) > 0
-        used = np.concatenate([[True], alone]) & np.concatenate([alone, [True]])
+        used = np.ones(len(t), dtype=np.bool_)
         for _ in range(3):
             if np.count_nonzero(used) < LEAST:
                 break
             # Where the loop slipped by a sample, the line of all the others puts it right. A reading stamped so late that
-            # it takes its successor's number was the sample before.
+            # it takes its successor's number was the sample before; and those that a host that had stood still stamps in a
+            # burst are then far from the line, and are left out of it.
             line, _cells = _line(number, t, used)
             step = (line[-1] - line[0]) / max(int(number[-1] - number[0]), 1)
-            number = _each_its_own(number + np.rint((t - line) / step).astype(np.int64))
-            used = np.abs(t - _line(number, t, used)[0]) <= 0.5 * step
+            slipped = np.rint((t - line) / step).astype(np.int64)
+            if not slipped.any():
+                break
+            before, number = number, _each_its_own(number + slipped)
+            used = np.abs(t - line - step * (number - before)) <= 0.5 * step
         number = _each_its_own(number)
         if np.count_nonzero(used) < LEAST:
             continue

@@ -30,6 +30,8 @@ _NO_GAP = 1.5
 _REACH_S = 0.1
 #: A distance of neighbours at which beta is so many times less sure than at the best one does not count.
 _LESS_SURE = 3.0
+#: Readings are asked in runs of so many, and no more of them than this: an hour would tell nothing that minutes do not.
+_RUN, _ENOUGH = 1000, 200_000
 #: Standard deviations by which beta has to be on its side of a half.
 _DECISIVE = 3.0
 #: Beta is 0 to 1; beyond either end by more than this, and surely, neither holds.
@@ -129,6 +131,15 @@ def _unbroken(number: IntArray, in_row: BoolArray, span: int) -> IntArray:
     return np.asarray(np.flatnonzero(whole) + span)
 
 
+def _spread_runs(centre: IntArray) -> IntArray:
+    """At most so many, in runs spread over all."""
+    runs = len(centre) // _RUN
+    if len(centre) <= _ENOUGH:
+        return centre
+    taken = np.linspace(0, runs - 1, _ENOUGH // _RUN).astype(np.int64)
+    return np.asarray(centre[: runs * _RUN].reshape(runs, _RUN)[taken].ravel())
+
+
 def _slopes(centre: IntArray, values: FloatArray) -> FloatArray:
     """(N, C) per sample, of a line through the readings beside each."""
     steps = np.arange(-_SLOPE_SPAN, _SLOPE_SPAN + 1)
@@ -165,7 +176,7 @@ def _share_in_sampling(
     number: IntArray, in_row: BoolArray, tau: FloatArray, values: FloatArray, period: float, apart: int
 ) -> tuple[float, float]:
     """Beta and its standard deviation; (0.5, infinite) where nothing is to be told."""
-    centre = _unbroken(number, in_row, max(_SLOPE_SPAN, _SPAN * apart))
+    centre = _spread_runs(_unbroken(number, in_row, max(_SLOPE_SPAN, _SPAN * apart)))
     if len(centre) < LEAST:
         return 0.5, np.inf
     error = _against_neighbours(centre, values, apart)
@@ -192,6 +203,7 @@ def _std_where_it_moves(rows: list[Row], centre: IntArray, values: FloatArray, c
     That of the lines where there are any, of the stamps themselves where there are none.
     """
     weight = np.zeros(count)
+    centre = _spread_runs(centre)
     if len(centre):
         noise = np.mean(_against_neighbours(centre, values, 1) ** 2, axis=0)
         weight[centre] = np.sum(_slopes(centre, values) ** 2 / np.maximum(noise, np.finfo(np.float64).tiny), axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from calib_core.imu.sampling import Sampling, study_sampling
+from calib_core.imu.sampling import Sampling, _spread_runs, study_sampling
 from calib_core.types import FloatArray, IntArray
 
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -172,7 +172,7 @@ def test_stamps_that_are_left_keep_their_own_uncertainty() -> None:
 
 
 def test_late_stamps_are_late_and_change_nothing_else() -> None:
-    """One reading in fifty 4 ms late; and a host that stands still for 0.9 s and then stamps 90 readings in 18 ms.
+    """One reading in fifty 4 ms late.
 
     Mutations: give up a row where two readings would be the same sample; let late stamps pull at the line.
     """
@@ -184,15 +184,39 @@ def test_late_stamps_are_late_and_change_nothing_else() -> None:
     assert sampling.is_even
     assert np.abs(_off_s(sampling, t)).max() < 6e-5
     assert sampling.jitter_s == pytest.approx(3e-4, rel=0.05)
-    stood = stamps.copy()
-    stood[3600:3690] = stamps[3690] - 0.018 + 2e-4 * np.arange(90)
-    stood = np.maximum.accumulate(stood) + 1e-6 * np.arange(len(t))
-    sampling = _known(_stamps(stood), _values(t, rng))
+
+
+@pytest.mark.parametrize("at", [7200, 4800])
+def test_a_host_that_stood_still_stamps_all_it_missed_in_no_time(at: int) -> None:
+    """For 0.2 s, at 200 Hz; what it missed is stamped every 0.2 ms after that.
+
+    Mutation: hold numbers that were counted through the burst against the line (half a minute is then in no row).
+    """
+    rng = np.random.default_rng(0)
+    t = 0.005 * np.arange(12000)
+    stamps = t + 3e-4 * rng.standard_normal(len(t))
+    for k in range(at, at + 40):
+        stamps[k] = max(stamps[k], t[at + 40] + 2e-4 * (k - at) - 0.007)
+    for k in range(1, len(t)):
+        stamps[k] = max(stamps[k], stamps[k - 1] + 2e-5)
+    sampling = _known(_stamps(stamps), _values(t, rng))
     assert sampling.is_even
     assert sampling.in_rows == 1.0
-    # The microsecond a stamp above is a slope of its own.
-    assert np.abs(_off_s(sampling, t + 1e-6 * np.arange(len(t)))).max() < 6e-5
+    assert np.abs(_off_s(sampling, t))[10:].max() < 4e-4
+    assert np.median(np.abs(_off_s(sampling, t))) < 1e-5
     assert sampling.jitter_s == pytest.approx(3e-4, rel=0.05)
+
+
+def test_an_hour_is_asked_by_samples_of_it() -> None:
+    """Runs of neighbours, from its beginning to its end. Mutations: every n-th reading; the first ones."""
+    centre = 7 + np.arange(3_600_000)
+    some = _spread_runs(centre)
+    assert len(some) == 200_000
+    assert (np.diff(some) == 1).mean() > 0.99
+    assert some[0] == 7
+    assert some[-1] > 3_599_000
+    assert (np.diff(some) >= 1).all()
+    np.testing.assert_array_equal(_spread_runs(centre[:150_000]), centre[:150_000])
 
 
 def test_stamps_coarser_than_the_period_still_count_right() -> None:
