@@ -26,9 +26,8 @@ from calib_core.pipeline.initialise import (
     acceleration_start,
     linear_start,
     rotation_start,
-    turns_about,
-    upright,
 )
+from calib_core.pipeline.open_turn import turns_about, upright
 from calib_core.pipeline.priors import PriorRow, Priors
 from calib_core.pipeline.register import ScanMotion
 from calib_core.pipeline.rounds import Rounds, Solved

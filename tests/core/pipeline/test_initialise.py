@@ -19,10 +19,9 @@ from calib_core.pipeline.initialise import (
     candidate_lags,
     linear_start,
     rotation_start,
-    turns_about,
     turns_of,
-    upright,
 )
+from calib_core.pipeline.open_turn import turns_about, upright
 from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth
 from calib_core.simulate.motion import Pose
 from calib_core.simulate.motions import HINGE, ONE_AXIS, ONE_AXIS_IN_PLACE, PAPER_FAST
