@@ -192,7 +192,10 @@ def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -
         centre = float(np.median(off[used]))
         period = (even[-1] - even[0]) / max(int(number[-1] - number[0]), 1)
         robust = 1.4826 * float(np.median(np.abs(off[used] - centre)))
-        used = np.abs(off - centre) <= min(0.5 * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
+        near = np.abs(off - centre) <= min(0.5 * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
+        if np.count_nonzero(near) < LEAST:
+            break
+        used = near
         even, cells = _line(number, here, used)
     return Row(index, number, even, used, cells)
 

@@ -29,14 +29,13 @@ from calib_core.pipeline.context import Context, NoStart
 from calib_core.pipeline.extend import extend
 from calib_core.pipeline.follow import Followed, follow
 from calib_core.pipeline.full import (
-    Start,
     bias_nodes,
     first_estimate,
     knots_over,
     standing_priors,
     start_values,
 )
-from calib_core.pipeline.initialise import LidarTrack
+from calib_core.pipeline.initialise import LidarTrack, Start
 from calib_core.pipeline.observability import Knowledge, advice, assess
 from calib_core.pipeline.propose import propose_planes, scan_points
 from calib_core.pipeline.register import ScanMotion

@@ -10,7 +10,7 @@ each plane reaches and how noisy the lidar is, the last use every point within f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from calib_core.pipeline.initialise import (
     LidarTrack,
     LinearStart,
     RotationStart,
-    Trial,
+    Start,
     acceleration_start,
     linear_start,
     rotation_start,
@@ -46,14 +46,6 @@ USUAL_WALK = (3e-5, 3e-4)
 #: Turns about the only axis that are tried where it stays open.
 _TURNS = 24
 _AXES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
-
-
-@dataclass(frozen=True)
-class Start:
-    """Start values of the joint solve."""
-
-    rotation: RotationStart
-    linear: LinearStart
 
 
 def track_lidar(ctx: Context, planes: Sequence[Plane], reference: int) -> list[ScanMotion]:
@@ -86,11 +78,11 @@ def start_values(
         )
     magnitude = ctx.settings.gravity.magnitude_m_s2
 
-    def trial(rotation: RotationStart) -> Trial:
+    def trial(rotation: RotationStart) -> Start:
         linear = linear_start(lidar, ctx.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
-        return Trial(rotation, linear)
+        return Start(rotation, linear)
 
-    trials: list[Trial] = []
+    trials: list[Start] = []
     best = candidates[0].residual
     for candidate in candidates:
         if candidate.residual > max(2.0 * best, best + 0.1):

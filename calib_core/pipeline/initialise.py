@@ -88,8 +88,8 @@ class LinearStart:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """A rotation and the linear solution with it."""
+class Start:
+    """Start values of the joint solve: a rotation and the linear solution with it."""
 
     rotation: RotationStart
     linear: LinearStart

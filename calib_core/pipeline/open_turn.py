@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.geometry import exp
-from calib_core.pipeline.initialise import RotationStart, Trial
+from calib_core.pipeline.initialise import RotationStart, Start
 from calib_core.types import FloatArray
 
 #: Turns about the only axis that the accelerations fit so nearly as well as the best one are all the same to them.
@@ -31,7 +31,7 @@ def turns_about(axis: FloatArray, R: FloatArray, count: int) -> list[FloatArray]
     return [exp(unit * angle) @ R for angle in np.arange(count) * 2 * np.pi / count]
 
 
-def upright(trials: Sequence[Trial], normals: FloatArray, trial: Callable[[RotationStart], Trial]) -> Trial:
+def upright(trials: Sequence[Start], normals: FloatArray, trial: Callable[[RotationStart], Start]) -> Start:
     """The trial that fits best; of many that fit alike, differing by a turn about the only axis, the most upright one.
 
     normals: (P, 3) of the planes, map.   trial: solves for one rotation more; trials of one candidate are equal turns

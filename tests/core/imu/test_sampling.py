@@ -322,3 +322,44 @@ def test_stamps_without_jitter_stay_as_they_are_to_the_nanosecond() -> None:
     sampling = _known(_stamps(t), _values(t, rng))
     assert np.abs(sampling.even_ns - _stamps(t)).max() <= 1
     assert not sampling.is_even
+
+
+@pytest.mark.filterwarnings("error")
+def test_no_stamps_are_too_strange_to_be_answered() -> None:
+    """Rows whose period changes every fifty readings, up to a hundredfold, bursts, gaps at random, and a plain one.
+
+    Fails when samples may change places, or numbers come out that are none.
+    """
+    answered = 0
+    for seed in range(120):
+        rng = np.random.default_rng(seed)
+        count, period = int(rng.integers(2, 3000)), 10 ** rng.uniform(-3.3, -1.0)
+        steps = period * rng.choice(
+            [
+                np.repeat(10 ** rng.uniform(-1.0, 1.0, count // 50 + 1), 50)[:count],
+                np.where(rng.random(count) < 0.1, rng.exponential(20.0, count), 1.0 + 0.1 * rng.standard_normal(count)),
+                np.abs(rng.standard_cauchy(count)),
+                rng.choice([1e-6, 1.0, 3.0], count),
+                1.0 + np.diff(rng.uniform(-0.2, 0.2, count + 1)),
+            ]
+        )
+        stamps = EPOCH_NS + np.cumsum(np.maximum(np.rint(1e9 * np.abs(steps)), 1.0).astype(np.int64))
+        sampling = study_sampling(stamps, rng.standard_normal((count, 6)))
+        if sampling is not None:
+            answered += 1
+            assert (np.diff(sampling.even_ns) > 0).all()
+            assert np.isfinite([sampling.mean_std_s, sampling.jitter_s]).all()
+    assert answered > 5
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("seed", [82, 99, 248])
+def test_a_line_is_not_fitted_to_nothing(seed: int) -> None:
+    """A period that changes every fifty readings: the line runs between them all, and none is near it.
+
+    Fails (a division by nothing) when a line is fitted to whatever readings are left near the one before.
+    """
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1000, 3000))
+    steps = 0.01 * np.repeat(10 ** rng.uniform(-1.0, 1.0, count // 50 + 1), 50)[:count]
+    assert study_sampling(_stamps(np.cumsum(steps)), rng.standard_normal((count, 6))) is None

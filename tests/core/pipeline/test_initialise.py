@@ -14,7 +14,7 @@ from calib_core.pipeline.initialise import (
     GyroTurns,
     LidarTrack,
     RotationStart,
-    Trial,
+    Start,
     _double_integral,
     candidate_lags,
     linear_start,
@@ -130,15 +130,15 @@ def test_turning_about_one_axis_leaves_the_turn_about_it_open() -> None:
     assert nearest < 8.0
 
 
-def _trials(truth: Truth, noise: float) -> tuple[list[Trial], Callable[[RotationStart], Trial]]:
+def _trials(truth: Truth, noise: float) -> tuple[list[Start], Callable[[RotationStart], Start]]:
     """What the accelerations say at 24 turns about the axis, and how they were asked."""
     track = _tracked(truth, 5.0, 25.0, noise=noise)
     stamps, gyro, accel = _imu(truth, 4.0, 26.0, 0.02)
     start = rotation_start(track, stamps, gyro)[0]
     assert start.open_axis_imu is not None
 
-    def trial(rotation: RotationStart) -> Trial:
-        return Trial(rotation, linear_start(track, stamps, accel, rotation, gravity_m_s2=9.807))
+    def trial(rotation: RotationStart) -> Start:
+        return Start(rotation, linear_start(track, stamps, accel, rotation, gravity_m_s2=9.807))
 
     turns = turns_about(start.open_axis_imu, start.R_imu_lidar, 24)
     return [trial(replace(start, R_imu_lidar=R)) for R in turns], trial
