@@ -31,15 +31,15 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from calib_core import api
-from calib_core.readers import livox
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.container import open_recording
-from calib_core.readers.decoders import cloud_decoder
-from calib_core.readers.imu_messages import TYPE as IMU
-from calib_core.readers.imu_messages import ImuCollector
-from calib_core.readers.point_time import detect_point_time
+from calib_core.readers.clouds import livox
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.decoders import cloud_decoder
+from calib_core.readers.container.opening import open_recording
+from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.imu.messages import TYPE as IMU
+from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.scans import make_scan
-from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.timing.point_time import detect_point_time
 from calib_core.settings import ReadSettings
 from calib_core.simulate import simulate
 

@@ -162,7 +162,7 @@ def deskew(
     """
     from calib_core import readers
     from calib_core.pipeline.held import deskewer, held_calibration
-    from calib_core.readers.rewrite import rewrite_clouds
+    from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
     held_calibration(result)  # says so before the recording is read where there is none
@@ -195,14 +195,14 @@ def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) 
 
 def sharing_archives(folder: Path) -> AbstractContextManager[None]:
     """While it lasts, archives are unpacked into `folder`, once for all processes that name it, and stay there."""
-    from calib_core.readers import unpacked
+    from calib_core.readers.container import unpacked
 
     return unpacked.sharing(folder)
 
 
 def discard_archives(folder: Path) -> bool:
     """Remove what was unpacked into a shared folder; False, and nothing removed, while somebody reads it."""
-    from calib_core.readers import unpacked
+    from calib_core.readers.container import unpacked
 
     return unpacked.discard(folder)
 

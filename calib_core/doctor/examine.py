@@ -28,21 +28,22 @@ from calib_core.doctor.verdict import judge
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.pipeline.forecast import sample_scan
-from calib_core.readers.clocks import HeaderTimes, examine_clocks
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.container import OpenRecording, open_recording
-from calib_core.readers.decoders import CloudDecoder, cloud_decoder
-from calib_core.readers.deskewed import deskew_suspicion
-from calib_core.readers.imu import CleanedImu, clean_imu
-from calib_core.readers.imu_messages import ImuCollector, RawImu
-from calib_core.readers.layouts import Layout, recognise_layout
-from calib_core.readers.packet_models import packet_model
-from calib_core.readers.point_time import PointTiming, last_point_after_header_s, scan_period_s
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
+from calib_core.readers.clouds.deskewed import deskew_suspicion
+from calib_core.readers.clouds.layouts import Layout, recognise_layout
+from calib_core.readers.clouds.packet_models import packet_model
+from calib_core.readers.container.opening import OpenRecording, open_recording
+from calib_core.readers.container.storage import TopicSummary
+from calib_core.readers.container.wire import MalformedMessage
+from calib_core.readers.imu.messages import ImuCollector, RawImu
+from calib_core.readers.imu.readings import CleanedImu, clean_imu
 from calib_core.readers.reading import damage_findings, sample_clouds, span_ns
 from calib_core.readers.scans import ScanCounts, make_scan
-from calib_core.readers.stamps import plausible_stamps
-from calib_core.readers.storage import TopicSummary
-from calib_core.readers.synthesise import point_timing
+from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
+from calib_core.readers.timing.point_time import PointTiming, last_point_after_header_s, scan_period_s
+from calib_core.readers.timing.stamps import plausible_stamps
+from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import (
     CLOUD_TYPES,
     FOREIGN_PACKET_TYPES,
@@ -52,7 +53,6 @@ from calib_core.readers.topics import (
     imu_topics,
     lidar_topics,
 )
-from calib_core.readers.wire import MalformedMessage
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, ImuData, IntArray, Scan
 

@@ -16,7 +16,7 @@ from calib_core.doctor.report import (
 )
 from calib_core.doctor.stillness import StillSpan, still_spans
 from calib_core.presets import GENERIC_IMU, find_imu_preset
-from calib_core.readers.imu import GAP_PERIODS, stamp_statistics
+from calib_core.readers.imu.readings import GAP_PERIODS, stamp_statistics
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray
 
 _REVERSAL_RAD_S = np.deg2rad(5.0)

@@ -9,9 +9,9 @@ import numpy as np
 from calib_core.doctor.imu_report import stamp_report
 from calib_core.doctor.report import FieldReport, LidarPresetReport, LidarReport, PointTimeReport, RangeReport
 from calib_core.presets import GENERIC_LIDAR, find_lidar_preset
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.point_time import PointTiming
+from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.scans import ScanCounts
+from calib_core.readers.timing.point_time import PointTiming
 from calib_core.types import Finding, IntArray, Scan
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.doctor.report import Timeline
-from calib_core.readers.imu_messages import RawImu
+from calib_core.readers.imu.messages import RawImu
 from calib_core.types import ImuData, IntArray
 
 _STEP_NS = 100_000_000

@@ -12,17 +12,17 @@ import numpy as np
 
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.presets import find_imu_preset, find_lidar_preset
-from calib_core.readers.clocks import HeaderTimes, examine_clocks
-from calib_core.readers.container import OpenRecording, open_recording
-from calib_core.readers.decoders import cloud_decoder
-from calib_core.readers.deskewed import deskew_suspicion
-from calib_core.readers.fingerprint import recording_sha256
-from calib_core.readers.imu import clean_imu
-from calib_core.readers.layouts import recognise_layout
-from calib_core.readers.packet_models import packet_model
-from calib_core.readers.point_time import last_point_after_header_s, scan_period_s
+from calib_core.readers.clouds.decoders import cloud_decoder
+from calib_core.readers.clouds.deskewed import deskew_suspicion
+from calib_core.readers.clouds.layouts import recognise_layout
+from calib_core.readers.clouds.packet_models import packet_model
+from calib_core.readers.container.fingerprint import recording_sha256
+from calib_core.readers.container.opening import OpenRecording, open_recording
+from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
-from calib_core.readers.synthesise import point_timing
+from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
+from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
+from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, LidarInfo, Recording

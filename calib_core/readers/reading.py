@@ -12,15 +12,15 @@ import numpy as np
 
 from calib_core.errors import Cancelled, InputError, UnreadableRecording
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.container import OpenRecording
-from calib_core.readers.decoders import CloudDecoder
-from calib_core.readers.imu_messages import ImuCollector
-from calib_core.readers.point_time import PointTiming
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.decoders import CloudDecoder
+from calib_core.readers.container.opening import OpenRecording
+from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.container.wire import MalformedMessage
+from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
-from calib_core.readers.stamps import plausible_stamps
-from calib_core.readers.storage import RawMessage, TopicSummary
-from calib_core.readers.wire import MalformedMessage
+from calib_core.readers.timing.point_time import PointTiming
+from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, Scan
 

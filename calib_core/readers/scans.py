@@ -14,9 +14,9 @@ from typing import IO, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.kernels import mark_valid, pack_points
-from calib_core.readers.point_time import COMPOSITE, PointTiming, raw_times
+from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.clouds.kernels import mark_valid, pack_points
+from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_times
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from calib_core.errors import TopicError
-from calib_core.readers import imu_messages, livox, pointcloud2
-from calib_core.readers.storage import TopicSummary
+from calib_core.readers.clouds import livox, pointcloud2
+from calib_core.readers.container.storage import TopicSummary
+from calib_core.readers.imu import messages as imu_messages
 
 CLOUD_TYPES = (pointcloud2.TYPE, *livox.TYPES)
 #: Raw packets that are decoded here.

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from calib_core.readers import load
-from calib_core.readers.clocks import coarse_clock_offset, stamp_end_suspicion
-from calib_core.readers.stamps import plausible_stamps
+from calib_core.readers.timing.clocks import coarse_clock_offset, stamp_end_suspicion
+from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 from tests.core.readers.layouts import LAYOUTS, start_ns

@@ -14,7 +14,7 @@ import pytest
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers import load, open_recording
-from calib_core.readers.archive import unpack_archive
+from calib_core.readers.container.archive import unpack_archive
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.readers.deskewed import deskew_suspicion
+from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.types import POINT_DTYPE, ImuData, Scan
 from tests.core.readers import build
 

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.decoders import cloud_decoder
-from calib_core.readers.imu_messages import ImuCollector
-from calib_core.readers.point_time import PointTiming
-from calib_core.readers.pointcloud2 import MAX_POINTS
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.decoders import cloud_decoder
+from calib_core.readers.clouds.pointcloud2 import MAX_POINTS
+from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.container.wire import MalformedMessage, Wire
+from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.scans import make_scan
-from calib_core.readers.storage import RawMessage, TopicSummary
-from calib_core.readers.wire import MalformedMessage, Wire
+from calib_core.readers.timing.point_time import PointTiming
 from tests.core.readers import build
 from tests.core.readers.layouts import LAYOUTS
 

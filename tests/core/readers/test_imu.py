@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import InputError
-from calib_core.readers.imu import clean_imu, stamp_statistics
-from calib_core.readers.imu_messages import ImuCollector, RawImu
-from calib_core.readers.storage import RawMessage
+from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.imu.messages import ImuCollector, RawImu
+from calib_core.readers.imu.readings import clean_imu, stamp_statistics
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray
 from tests.core.readers import build

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.point_time import PointTiming, Reference, Unit
+from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.scans import select_points
+from calib_core.readers.timing.point_time import PointTiming, Reference, Unit
 from calib_core.types import POINT_DTYPE
 from tests.core.readers.build import EPOCH_NS
 

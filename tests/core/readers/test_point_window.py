@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from calib_core.errors import PointTimeError
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.point_time import detect_point_time
+from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.scans import make_scan
+from calib_core.readers.timing.point_time import detect_point_time
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 from tests.core.readers.test_point_time import N, cloud, expected

@@ -13,12 +13,12 @@ from scipy.spatial import cKDTree
 from calib_core.doctor import inspect
 from calib_core.errors import InputError, TopicError
 from calib_core.readers import load, open_recording
-from calib_core.readers.decoders import cloud_decoder
-from calib_core.readers.deskewed import azimuth_misfit_rad
-from calib_core.readers.point_time import PointTiming
-from calib_core.readers.pointcloud2 import read_pointcloud2
+from calib_core.readers.clouds.decoders import cloud_decoder
+from calib_core.readers.clouds.deskewed import azimuth_misfit_rad
+from calib_core.readers.clouds.pointcloud2 import read_pointcloud2
+from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.scans import make_scan
-from calib_core.readers.storage import RawMessage
+from calib_core.readers.timing.point_time import PointTiming
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 
@@ -150,7 +150,7 @@ def test_imu_only_bag_is_reported_and_refused(real_data: Path) -> None:
 
 def test_real_imu_units_are_detected(real_data: Path) -> None:
     """Mutation: swap the two misfits in `detect_gyroscope`; compare the accelerometer's norm with 9.8 only."""
-    from calib_core.readers.imu_units import detect_accelerometer_unit, detect_gyroscope
+    from calib_core.readers.imu.units import detect_accelerometer_unit, detect_gyroscope
 
     table = np.genfromtxt(real_data / "imu_only" / "sensor_data.csv", delimiter=",", skip_header=1)
     stamps = np.rint(table[:, 0] * 1e9).astype(np.int64)

@@ -9,7 +9,7 @@ import pytest
 
 from calib_core.errors import SettingsError
 from calib_core.readers import load, open_recording
-from calib_core.readers.rewrite import rewrite_clouds
+from calib_core.readers.write.rewrite import rewrite_clouds
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray, Scan
 from tests.core.readers import build

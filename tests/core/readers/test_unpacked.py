@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from calib_core.errors import UnreadableRecording
-from calib_core.readers import unpacked as module
-from calib_core.readers.unpacked import discard, sharing, unpacked
+from calib_core.readers.container import unpacked as module
+from calib_core.readers.container.unpacked import discard, sharing, unpacked
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import struct
 import numpy as np
 import pytest
 
-from calib_core.readers.storage import RawMessage
-from calib_core.readers.velodyne import VelodyneDecoder
+from calib_core.readers.clouds.velodyne import VelodyneDecoder
+from calib_core.readers.container.storage import RawMessage
 from tests.core.readers import build
 
 FIRING_US, SEQUENCE_US = 2.304, 55.296

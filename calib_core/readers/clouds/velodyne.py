@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import velodyne_decoder as decoder_library
 
-from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.storage import RawMessage
-from calib_core.readers.wire import Encoding, MalformedMessage, Wire
+from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.container.wire import Encoding, MalformedMessage, Wire
 from calib_core.types import FloatArray, IntArray
 
 TYPE = "velodyne_msgs/msg/VelodyneScan"

@@ -17,8 +17,15 @@ from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 
-from calib_core.readers.storage import Damage, RawMessage, StorageError, TopicSummary, merged_topics, normalised_type
-from calib_core.readers.wire import NS_PER_S
+from calib_core.readers.container.storage import (
+    Damage,
+    RawMessage,
+    StorageError,
+    TopicSummary,
+    merged_topics,
+    normalised_type,
+)
+from calib_core.readers.container.wire import NS_PER_S
 
 MAGIC = b"#ROSBAG V2.0\n"
 #: No recorder writes chunks near this size; a larger claim is damage. It bounds memory.

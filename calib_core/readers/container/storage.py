@@ -16,8 +16,8 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2 import Reader as Ros2Reader
 
-from calib_core.readers.compression import zstd
-from calib_core.readers.wire import Encoding
+from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.wire import Encoding
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 #: A single message larger than this is damage, not data (a 128 x 4096 cloud of 48 bytes is 25 MB).

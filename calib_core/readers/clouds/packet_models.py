@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from calib_core.readers.container import OpenRecording
-from calib_core.readers.storage import TopicSummary
-from calib_core.readers.wire import MalformedMessage, Wire
+from calib_core.readers.container.opening import OpenRecording
+from calib_core.readers.container.storage import TopicSummary
+from calib_core.readers.container.wire import MalformedMessage, Wire
 
 _HESAI_MAGIC = b"\xee\xff"
 #: (protocol major version, lasers) of a Hesai packet -> model.

@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.storage import RawMessage
-from calib_core.readers.wire import Encoding, MalformedMessage, Wire
+from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.container.wire import Encoding, MalformedMessage, Wire
 
 TYPE = "sensor_msgs/msg/PointCloud2"
 #: PointField's datatype codes.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.readers.imu_messages import RawImu
-from calib_core.readers.imu_units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
-from calib_core.readers.stamps import plausible_stamps, unset_finding
+from calib_core.readers.imu.messages import RawImu
+from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
+from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, ImuData, IntArray
 

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
-from calib_core.readers import livox, pointcloud2, velodyne
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.livox import read_custom_msg
-from calib_core.readers.pointcloud2 import read_pointcloud2
-from calib_core.readers.storage import RawMessage, TopicSummary
+from calib_core.readers.clouds import livox, pointcloud2, velodyne
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.livox import read_custom_msg
+from calib_core.readers.clouds.pointcloud2 import read_pointcloud2
+from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.topics import unsupported_packets
 
 #: Raises MalformedMessage for bytes that are no message of the topic's type.

@@ -19,7 +19,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import IO
 
-from calib_core.readers.archive import unpack_archive
+from calib_core.readers.container.archive import unpack_archive
 
 _LOCK = "lock"
 _SHARED: ContextVar[Path | None] = ContextVar("shared", default=None)

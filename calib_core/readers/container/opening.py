@@ -18,12 +18,12 @@ from types import TracebackType
 from typing import Literal, Self
 
 from calib_core.errors import UnreadableRecording
-from calib_core.readers.archive import is_archive
-from calib_core.readers.compression import zstd
-from calib_core.readers.recover_mcap import McapRecovery
-from calib_core.readers.recover_ros1 import Ros1Recovery
-from calib_core.readers.recover_sqlite import SqliteRecovery
-from calib_core.readers.storage import (
+from calib_core.readers.container.archive import is_archive
+from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.recover_mcap import McapRecovery
+from calib_core.readers.container.recover_ros1 import Ros1Recovery
+from calib_core.readers.container.recover_sqlite import SqliteRecovery
+from calib_core.readers.container.storage import (
     Damage,
     RawMessage,
     RosbagsStorage,
@@ -32,7 +32,7 @@ from calib_core.readers.storage import (
     TopicSummary,
     merged_topics,
 )
-from calib_core.readers.unpacked import unpacked
+from calib_core.readers.container.unpacked import unpacked
 
 STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
 _ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"

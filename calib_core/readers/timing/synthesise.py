@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 
 from calib_core.errors import PointTimeError
-from calib_core.readers.cloud import RawCloud
-from calib_core.readers.decoders import CloudDecoder, restamped
-from calib_core.readers.point_time import PointTiming, detect_point_time, scan_period_s
-from calib_core.readers.stamps import never_set, unset_finding
-from calib_core.readers.storage import RawMessage
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.decoders import CloudDecoder, restamped
+from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.timing.point_time import PointTiming, detect_point_time, scan_period_s
+from calib_core.readers.timing.stamps import never_set, unset_finding
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, FloatArray
 

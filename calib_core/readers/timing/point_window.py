@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.readers.cloud import RawCloud
+from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
 
 #: Headers and point times further apart than this count from different instants.

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.pointcloud2 import MAX_POINTS
-from calib_core.readers.storage import RawMessage
-from calib_core.readers.wire import Encoding, MalformedMessage, Wire
+from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.clouds.pointcloud2 import MAX_POINTS
+from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.container.wire import Encoding, MalformedMessage, Wire
 
 TYPES = ("livox_ros_driver/msg/CustomMsg", "livox_ros_driver2/msg/CustomMsg")
 

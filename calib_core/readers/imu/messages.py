@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.readers.stamps import never_set
-from calib_core.readers.storage import RawMessage
-from calib_core.readers.wire import MAX_STRING_BYTES, NS_PER_S, Encoding, Wire
+from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.container.wire import MAX_STRING_BYTES, NS_PER_S, Encoding, Wire
+from calib_core.readers.timing.stamps import never_set
 from calib_core.types import FloatArray, IntArray
 
 TYPE = "sensor_msgs/msg/Imu"

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from calib_core.readers.storage import TopicSummary
+from calib_core.readers.container.storage import TopicSummary
 
 
 class BagWriter(Protocol):

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.livox import custom_msg_points
-from calib_core.readers.pointcloud2 import TYPE as POINTCLOUD2
-from calib_core.readers.pointcloud2 import cloud_dtype, parse_pointcloud2
-from calib_core.readers.storage import RawMessage, TopicSummary
-from calib_core.readers.wire import Encoding
+from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.clouds.livox import custom_msg_points
+from calib_core.readers.clouds.pointcloud2 import TYPE as POINTCLOUD2
+from calib_core.readers.clouds.pointcloud2 import cloud_dtype, parse_pointcloud2
+from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.container.wire import Encoding
 from calib_core.types import FloatArray, IntArray
 
 _DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}

@@ -15,8 +15,8 @@ from zlib import crc32
 
 import lz4.frame  # type: ignore[import-untyped]
 
-from calib_core.readers.compression import zstd
-from calib_core.readers.storage import (
+from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.storage import (
     Damage,
     RawMessage,
     StorageError,

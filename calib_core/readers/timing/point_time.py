@@ -17,8 +17,8 @@ from typing import Literal
 import numpy as np
 
 from calib_core.errors import PointTimeError
-from calib_core.readers.cloud import RawCloud, StructArray
-from calib_core.readers.point_window import reference_shift, sweep_edges
+from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.timing.point_window import reference_shift, sweep_edges
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from urllib.parse import quote
 
-from calib_core.readers.storage import (
+from calib_core.readers.container.storage import (
     Damage,
     RawMessage,
     StorageError,

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.readers.rotation import rotation_matrices
+from calib_core.readers.imu.rotation import rotation_matrices
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
 

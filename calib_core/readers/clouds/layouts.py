@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calib_core.readers.cloud import RawCloud
+from calib_core.readers.clouds.cloud import RawCloud
 
 #: What to change in a driver that sends no time, in the words of its own options.
 _HELP = {

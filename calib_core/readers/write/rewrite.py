@@ -14,19 +14,19 @@ import numpy as np
 
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.readers.bag_writer import BagWriter, ros1_writer, ros2_writer
-from calib_core.readers.container import OpenRecording, open_recording
-from calib_core.readers.decoders import CloudDecoder, cloud_decoder
-from calib_core.readers.layouts import recognise_layout
-from calib_core.readers.livox import TYPES as LIVOX_TYPES
-from calib_core.readers.patch import MovedPoints, patched_payload, ply_bytes, pointcloud2_payload
-from calib_core.readers.pointcloud2 import TYPE as POINTCLOUD2
+from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
+from calib_core.readers.clouds.layouts import recognise_layout
+from calib_core.readers.clouds.livox import TYPES as LIVOX_TYPES
+from calib_core.readers.clouds.pointcloud2 import TYPE as POINTCLOUD2
+from calib_core.readers.container.opening import OpenRecording, open_recording
+from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.reading import sample_clouds, span_ns
 from calib_core.readers.scans import select_points
-from calib_core.readers.storage import RawMessage, TopicSummary
-from calib_core.readers.synthesise import point_timing
+from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar
-from calib_core.readers.wire import MalformedMessage
+from calib_core.readers.write.bag_writer import BagWriter, ros1_writer, ros2_writer
+from calib_core.readers.write.patch import MovedPoints, patched_payload, ply_bytes, pointcloud2_payload
 from calib_core.settings import ReadSettings
 from calib_core.types import Float32Array, FloatArray, Scan
 

@@ -1,0 +1,1 @@
+"""One message's points, whatever wrote them. Start at decoders.py."""

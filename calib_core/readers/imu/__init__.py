@@ -1,0 +1,1 @@
+"""IMU messages to readings in SI units. Start at readings.py."""

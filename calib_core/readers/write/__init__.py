@@ -1,0 +1,1 @@
+"""Recordings written again with their points moved. Start at rewrite.py."""
