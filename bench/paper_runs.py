@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib_core.pipeline.paper import ImuStates, PaperOptions, PaperRefusal, solve_tracked, track_planes
-from calib_core.pipeline.paper.records import FrontEnd
+from calib_core.paper import ImuStates, PaperOptions, PaperRefusal, solve_tracked, track_planes
+from calib_core.paper.records import FrontEnd
 from calib_core.settings import CalibrateSettings, Gravity
 from calib_core.simulate import SCENARIOS, Scenario, Truth, generate
 from calib_core.types import FloatArray, Recording

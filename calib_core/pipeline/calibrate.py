@@ -91,7 +91,7 @@ def calibrate(
     # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
     with threadpool_limits(limits=1, user_api="blas"):
         if settings.method == "paper":
-            from calib_core.pipeline.published import calibrate_published
+            from calib_core.paper.document import calibrate_published
 
             return calibrate_published(
                 recording, settings, planes, initial_guess, listen, should_cancel, log_of, started

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.lidar_plane import CalibrationState, LidarMeasurements, ScanStates
-from calib_core.imu.preintegration import Preintegrated
+from calib_core.paper.lidar_factor import CalibrationState, LidarMeasurements, ScanStates
+from calib_core.paper.preintegration import Preintegrated
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.imu import imu_factors, imu_residuals
-from calib_core.factors.lidar_plane import CalibrationState, ScanStates
+from calib_core.paper.imu_factor import imu_factors, imu_residuals
+from calib_core.paper.lidar_factor import CalibrationState, ScanStates
 from tests.core.factors import build
 
 STILL = CalibrationState(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)

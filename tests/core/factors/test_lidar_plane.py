@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.lidar_plane import ScanStates, lidar_distances, lidar_factors
+from calib_core.paper.lidar_factor import ScanStates, lidar_distances, lidar_factors
 from tests.core.factors import build
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.factors.lidar_plane import lidar_distances, lidar_factors
-from calib_core.factors.weights import balance, balanced_weights, distance_variance, identity_weights
 from calib_core.geometry import exp
+from calib_core.paper.lidar_factor import lidar_distances, lidar_factors
+from calib_core.paper.weights import balance, balanced_weights, distance_variance, identity_weights
 from tests.core.factors import build
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.imu.preintegration import Preintegrated, ScanPreintegration, preintegrate_scans
-from calib_core.imu.upsample import Readings
+from calib_core.paper.preintegration import Preintegrated, ScanPreintegration, preintegrate_scans
+from calib_core.paper.upsample import Readings
 
 ZERO = np.zeros(3)
 

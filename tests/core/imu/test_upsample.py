@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib_core.imu.upsample import HeldReadings, train_scan_windows
+from calib_core.paper.upsample import HeldReadings, train_scan_windows
 
 
 def readings(rate=100.0, seconds=4.0):

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import Cancelled
-from calib_core.pipeline.paper import ImuStates, PaperOptions, PaperRefusal, PaperSolution, calibrate_paper
-from calib_core.pipeline.paper.front_end import Selection, run_front_end
+from calib_core.paper import ImuStates, PaperOptions, PaperRefusal, PaperSolution, calibrate_paper
+from calib_core.paper.front_end import Selection, run_front_end
 from calib_core.settings import CalibrateSettings, Gravity
 from calib_core.simulate import generate
 from calib_core.types import InitialGuess

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.lidar_plane import CalibrationState
-from calib_core.pipeline.paper import initial
-from calib_core.pipeline.paper.scan_pose import rough_pose
-from calib_core.pipeline.paper.timeline import build_timeline
+from calib_core.paper import initial
+from calib_core.paper.lidar_factor import CalibrationState
+from calib_core.paper.scan_pose import rough_pose
+from calib_core.paper.timeline import build_timeline
 
 MOUNTING = Rotation.from_rotvec([0.4, -1.0, 0.7])
 LEVER = np.array([0.1, -0.05, 0.2])

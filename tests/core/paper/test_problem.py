@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from calib_core.factors.lidar_plane import LidarMeasurements
-from calib_core.factors.weights import Weights
-from calib_core.pipeline.paper.problem import N_SHARED, PaperProblem, PaperState, covariance_of_calibration
-from calib_core.pipeline.paper.records import ImuStates
-from calib_core.pipeline.paper.solve import descend
+from calib_core.paper.lidar_factor import LidarMeasurements
+from calib_core.paper.problem import N_SHARED, PaperProblem, PaperState, covariance_of_calibration
+from calib_core.paper.records import ImuStates
+from calib_core.paper.solve import descend
+from calib_core.paper.weights import Weights
 from calib_core.solver.arrow import solve_arrow
 from tests.core.factors import build
 
@@ -72,8 +72,8 @@ def test_normal_matrix_is_that_of_the_residuals():
 
     def residuals(flat):
         moved = state.moved(flat[: KNOTS * 9].reshape(KNOTS, 9), flat[KNOTS * 9 :])
-        from calib_core.factors.imu import imu_residuals
-        from calib_core.factors.lidar_plane import ScanStates
+        from calib_core.paper.imu_factor import imu_residuals
+        from calib_core.paper.lidar_factor import ScanStates
 
         k = moved.knots
         first, second = ScanStates(k.R[:-1], k.p[:-1], k.v[:-1]), ScanStates(k.R[1:], k.p[1:], k.v[1:])

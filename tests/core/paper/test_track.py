@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib_core.planes.track import match_normals
+from calib_core.paper.plane_tracking import match_normals
 
 #: A corner's three faces, seen from inside.
 CORNER = np.eye(3)

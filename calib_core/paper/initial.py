@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import CalibrationState
 from calib_core.geometry import exp, log, nearest_rotation
-from calib_core.pipeline.paper.records import ImuStates, TrackedScan
+from calib_core.paper.lidar_factor import CalibrationState
+from calib_core.paper.records import ImuStates, TrackedScan
 from calib_core.types import FloatArray, IntArray
 
 #: Time shifts tried, either way, and their spacing.

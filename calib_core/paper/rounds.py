@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import CalibrationState, LidarMeasurements
-from calib_core.factors.weights import balanced_weights, distance_variance, identity_weights
-from calib_core.imu.preintegration import ScanPreintegration, preintegrate_scans
-from calib_core.pipeline.paper.prepare import Run
-from calib_core.pipeline.paper.problem import PaperProblem, PaperState
+from calib_core.paper.lidar_factor import CalibrationState, LidarMeasurements
+from calib_core.paper.preintegration import ScanPreintegration, preintegrate_scans
+from calib_core.paper.prepare import Run
+from calib_core.paper.problem import PaperProblem, PaperState
+from calib_core.paper.weights import balanced_weights, distance_variance, identity_weights
 from calib_core.types import FloatArray, IntArray
 
 

@@ -28,13 +28,13 @@ import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.pipeline.paper import report
-from calib_core.pipeline.paper.front_end import Selection, run_front_end
-from calib_core.pipeline.paper.prepare import Run, prepare
-from calib_core.pipeline.paper.problem import PaperState, covariance_of_calibration
-from calib_core.pipeline.paper.records import FrontEnd, PaperOptions, PaperRefusal, PaperSolution
-from calib_core.pipeline.paper.rounds import Round, expand, reweighted
-from calib_core.pipeline.paper.solve import Descent, descend
+from calib_core.paper import report
+from calib_core.paper.front_end import Selection, run_front_end
+from calib_core.paper.prepare import Run, prepare
+from calib_core.paper.problem import PaperState, covariance_of_calibration
+from calib_core.paper.records import FrontEnd, PaperOptions, PaperRefusal, PaperSolution
+from calib_core.paper.rounds import Round, expand, reweighted
+from calib_core.paper.solve import Descent, descend
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import ArrowSystem, solve_arrow
 from calib_core.types import Finding, InitialGuess, Plane, Recording

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib_core.events import IterationEvent, PlaneResidual
-from calib_core.imu.preintegration import ScanPreintegration
-from calib_core.pipeline.paper.problem import PaperState, covariance_of_calibration
-from calib_core.pipeline.paper.records import FrontEnd, PaperRefusal, PlaneFitQuality
-from calib_core.pipeline.paper.timeline import Timeline
+from calib_core.paper.preintegration import ScanPreintegration
+from calib_core.paper.problem import PaperState, covariance_of_calibration
+from calib_core.paper.records import FrontEnd, PaperRefusal, PlaneFitQuality
+from calib_core.paper.timeline import Timeline
 from calib_core.solver.arrow import ArrowSystem, solve_arrow
 from calib_core.types import Finding, FloatArray, IntArray, Trajectory
 

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.imu import imu_factors, imu_residuals
-from calib_core.factors.lidar_plane import (
+from calib_core.geometry import exp
+from calib_core.paper.imu_factor import imu_factors, imu_residuals
+from calib_core.paper.lidar_factor import (
     CalibrationState,
     LidarFactors,
     LidarMeasurements,
@@ -25,10 +26,9 @@ from calib_core.factors.lidar_plane import (
     lidar_distances,
     lidar_factors,
 )
-from calib_core.factors.weights import Weights
-from calib_core.geometry import exp
-from calib_core.imu.preintegration import Preintegrated
-from calib_core.pipeline.paper.records import ImuStates
+from calib_core.paper.preintegration import Preintegrated
+from calib_core.paper.records import ImuStates
+from calib_core.paper.weights import Weights
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.types import FloatArray, IntArray
 

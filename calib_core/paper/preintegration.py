@@ -32,7 +32,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from calib_core.geometry import exp, hat, log, right_jacobian
-from calib_core.imu.upsample import Readings, ReadingSource
+from calib_core.paper.upsample import Readings, ReadingSource
 from calib_core.types import FloatArray, IntArray
 
 #: Half the span of the central difference that gives the time-shift Jacobian.

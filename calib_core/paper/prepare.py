@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import CalibrationState
-from calib_core.imu.upsample import HeldReadings, ReadingSource, train_scan_windows
-from calib_core.pipeline.paper import initial
-from calib_core.pipeline.paper.problem import PaperState
-from calib_core.pipeline.paper.records import FrontEnd, ImuStates, PaperOptions
-from calib_core.pipeline.paper.timeline import Timeline, build_timeline
+from calib_core.paper import initial
+from calib_core.paper.lidar_factor import CalibrationState
+from calib_core.paper.problem import PaperState
+from calib_core.paper.records import FrontEnd, ImuStates, PaperOptions
+from calib_core.paper.timeline import Timeline, build_timeline
+from calib_core.paper.upsample import HeldReadings, ReadingSource, train_scan_windows
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, IntArray, Recording
 

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.geometry import right_jacobian
-from calib_core.imu.preintegration import Preintegrated
+from calib_core.paper.preintegration import Preintegrated
 from calib_core.types import FloatArray
 
 

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import CalibrationState, ScanStates
 from calib_core.geometry import exp, hat, log, right_jacobian, right_jacobian_inverse
-from calib_core.imu.preintegration import Preintegrated
+from calib_core.paper.lidar_factor import CalibrationState, ScanStates
+from calib_core.paper.preintegration import Preintegrated
 from calib_core.types import FloatArray
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from calib_core.pipeline.paper.problem import PaperProblem, PaperState
+from calib_core.paper.problem import PaperProblem, PaperState
 from calib_core.solver.arrow import ArrowSystem, NotPositiveDefinite, solve_arrow
 
 #: A round is over when the model promises less than this share of the cost.

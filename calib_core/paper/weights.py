@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import LidarFactors
-from calib_core.imu.preintegration import Preintegrated
+from calib_core.paper.lidar_factor import LidarFactors
+from calib_core.paper.preintegration import Preintegrated
 from calib_core.types import FloatArray
 
 #: Added to every covariance, as a share of the mean variance.
