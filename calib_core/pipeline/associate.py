@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from calib_core.factors.bins import (
+from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
     Hits,
@@ -23,7 +23,7 @@ from calib_core.factors.bins import (
     move_and_sum,
     select,
 )
-from calib_core.factors.extent import ExtentSurvey, PlaneExtents
+from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.pipeline.context import Clocks
 from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.motion import Motion

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.gp.training import fit_hyper
-from calib_core.imu.links import NoiseDensity
+from calib_core.imu.preintegration import NoiseDensity
 from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
 from calib_core.pipeline.exclude import without_spans
 from calib_core.pipeline.follow import follow

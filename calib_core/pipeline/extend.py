@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.factors.bins import Gate, collapse, find_hits, select
-from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents, reach_around
-from calib_core.factors.knots import KnotStates
+from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import Gate, collapse, find_hits, select
+from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents, reach_around
 from calib_core.geometry import exp, plane_axes
-from calib_core.imu.links import Links, UpsampledImu, preintegrate
+from calib_core.imu.preintegration import Links, UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, associate, gather
 from calib_core.pipeline.drift import Drift
 from calib_core.pipeline.joint import JointProblem

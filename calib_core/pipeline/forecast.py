@@ -20,9 +20,9 @@ from threadpoolctl import threadpool_limits
 
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.factors.bins import Gate
+from calib_core.factors.lidar_plane import Gate
 from calib_core.geometry import log
-from calib_core.imu.links import upsample
+from calib_core.imu.preintegration import upsample
 from calib_core.pipeline.associate import gather
 from calib_core.pipeline.calibrate import make_context
 from calib_core.pipeline.context import Context, NoStart

@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.factors.knots import KnotStates
-from calib_core.imu.links import knot_spacing_s, upsample
+from calib_core.factors.imu import KnotStates
+from calib_core.imu.preintegration import knot_spacing_s, upsample
 from calib_core.pipeline.axes import axis_complaint, unit_complaint
 from calib_core.pipeline.context import Context, NoStart
 from calib_core.pipeline.initialise import (

@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel, add_links_kernel
-from calib_core.factors.knots import link_factors, link_residuals
+from calib_core.factors.imu import link_factors, link_residuals
 from calib_core.geometry import cross, exp, hat, plane_axes
-from calib_core.imu.links import Links, UpsampledImu
+from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.pipeline.motion import Motion
 from calib_core.pipeline.priors import Priors, prior_rows
 from calib_core.pipeline.state import BIAS_START, GRAVITY, BiasNodes, Bins, Estimate, Layout

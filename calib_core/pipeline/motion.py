@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from calib_core.factors.bins import SlicePoses
-from calib_core.factors.knots import KnotStates
+from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import SlicePoses
 from calib_core.geometry import cross
 from calib_core.geometry.compiled import exp_into, multiply_into, turn_into
-from calib_core.imu.links import UpsampledImu
+from calib_core.imu.preintegration import UpsampledImu
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.gp.noise import high_frequency_noise
-from calib_core.imu.links import NoiseDensity
+from calib_core.imu.preintegration import NoiseDensity
 from calib_core.types import FloatArray
 
 #: Below these no MEMS or fibre-optic sensor has been: what a noise-free or coarsely quantised recording is held to.

@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtri
 
-from calib_core.imu.links import Links
+from calib_core.imu.preintegration import Links
 from calib_core.pipeline.joint import JointProblem
 from calib_core.pipeline.observability import UNITS, undetermined
 from calib_core.pipeline.state import CALIBRATION, Estimate

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.errors import Cancelled
-from calib_core.factors.bins import Gate, LidarNoise
-from calib_core.factors.extent import CELL_M, PlaneExtents, cells_within
-from calib_core.imu.links import UpsampledImu, preintegrate
+from calib_core.factors.lidar_plane import Gate, LidarNoise
+from calib_core.factors.support import CELL_M, PlaneExtents, cells_within
+from calib_core.imu.preintegration import UpsampledImu, preintegrate
 from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import Context
 from calib_core.pipeline.extend import extend

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.factors.knots import KnotStates
+from calib_core.factors.imu import KnotStates
 from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.bins import (
+from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
     Hits,
@@ -20,7 +20,7 @@ from calib_core.factors.bins import (
     move_and_sum,
     select,
 )
-from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
+from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
 from calib_core.types import Float32Array, FloatArray
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 
-from calib_core.factors.extent import CELL_M, HALF_CELLS, ExtentSurvey, PlaneExtents, cells_within, reach_around
+from calib_core.factors.support import CELL_M, HALF_CELLS, ExtentSurvey, PlaneExtents, cells_within, reach_around
 from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, IntArray
 

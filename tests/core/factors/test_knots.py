@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.knots import KnotStates, LinkFactors, link_factors, link_residuals
+from calib_core.factors.imu import KnotStates, LinkFactors, link_factors, link_residuals
 from calib_core.geometry import log
-from calib_core.imu.links import Links
+from calib_core.imu.preintegration import Links
 from calib_core.types import FloatArray
 
 H_S = 0.25

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calib_core.geometry import log
 from calib_core.gp.regression import Hyper
 from calib_core.gp.training import fit_hyper
-from calib_core.imu.links import Links, NoiseDensity, UpsampledImu, knot_spacing_s, preintegrate, upsample
+from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, knot_spacing_s, preintegrate, upsample
 from calib_core.simulate.motion import Kinematics
 from calib_core.simulate.motions import PAPER_FAST
 from calib_core.types import FloatArray

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.factors.bins import Gate, LidarNoise
-from calib_core.factors.extent import CELL_M, HALF_CELLS
-from calib_core.factors.knots import KnotStates
+from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import Gate, LidarNoise
+from calib_core.factors.support import CELL_M, HALF_CELLS
 from calib_core.geometry import plane_axes
-from calib_core.imu.links import UpsampledImu
+from calib_core.imu.preintegration import UpsampledImu
 from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
 from calib_core.pipeline.context import read_clocks
 from calib_core.pipeline.motion import Motion

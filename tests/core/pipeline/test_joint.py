@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.knots import KnotStates, link_residuals
+from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.geometry import plane_axes
-from calib_core.imu.links import NoiseDensity, UpsampledImu, preintegrate
+from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
 from calib_core.pipeline.full import bias_nodes
 from calib_core.pipeline.joint import JointProblem, bin_jacobian
 from calib_core.pipeline.priors import PriorRow, Priors, prior_rows

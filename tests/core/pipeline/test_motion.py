@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.factors.knots import KnotStates
+from calib_core.factors.imu import KnotStates
 from calib_core.geometry import log
-from calib_core.imu.links import UpsampledImu
+from calib_core.imu.preintegration import UpsampledImu
 from calib_core.pipeline.motion import Motion
 from calib_core.simulate import SCENARIOS, Truth
 from calib_core.types import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib_core.api import map_points
-from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
+from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import exp, plane_axes
 from calib_core.pipeline import planes_in_play as module
 from calib_core.pipeline.calibrate import Calibration, calibrate

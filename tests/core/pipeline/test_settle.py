@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from calib_core.events import Event, IterationEvent
-from calib_core.factors.bins import Gate
-from calib_core.factors.extent import PlaneExtents
-from calib_core.factors.knots import KnotStates
+from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import Gate
+from calib_core.factors.support import PlaneExtents
 from calib_core.geometry import exp, log
 from calib_core.pipeline import rounds
 from calib_core.pipeline.associate import tapered_variance

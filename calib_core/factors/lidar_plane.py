@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.extent import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.factors.kernels import (
     cells_kernel,
     collapse_kernel,
@@ -32,6 +31,7 @@ from calib_core.factors.kernels import (
     select_kernel,
     within_kernel,
 )
+from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.geometry import exp, hat, log, right_jacobian_inverse
-from calib_core.imu.links import Links
+from calib_core.imu.preintegration import Links
 from calib_core.types import FloatArray
 
 
