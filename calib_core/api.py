@@ -35,8 +35,8 @@ from calib_core.types import (
 )
 
 if TYPE_CHECKING:
+    from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport
-    from calib_core.pipeline.calibrate import Calibration
     from calib_core.simulate import Mounting
     from calib_core.simulate.sensors import HeaderAt
 
@@ -81,7 +81,7 @@ def get_ready() -> None:
     """Import what `calibrate` needs on a thread of its own, while a recording is being read: a second saved."""
     # What reading needs is imported first: two threads that import the same things wait for one another.
     importlib.import_module("calib_core.readers.load")
-    threading.Thread(target=importlib.import_module, args=("calib_core.pipeline.calibrate",)).start()
+    threading.Thread(target=importlib.import_module, args=("calib_core.calibrate",)).start()
 
 
 def load(
@@ -111,7 +111,7 @@ def propose_planes(
     should_cancel: ShouldCancel = never_cancel,
 ) -> PlaneProposals:
     """The planes seen while the platform stood still, as patches in the map frame, with the cloud they are in."""
-    from calib_core.pipeline import propose
+    from calib_core.full.planes import propose
 
     return propose.propose_planes(
         recording, settings or CalibrateSettings(), on_event=on_event, should_cancel=should_cancel
@@ -120,7 +120,7 @@ def propose_planes(
 
 def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | None:
     """The plane around a point of the cloud; None where there is none.   seed_m: (3,), map frame."""
-    from calib_core.pipeline import propose
+    from calib_core.full.planes import propose
 
     return propose.grow_plane(proposals, seed_m)
 
@@ -135,7 +135,7 @@ def calibrate(
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
     """The answer and, unless it was refused, the motion. Without `planes` and `initial_guess` both are found."""
-    from calib_core.pipeline import calibrate as pipeline
+    from calib_core import calibrate as pipeline
 
     return pipeline.calibrate(
         recording,
@@ -161,7 +161,7 @@ def deskew(
     out: without suffix a folder of .ply files, else a bag of the same kind.
     """
     from calib_core import readers
-    from calib_core.pipeline.held import deskewer, held_calibration
+    from calib_core.full.known_extrinsic import deskewer, held_calibration
     from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
@@ -174,21 +174,21 @@ def deskew(
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
-    from calib_core.pipeline import deskew
+    from calib_core import deskew
 
     return deskew.deskew_points(scan, trajectory)
 
 
 def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the map frame."""
-    from calib_core.pipeline import deskew
+    from calib_core import deskew
 
     return deskew.map_points(scan, trajectory)
 
 
 def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) -> Recording:
     """The recording without the scans that touch a span, as a solve with `excluded_spans_s` sees it."""
-    from calib_core.pipeline import exclude
+    from calib_core.full.prepare import excluded_spans as exclude
 
     return exclude.without_spans(recording, spans_s)
 

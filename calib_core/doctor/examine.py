@@ -27,7 +27,7 @@ from calib_core.doctor.timeline import timeline
 from calib_core.doctor.verdict import judge
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.pipeline.forecast import sample_scan
+from calib_core.full.forecast import sample_scan
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.deskewed import deskew_suspicion

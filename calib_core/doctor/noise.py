@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from calib_core.doctor.report import ImuNoiseReport
-from calib_core.pipeline.noise import longest_still, measure_imu_noise, resolution
+from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise, resolution
 from calib_core.presets import ImuPreset
 from calib_core.settings import ImuNoise
 from calib_core.types import ImuData

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from calib_core.pipeline.forecast import SAMPLED_POINTS, sample_scan
+from calib_core.full.forecast import SAMPLED_POINTS, sample_scan
 from calib_core.types import IntArray, Recording, Scan
 
 #: A forecast looks at no more than this: a longer recording only knows the same better.

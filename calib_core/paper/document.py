@@ -11,12 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.calibrate import Calibration, provenance, refused
 from calib_core.events import OnEvent, ShouldCancel
+from calib_core.full.assess.observability import assess
+from calib_core.full.assess.residuals import euler_xyz_deg, quaternion_xyzw, transform_matrix
+from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.paper import PaperRefusal, PaperSolution, calibrate_paper
-from calib_core.pipeline.calibrate import Calibration, provenance, refused
-from calib_core.pipeline.observability import assess
-from calib_core.pipeline.priors import PriorRow, Priors
-from calib_core.pipeline.report import euler_xyz_deg, quaternion_xyzw, transform_matrix
 from calib_core.result import (
     CalibrationResult,
     Message,

@@ -23,7 +23,7 @@ from tests.app.support import world
 
 BAG_S = 7.0
 #: Modules that only jobs need.
-HEAVY = ("calib_core.pipeline.calibrate", "calib_core.readers.load", "calib_core.doctor.examine", "numba", "open3d")
+HEAVY = ("calib_core.calibrate", "calib_core.readers.load", "calib_core.doctor.examine", "numba", "open3d")
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.calibrate import calibrate
 from calib_core.doctor.outlook import forecast_report, foresee, planes_report, weak_parameters
 from calib_core.doctor.report import Forecast
 from calib_core.doctor.sampling import SampledScans
-from calib_core.pipeline.calibrate import calibrate
-from calib_core.pipeline.forecast import forecast
+from calib_core.full.forecast import forecast
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.factors.register_kernels import descend_kernel, register_kernel
+from calib_core.full.odometry.kernels import descend_kernel, register_kernel
 from calib_core.geometry import plane_axes
 from calib_core.types import FloatArray, IntArray
 

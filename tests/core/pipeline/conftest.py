@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from calib_core.pipeline.calibrate import Calibration, calibrate
+from calib_core.calibrate import Calibration, calibrate
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, Scenario, Truth, generate
 from calib_core.simulate.motions import PAPER_FAST

@@ -10,12 +10,12 @@ import pytest
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import CELL_M, HALF_CELLS
+from calib_core.full.joint.association import Micro, View, associate, gather, measure_noise, survey
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.state import Estimate
+from calib_core.full.run import read_clocks
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
-from calib_core.pipeline.context import read_clocks
-from calib_core.pipeline.motion import Motion
-from calib_core.pipeline.state import Estimate
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import FloatArray, Recording

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.calibrate import Calibration, calibrate
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.geometry import log
-from calib_core.pipeline.calibrate import Calibration, calibrate
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate

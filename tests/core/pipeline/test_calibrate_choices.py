@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import null_space
 from scipy.stats import chi2
 
+from calib_core.calibrate import calibrate
 from calib_core.geometry import log
-from calib_core.pipeline.calibrate import calibrate
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, Prior
 from calib_core.simulate import Scenario, Truth, generate

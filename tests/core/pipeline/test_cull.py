@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.pipeline.planes_in_play import kept_planes, over_usual
-from calib_core.pipeline.report import misfit, plane_misfit
+from calib_core.full.assess.residuals import misfit, plane_misfit
+from calib_core.full.joint.plane_set import kept_planes, over_usual
 
 
 def test_the_usual_is_what_half_of_the_points_are() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.pipeline.deskew import deskew_points, lidar_poses, map_points, raw_map_points
+from calib_core.deskew import deskew_points, lidar_poses, map_points, raw_map_points
 from calib_core.simulate import Simulation, prepare
 from calib_core.simulate.layouts import scan_of
 from calib_core.types import FloatArray, Scan, Trajectory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.pipeline.drift import Drift
+from calib_core.full.joint.drift import Drift
 
 ACCELERATION_COV = np.array([[4e-4, 1e-4, 0.0], [1e-4, 9e-4, 0.0], [0.0, 0.0, 1e-4]])
 DENSITY = 0.05

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from calib_core.calibrate import calibrate
 from calib_core.errors import SettingsError
+from calib_core.full.planes.propose import propose_planes
+from calib_core.full.prepare.excluded_spans import kept_places, without_spans
 from calib_core.geometry import log
-from calib_core.pipeline.calibrate import calibrate
-from calib_core.pipeline.exclude import kept_places, without_spans
-from calib_core.pipeline.propose import propose_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording, Scan

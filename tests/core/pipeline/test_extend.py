@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.calibrate import calibrate
 from calib_core.geometry import log
-from calib_core.pipeline.calibrate import calibrate
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, Scenario, generate
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.calibrate import make_context
 from calib_core.events import LogEvent, ignore_event, never_cancel
+from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.odometry.track import track
+from calib_core.full.planes.propose import find_reference, named_planes
 from calib_core.geometry import log
-from calib_core.pipeline.calibrate import make_context
-from calib_core.pipeline.follow import Followed, follow
-from calib_core.pipeline.propose import find_reference, named_planes
-from calib_core.pipeline.track import track
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.calibrate import Calibration
+from calib_core.deskew import deskew_points
 from calib_core.errors import SettingsError
-from calib_core.pipeline.calibrate import Calibration
-from calib_core.pipeline.deskew import deskew_points
-from calib_core.pipeline.held import covers, deskewer, turning_alone
+from calib_core.full.known_extrinsic import covers, deskewer, turning_alone
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
 from calib_core.types import POINT_DTYPE, Float32Array, ImuData, InitialGuess, Recording, Scan, Trajectory
@@ -90,7 +90,7 @@ def test_stamps_mean_what_they_meant_to_the_calibration(
         asked.append(settings)
         return Calibration(result, None)
 
-    monkeypatch.setattr("calib_core.pipeline.held.calibrate", solve)
+    monkeypatch.setattr("calib_core.full.known_extrinsic.calibrate", solve)
     deskewer(recording, result)
     assert [settings.imu_sampling for settings in asked] == [used]
     assert asked[0].priors

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.geometry import exp, log
-from calib_core.pipeline.initialise import (
+from calib_core.full.initialise.single_axis import turns_about, upright
+from calib_core.full.initialise.start import (
     GyroTurns,
     LidarTrack,
     RotationStart,
@@ -21,7 +21,7 @@ from calib_core.pipeline.initialise import (
     rotation_start,
     turns_of,
 )
-from calib_core.pipeline.open_turn import turns_about, upright
+from calib_core.geometry import exp, log
 from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth
 from calib_core.simulate.motion import Pose
 from calib_core.simulate.motions import HINGE, ONE_AXIS, ONE_AXIS_IN_PLACE, PAPER_FAST

@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
+from calib_core.full.calibrate import bias_nodes
+from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
+from calib_core.full.joint.problem import JointProblem, bin_jacobian
+from calib_core.full.joint.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.pipeline.full import bias_nodes
-from calib_core.pipeline.joint import JointProblem, bin_jacobian
-from calib_core.pipeline.priors import PriorRow, Priors, prior_rows
-from calib_core.pipeline.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
 from calib_core.types import FloatArray
 

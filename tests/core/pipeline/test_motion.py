@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calib_core.factors.imu import KnotStates
+from calib_core.full.joint.motion import Motion
 from calib_core.geometry import log
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.pipeline.motion import Motion
 from calib_core.simulate import SCENARIOS, Truth
 from calib_core.types import FloatArray
 

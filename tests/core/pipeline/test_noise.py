@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.pipeline.noise import (
+from calib_core.full.prepare.imu_noise import (
     ACCEL_FLOOR_M_S2_SQRT_HZ,
     GYRO_FLOOR_RAD_S_SQRT_HZ,
     longest_still,

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from calib_core.api import map_points
+from calib_core.calibrate import Calibration, calibrate
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
+from calib_core.full.joint import plane_set as module
+from calib_core.full.joint.plane_set import cull
+from calib_core.full.joint.propagate import Carrier
+from calib_core.full.joint.schedule import Rounds
 from calib_core.geometry import exp, plane_axes
-from calib_core.pipeline import planes_in_play as module
-from calib_core.pipeline.calibrate import Calibration, calibrate
-from calib_core.pipeline.extend import Carrier
-from calib_core.pipeline.planes_in_play import cull
-from calib_core.pipeline.rounds import Rounds
 from calib_core.result import PlaneQuality
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate

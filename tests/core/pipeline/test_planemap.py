@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.pipeline.planemap import CELL_M, PlaneMap
-from calib_core.pipeline.register import ScanMotion, TrackSettings, register
+from calib_core.full.odometry.plane_map import CELL_M, PlaneMap
+from calib_core.full.odometry.register import ScanMotion, TrackSettings, register
 from calib_core.types import FloatArray, Plane
 
 _FLOOR = Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0)

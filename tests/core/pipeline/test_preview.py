@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calib_core.calibrate import calibrate
 from calib_core.events import IterationEvent
+from calib_core.full.progress import INSTANTS, SWEEPS
 from calib_core.geometry import log
-from calib_core.pipeline.calibrate import calibrate
-from calib_core.pipeline.preview import INSTANTS, SWEEPS
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording

@@ -7,8 +7,8 @@ import pytest
 
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
+from calib_core.full.planes.propose import distinct, grow_plane, make_patch, propose_planes, scan_points
 from calib_core.geometry import log, plane_axes
-from calib_core.pipeline.propose import distinct, grow_plane, make_patch, propose_planes, scan_points
 from calib_core.planes.segment import PlaneFit
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth

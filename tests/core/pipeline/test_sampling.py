@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import LogEvent
+from calib_core.full.prepare.imu_stamps import _in_words, as_taken
 from calib_core.imu.sampling import Sampling
-from calib_core.pipeline.calibrate import Calibration, calibrate
-from calib_core.pipeline.sampling import _in_words, as_taken
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, prepare
 from calib_core.simulate.imu import measure

@@ -7,17 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import Event, IterationEvent
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import Gate
 from calib_core.factors.support import PlaneExtents
+from calib_core.full.calibrate import knots_over
+from calib_core.full.joint import schedule as rounds
+from calib_core.full.joint.association import tapered_variance
+from calib_core.full.joint.state import Estimate
+from calib_core.full.run import read_clocks
 from calib_core.geometry import exp, log
-from calib_core.pipeline import rounds
-from calib_core.pipeline.associate import tapered_variance
-from calib_core.pipeline.calibrate import Calibration, calibrate
-from calib_core.pipeline.context import read_clocks
-from calib_core.pipeline.full import knots_over
-from calib_core.pipeline.state import Estimate
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import FloatArray, InitialGuess, Recording

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.register import ScanMotion, TrackSettings, register, sample_points
+from calib_core.full.odometry.track import track
 from calib_core.geometry import log
-from calib_core.pipeline.planemap import PlaneMap
-from calib_core.pipeline.register import ScanMotion, TrackSettings, register, sample_points
-from calib_core.pipeline.track import track
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import TURNING_AWAY
 from calib_core.simulate.rooms import FREE_CORNER

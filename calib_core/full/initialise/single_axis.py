@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.full.initialise.start import RotationStart, Start
 from calib_core.geometry import exp
-from calib_core.pipeline.initialise import RotationStart, Start
 from calib_core.types import FloatArray
 
 #: Turns about the only axis that the accelerations fit so nearly as well as the best one are all the same to them.

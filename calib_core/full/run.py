@@ -10,8 +10,8 @@ import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
+from calib_core.full.prepare.imu_noise import ImuNoiseLevel
 from calib_core.gp.regression import Hyper
-from calib_core.pipeline.noise import ImuNoiseLevel
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Recording
 

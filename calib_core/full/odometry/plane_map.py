@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from calib_core.factors.register_kernels import spread_kernel
+from calib_core.full.odometry.kernels import spread_kernel
 from calib_core.geometry import plane_axes
 from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray, IntArray, Plane

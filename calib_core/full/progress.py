@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.events import SweepMotion
-from calib_core.pipeline.motion import Motion
+from calib_core.full.joint.motion import Motion
 from calib_core.types import FloatArray, Scan
 
 SWEEPS = 12

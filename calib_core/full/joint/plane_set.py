@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.pipeline.associate import gather
-from calib_core.pipeline.report import plane_chi2, plane_misfit
+from calib_core.full.assess.residuals import plane_chi2, plane_misfit
+from calib_core.full.joint.association import gather
 from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
-    from calib_core.pipeline.rounds import Rounds
+    from calib_core.full.joint.schedule import Rounds
 
 #: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
 _BAD_TIMES = 5.0

@@ -25,8 +25,8 @@ from scipy import fft, sparse
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse.linalg import spsolve
 
+from calib_core.full.odometry.register import ScanMotion
 from calib_core.geometry import exp, log, mean_rotation, nearest_rotation
-from calib_core.pipeline.register import ScanMotion
 from calib_core.types import FloatArray, IntArray
 
 _GRID_HZ = 50.0

@@ -22,11 +22,11 @@ import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel, add_links_kernel
 from calib_core.factors.imu import link_factors, link_residuals
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.priors import Priors, prior_rows
+from calib_core.full.joint.state import BIAS_START, GRAVITY, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import cross, exp, hat, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu
-from calib_core.pipeline.motion import Motion
-from calib_core.pipeline.priors import Priors, prior_rows
-from calib_core.pipeline.state import BIAS_START, GRAVITY, BiasNodes, Bins, Estimate, Layout
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.types import FloatArray, IntArray
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import Cancelled
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.register import ScanMotion, straighten
+from calib_core.full.odometry.track import track
+from calib_core.full.planes.propose import named_planes, scan_points
+from calib_core.full.run import Context
 from calib_core.geometry import log
-from calib_core.pipeline.context import Context
-from calib_core.pipeline.planemap import PlaneMap
-from calib_core.pipeline.propose import named_planes, scan_points
-from calib_core.pipeline.register import ScanMotion, straighten
-from calib_core.pipeline.track import track
 from calib_core.planes.segment import determinacy, segment_planes
 from calib_core.types import FloatArray, Plane
 

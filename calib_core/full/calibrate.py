@@ -15,10 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.factors.imu import KnotStates
-from calib_core.imu.preintegration import knot_spacing_s, upsample
-from calib_core.pipeline.axes import axis_complaint, unit_complaint
-from calib_core.pipeline.context import Context, NoStart
-from calib_core.pipeline.initialise import (
+from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
+from calib_core.full.initialise.single_axis import turns_about, upright
+from calib_core.full.initialise.start import (
     LidarTrack,
     LinearStart,
     RotationStart,
@@ -27,12 +26,13 @@ from calib_core.pipeline.initialise import (
     linear_start,
     rotation_start,
 )
-from calib_core.pipeline.open_turn import turns_about, upright
-from calib_core.pipeline.priors import PriorRow, Priors
-from calib_core.pipeline.register import ScanMotion
-from calib_core.pipeline.rounds import Rounds, Solved
-from calib_core.pipeline.state import BiasNodes, Estimate
-from calib_core.pipeline.track import track
+from calib_core.full.joint.priors import PriorRow, Priors
+from calib_core.full.joint.schedule import Rounds, Solved
+from calib_core.full.joint.state import BiasNodes, Estimate
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.track import track
+from calib_core.full.run import Context, NoStart
+from calib_core.imu.preintegration import knot_spacing_s, upsample
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 #: Between the nodes of the biases: closer in a short recording, where it costs nothing.

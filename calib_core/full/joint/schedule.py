@@ -16,17 +16,17 @@ import numpy as np
 from calib_core.errors import Cancelled
 from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import CELL_M, PlaneExtents, cells_within
+from calib_core.full.assess.observability import UNITS, data_information, still_undetermined
+from calib_core.full.assess.residuals import iteration_event, moved_in_gate
+from calib_core.full.joint.association import Micro, View, associate, gather, measure_noise, survey
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.plane_set import cull, discover
+from calib_core.full.joint.priors import Held, Priors
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.propagate import extend
+from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
+from calib_core.full.run import Context
 from calib_core.imu.preintegration import UpsampledImu, preintegrate
-from calib_core.pipeline.associate import Micro, View, associate, gather, measure_noise, survey
-from calib_core.pipeline.context import Context
-from calib_core.pipeline.extend import extend
-from calib_core.pipeline.joint import JointProblem
-from calib_core.pipeline.motion import Motion
-from calib_core.pipeline.observability import UNITS, data_information, still_undetermined
-from calib_core.pipeline.planes_in_play import cull, discover
-from calib_core.pipeline.priors import Held, Priors
-from calib_core.pipeline.report import iteration_event, moved_in_gate
-from calib_core.pipeline.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import BoolArray, FloatArray

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.pipeline.priors import Priors
-from calib_core.pipeline.state import CALIBRATION
+from calib_core.full.joint.priors import Priors
+from calib_core.full.joint.state import CALIBRATION
 from calib_core.result import WeakDirection
 from calib_core.types import BoolArray, FloatArray
 

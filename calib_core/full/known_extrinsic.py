@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from calib_core.calibrate import calibrate
+from calib_core.deskew import deskew_points
 from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.geometry import exp
-from calib_core.pipeline.calibrate import calibrate
-from calib_core.pipeline.deskew import deskew_points
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
 from calib_core.types import Float32Array, FloatArray, ImuData, InitialGuess, Recording, Scan, Trajectory

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.events import IterationEvent, PlaneResidual
-from calib_core.pipeline.context import Context
-from calib_core.pipeline.joint import JointProblem
-from calib_core.pipeline.preview import sweep_motions
-from calib_core.pipeline.state import Estimate
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import Estimate
+from calib_core.full.progress import sweep_motions
+from calib_core.full.run import Context
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray
 

@@ -14,9 +14,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.register import ScanMotion, TrackSettings, register, sample_points
 from calib_core.geometry import log, plane_axes
-from calib_core.pipeline.planemap import PlaneMap
-from calib_core.pipeline.register import ScanMotion, TrackSettings, register, sample_points
 from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Recording, Scan

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate, Layout
 from calib_core.geometry import log
-from calib_core.pipeline.state import CALIBRATION, BiasNodes, Estimate, Layout
 from calib_core.types import FloatArray
 
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.full.assess.observability import assess
+from calib_core.full.assess.repeatability import BLOCKS, repeatability
+from calib_core.full.assess.residuals import away_m, misfit
+from calib_core.full.joint.schedule import Solved
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.run import Context
 from calib_core.geometry import log
-from calib_core.pipeline.context import Context
-from calib_core.pipeline.observability import assess
-from calib_core.pipeline.register import ScanMotion
-from calib_core.pipeline.repeatability import BLOCKS, repeatability
-from calib_core.pipeline.report import away_m, misfit
-from calib_core.pipeline.rounds import Solved
 
 #: Less motion than this over the whole recording is standing still.
 _LEAST_TURN_RAD = np.radians(1.0)

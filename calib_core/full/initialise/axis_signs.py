@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from calib_core.pipeline.initialise import (
+from calib_core.full.initialise.start import (
     GyroTurns,
     LidarTrack,
     LinearStart,

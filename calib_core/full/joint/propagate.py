@@ -17,19 +17,19 @@ import numpy as np
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import Gate, collapse, find_hits, select
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents, reach_around
+from calib_core.full.joint.association import Micro, associate, gather
+from calib_core.full.joint.drift import Drift
+from calib_core.full.joint.plane_set import discover
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import Estimate, no_bins
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu, preintegrate
-from calib_core.pipeline.associate import Micro, associate, gather
-from calib_core.pipeline.drift import Drift
-from calib_core.pipeline.joint import JointProblem
-from calib_core.pipeline.planes_in_play import discover
-from calib_core.pipeline.state import Estimate, no_bins
 from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.solver.levenberg import minimise
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from calib_core.pipeline.rounds import Rounds
+    from calib_core.full.joint.schedule import Rounds
 
 _UPPER_CENTRE = np.array([3, 7, 10])  # of a packed scatter: sum w x, and sum w
 _UPPER_44 = 12

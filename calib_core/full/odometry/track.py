@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.register import Registered, ScanMotion, TrackSettings, register, sample_points, straighten
 from calib_core.geometry import exp, log
-from calib_core.pipeline.planemap import PlaneMap
-from calib_core.pipeline.register import Registered, ScanMotion, TrackSettings, register, sample_points, straighten
 from calib_core.types import FloatArray, Plane, Scan
 
 

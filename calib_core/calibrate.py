@@ -18,19 +18,19 @@ from threadpoolctl import threadpool_limits
 
 from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.assess.plausibility import gravity_std, implausible, inflation, standing_still
+from calib_core.full.assess.residuals import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.full.calibrate import solve, start_values
+from calib_core.full.joint.schedule import Solved
+from calib_core.full.odometry.reference import follow
+from calib_core.full.planes.propose import find_reference, propose_planes
+from calib_core.full.prepare.excluded_spans import without_spans
+from calib_core.full.prepare.imu_noise import ImuNoiseLevel, longest_still, measure_imu_noise
+from calib_core.full.prepare.imu_stamps import as_taken
+from calib_core.full.run import Clocks, Context, NoStart, read_clocks
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.preintegration import NoiseDensity
-from calib_core.pipeline.context import Clocks, Context, NoStart, read_clocks
-from calib_core.pipeline.exclude import without_spans
-from calib_core.pipeline.follow import follow
-from calib_core.pipeline.full import solve, start_values
-from calib_core.pipeline.noise import ImuNoiseLevel, longest_still, measure_imu_noise
-from calib_core.pipeline.observability import Knowledge, advice, assess
-from calib_core.pipeline.plausible import gravity_std, implausible, inflation, standing_still
-from calib_core.pipeline.propose import find_reference, propose_planes
-from calib_core.pipeline.report import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
-from calib_core.pipeline.rounds import Solved
-from calib_core.pipeline.sampling import as_taken
 from calib_core.presets import find_imu_preset
 from calib_core.result import (
     CalibrationResult,

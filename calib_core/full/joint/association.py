@@ -24,10 +24,10 @@ from calib_core.factors.lidar_plane import (
     select,
 )
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
-from calib_core.pipeline.context import Clocks
-from calib_core.pipeline.joint import JointProblem
-from calib_core.pipeline.motion import Motion
-from calib_core.pipeline.state import Bins, Estimate
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, Scan
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.factors.register_kernels import descend_kernel, register_kernel, straighten_kernel
-from calib_core.pipeline.planemap import CELL_M, PlaneMap
+from calib_core.full.odometry.kernels import descend_kernel, register_kernel, straighten_kernel
+from calib_core.full.odometry.plane_map import CELL_M, PlaneMap
 from calib_core.types import FloatArray, IntArray, Scan
 
 

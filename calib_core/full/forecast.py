@@ -18,29 +18,29 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from calib_core.calibrate import make_context
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.factors.lidar_plane import Gate
-from calib_core.geometry import log
-from calib_core.imu.preintegration import upsample
-from calib_core.pipeline.associate import gather
-from calib_core.pipeline.calibrate import make_context
-from calib_core.pipeline.context import Context, NoStart
-from calib_core.pipeline.extend import extend
-from calib_core.pipeline.follow import Followed, follow
-from calib_core.pipeline.full import (
+from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.calibrate import (
     bias_nodes,
     first_estimate,
     knots_over,
     standing_priors,
     start_values,
 )
-from calib_core.pipeline.initialise import LidarTrack, Start
-from calib_core.pipeline.observability import Knowledge, advice, assess
-from calib_core.pipeline.propose import propose_planes, scan_points
-from calib_core.pipeline.register import ScanMotion
-from calib_core.pipeline.rounds import Rounds
-from calib_core.pipeline.state import CALIBRATION
+from calib_core.full.initialise.start import LidarTrack, Start
+from calib_core.full.joint.association import gather
+from calib_core.full.joint.propagate import extend
+from calib_core.full.joint.schedule import Rounds
+from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.planes.propose import propose_planes, scan_points
+from calib_core.full.run import Context, NoStart
+from calib_core.geometry import log
+from calib_core.imu.preintegration import upsample
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow

@@ -1,0 +1,1 @@
+"""The default method (`--method full`): calibrate.py is the page, its stages are the folders."""

@@ -1,0 +1,1 @@
+"""What the answer is worth: residuals, observability, repeatability, plausibility."""

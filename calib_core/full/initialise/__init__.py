@@ -1,0 +1,1 @@
+"""Start values in closed form: time offset, rotation, gravity, lever arm."""

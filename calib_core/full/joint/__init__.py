@@ -1,0 +1,1 @@
+"""The joint estimation: state, factors, association, propagation, schedule."""

@@ -1,0 +1,1 @@
+"""Lidar odometry: the planes followed from scan to scan, without the IMU."""

@@ -1,0 +1,1 @@
+"""Planes found in the clearest scan."""
