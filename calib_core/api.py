@@ -72,7 +72,7 @@ def inspect(
     should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
     """Everything needed to know whether the recording at `path` can be calibrated, with a verdict."""
-    from calib_core.pipeline import doctor
+    from calib_core import doctor
 
     return doctor.inspect(path, settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
 
@@ -135,9 +135,9 @@ def calibrate(
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
     """The answer and, unless it was refused, the motion. Without `planes` and `initial_guess` both are found."""
-    from calib_core import calibrate as pipeline
+    from calib_core import calibrate as estimator
 
-    return pipeline.calibrate(
+    return estimator.calibrate(
         recording,
         settings or CalibrateSettings(),
         planes=planes,

@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import APIRouter, Header
 from fastapi.sse import EventSourceResponse
 
-from app.deps import JobDep, RecordingDep, ServicesDep
 from app.schemas.jobs import Job, JobMessage, NewJob
+from app.server.deps import JobDep, RecordingDep, ServicesDep
 
 router = APIRouter(prefix="/api", tags=["jobs"])
 

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Body
 
-from app.deps import RecordingDep, ServicesDep
 from app.schemas.planes import Operation, Planes
+from app.server.deps import RecordingDep, ServicesDep
 
 router = APIRouter(prefix="/api/recordings/{recording_id}/planes", tags=["planes"])
 

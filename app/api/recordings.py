@@ -8,9 +8,9 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.sse import EventSourceResponse
 
-from app.deps import RecordingDep, ServicesDep
 from app.schemas.recordings import ChangeRecording, OpenRecording, Recording, Timeline
 from app.schemas.view import RecordingMessage
+from app.server.deps import RecordingDep, ServicesDep
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from fastapi.responses import HTMLResponse, PlainTextResponse
 
-from app.deps import JobDep, RecordingDep, ServicesDep
 from app.results.extrinsic_text import parse_extrinsic
 from app.schemas.results import Command, ExtrinsicText, Runs, ScanQuality, Thickness
 from app.schemas.view import OldExtrinsic
+from app.server.deps import JobDep, RecordingDep, ServicesDep
 from calib_core.result import CalibrationResult
 
 router = APIRouter(prefix="/api", tags=["results"])

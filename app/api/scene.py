@@ -12,9 +12,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from app.deps import RecordingDep, ServicesDep, get_recording, get_services
-from app.errors import ApiError
 from app.scene.page import scene_page
+from app.server.deps import RecordingDep, ServicesDep, get_recording, get_services
+from app.server.errors import ApiError
 
 router = APIRouter(include_in_schema=False)
 

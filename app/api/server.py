@@ -7,9 +7,9 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
 
-from app.apidocs import render
-from app.deps import ServicesDep
 from app.schemas.recordings import FolderListing, Health, ServerFacts
+from app.server.apidocs import render
+from app.server.deps import ServicesDep
 
 router = APIRouter(tags=["server"])
 

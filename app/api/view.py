@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from app.deps import RecordingDep, ServicesDep
 from app.schemas.view import ChangeView, View
+from app.server.deps import RecordingDep, ServicesDep
 
 router = APIRouter(prefix="/api/recordings/{recording_id}/view", tags=["view"])
 

@@ -50,7 +50,7 @@ def proposal_arrays(cache: Path) -> Path:
 
 def warm_up() -> None:
     """Import what the first view of a recording needs, while nobody waits for it."""
-    for name in ("calib_core.readers.load", "calib_core.full.planes.propose", "calib_core.pipeline.doctor"):
+    for name in ("calib_core.readers.load", "calib_core.full.planes.propose", "calib_core.doctor.examine"):
         importlib.import_module(name)
 
 

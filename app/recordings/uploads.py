@@ -10,9 +10,9 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Receive, Scope, Send
 from tuspyserver import create_tus_router
 
-from app.deps import ServicesDep
-from app.errors import BadRequest
-from app.settings import AppSettings
+from app.server.deps import ServicesDep
+from app.server.errors import BadRequest
+from app.server.settings import AppSettings
 
 UPLOADS_PATH = "/api/uploads"
 #: base64 of "application/octet-stream": tuspyserver insists on a file type, which says nothing about a bag.

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydantic import ValidationError
 
-from app.errors import ApiError, BadRequest, NotFound
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene
 from app.scene.compose import Composed, Composer
@@ -22,7 +21,8 @@ from app.scene.picking import pick
 from app.scene.throttle import Throttle
 from app.schemas.planes import Grow, Restrict, Side, Toggle
 from app.schemas.view import ChangeView, View, ViewState
-from app.settings import AppSettings
+from app.server.errors import ApiError, BadRequest, NotFound
+from app.server.settings import AppSettings
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core.types import Float32Array, FloatArray

@@ -14,8 +14,8 @@ import os
 import shutil
 from pathlib import Path
 
-from app.errors import BadRequest, DiskFull, NotFound, Unavailable
-from app.settings import AppSettings
+from app.server.errors import BadRequest, DiskFull, NotFound, Unavailable
+from app.server.settings import AppSettings
 from app.storage.records import RecordingRecord
 from calib_core import api
 

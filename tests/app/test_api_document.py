@@ -11,12 +11,12 @@ from fastapi.routing import APIRoute
 from pydantic import TypeAdapter
 
 from app.api import jobs, planes, recordings, results, scene, server, uploads, view
-from app.main import create_app
-from app.openapi import document
 from app.schemas.jobs import JobMessage
 from app.schemas.planes import Operation
 from app.schemas.view import RecordingMessage
-from app.settings import AppSettings
+from app.server.main import create_app
+from app.server.openapi import document
+from app.server.settings import AppSettings
 
 ROUTES = [
     route

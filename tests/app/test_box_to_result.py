@@ -8,8 +8,8 @@ import shlex
 import numpy as np
 import pytest
 
-from app import cli
 from app.arrays.proposals import read_proposals
+from app.cli import main as cli
 from app.jobs.functions import proposal_arrays, run_job
 from app.jobs.orders import Order, StoredRequest
 from app.planes.operations import apply

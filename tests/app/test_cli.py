@@ -15,8 +15,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app import cli, commands
-from app.serving import listen
+from app.cli import commands
+from app.cli import main as cli
+from app.cli.serving import listen
 from calib_core import api
 from calib_core.errors import Cancelled, InputError, PointTimeError
 from calib_core.events import LogEvent, StageEvent
@@ -220,7 +221,7 @@ def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
 
 def test_every_read_setting_has_an_option() -> None:
     """Fails when a setting is added to ReadSettings and not to the command line."""
-    from app.cli_parser import build_parser
+    from app.cli.parser import build_parser
     from calib_core.settings import ReadSettings
 
     words = vars(build_parser().parse_args(["calibrate", "room.bag"]))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.choosing import load_asking
-from app.terminal import Manner
+from app.cli.choosing import load_asking
+from app.cli.terminal import Manner
 from calib_core import api
 from calib_core.errors import TopicError
 from calib_core.settings import ReadSettings

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app import cli_options as options
+from app.cli import options
 from calib_core.errors import SettingsError
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
-from app.inspect_report import report_block, sparkline, still_strip
-from app.summary import refusal, result_summary, verdict
-from app.terminal import LiveProgress, Manner, PlainProgress, error_bar, iteration_table, listener
+from app.cli.inspect_report import report_block, sparkline, still_strip
+from app.cli.summary import refusal, result_summary, verdict
+from app.cli.terminal import LiveProgress, Manner, PlainProgress, error_bar, iteration_table, listener
 from calib_core.doctor.report import (
     DoctorReport,
     ExcitationReport,

@@ -122,7 +122,12 @@ def test_the_server_starts_without_the_estimator():
     Fails with the doctor's `inspect` imported beside its report's models.
     """
     told = subprocess.run(
-        [sys.executable, "-c", "import sys, app.main; print([n for n in sys.modules if n in sys.argv[1:]])", *HEAVY],
+        [
+            sys.executable,
+            "-c",
+            "import sys, app.server.main; print([n for n in sys.modules if n in sys.argv[1:]])",
+            *HEAVY,
+        ],
         capture_output=True,
         text=True,
         check=True,

@@ -6,8 +6,8 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from app.client import CompressText, install_client
-from app.errors import install_error_handler
+from app.server.client import CompressText, install_client
+from app.server.errors import install_error_handler
 
 
 @pytest.fixture

@@ -25,9 +25,12 @@ MAY_IMPORT = {
     "readers": set(),
     "exporters": set(),
     "simulate": {"geometry"},
-    "pipeline": {"geometry", "gp", "imu", "planes", "factors", "solver", "doctor"},
-    "doctor": {"readers", "pipeline", "planes", "geometry", "solver", "imu", "gp", "factors"},
-    "api": {"readers", "pipeline", "exporters", "simulate", "documents", "doctor"},
+    "deskew": {"geometry"},
+    "full": {"geometry", "gp", "imu", "planes", "factors", "solver", "calibrate", "deskew"},
+    "paper": {"geometry", "gp", "imu", "planes", "factors", "solver", "full", "calibrate"},
+    "calibrate": {"geometry", "gp", "imu", "full", "paper", "solver"},
+    "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors"},
+    "api": {"readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor"},
 }
 
 #: What the application sees of the library.

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 import httpx2
 
 from app.jobs.launch import ProcessLauncher
-from app.main import make_server
-from app.settings import AppSettings
+from app.server.main import make_server
+from app.server.settings import AppSettings
 
 FAKE_JOBS = "tests.app.support.fake_jobs:run"
 PATIENCE_S = 40.0

@@ -10,9 +10,9 @@ from pathlib import Path
 from pydantic import ValidationError
 from rich.console import Console
 
-from app import cli_options as options
-from app.atomic import check_writable, write_text
-from app.terminal import Manner, choose_manner, listener
+from app.cli import options
+from app.cli.terminal import Manner, choose_manner, listener
+from app.storage.atomic import check_writable, write_text
 from calib_core import api
 from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
@@ -27,7 +27,7 @@ class Refused(Exception):
 
 def serve(chosen: argparse.Namespace) -> None:
     """Serve the web application until stopped."""
-    from app.serving import serve_until_stopped
+    from app.cli.serving import serve_until_stopped
 
     serve_until_stopped(
         host=chosen.host,
@@ -46,15 +46,15 @@ def inspect(chosen: argparse.Namespace) -> None:
     if chosen.json:
         sys.stdout.write(report.model_dump_json(indent=2, by_alias=True) + "\n")
         return
-    from app.inspect_report import report_block
+    from app.cli.inspect_report import report_block
 
     Console(highlight=False).print(report_block(report, chosen.recording))
 
 
 def calibrate(chosen: argparse.Namespace) -> None:
     """Calibrate, write the result, sum it up for a person. Raises Refused after a refused result is written."""
-    from app.choosing import load_asking
-    from app.summary import refusal
+    from app.cli.choosing import load_asking
+    from app.cli.summary import refusal
 
     solving = _solve_settings(chosen)
     planes = None if chosen.planes is None else api.read_planes(chosen.planes)
@@ -158,7 +158,7 @@ def _unfit(error: ValidationError) -> SettingsError:
 
 def _give_result(result: CalibrationResult, output: Path | None, manner: Manner) -> None:
     """The document to the file or stdout, and the summary where the document is not."""
-    from app.summary import result_summary
+    from app.cli.summary import result_summary
 
     if output is None:
         sys.stdout.write(result.to_json())

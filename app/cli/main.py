@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from types import FrameType
 
-from app.cli_parser import UsageError, build_parser
-from app.commands import COMMANDS, Refused
+from app.cli.commands import COMMANDS, Refused
+from app.cli.parser import UsageError, build_parser
 from calib_core.errors import Cancelled, InputError
 
 EXIT_DONE, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 2, 3, 4, 130

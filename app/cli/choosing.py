@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.prompt import IntPrompt
 
-from app.terminal import Manner, listener
+from app.cli.terminal import Manner, listener
 from calib_core import api
 from calib_core.errors import TopicError
 from calib_core.settings import ReadSettings

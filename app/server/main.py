@@ -11,14 +11,14 @@ from anyio import to_thread
 from fastapi import FastAPI
 
 from app.api import jobs, planes, recordings, results, scene, server, uploads, view
-from app.client import CompressText, install_client
-from app.errors import install_error_handler
 from app.jobs.launch import Launcher
-from app.openapi import document, operation_id
 from app.recordings.uploads import TusHeaders, make_tus_router
-from app.security import Gatekeeper
-from app.services import Services
-from app.settings import AppSettings
+from app.server.client import CompressText, install_client
+from app.server.errors import install_error_handler
+from app.server.openapi import document, operation_id
+from app.server.security import Gatekeeper
+from app.server.services import Services
+from app.server.settings import AppSettings
 from calib_core import __version__
 
 #: The largest message a browser may send to the scene.

@@ -1,4 +1,4 @@
-"""The API's document: `python -m app.openapi` writes it to stdout. The browser's types are generated from it."""
+"""The API's document: `python -m app.server.openapi` writes it to stdout. The browser's types are generated from it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 
-from app.examples import ExampleMaker, Schema
 from app.schemas.common import ErrorBody
+from app.server.examples import ExampleMaker, Schema
 
 TAGS = [
     {"name": "server", "description": "What the server can do, its folder of recordings, its health."},
@@ -100,8 +100,8 @@ def _short_names(made: dict[str, object]) -> dict[str, object]:
 
 def main() -> None:
     """Write the document to stdout."""
-    from app.main import create_app
-    from app.settings import AppSettings
+    from app.server.main import create_app
+    from app.server.settings import AppSettings
 
     json.dump(document(create_app(AppSettings())), sys.stdout, indent=2, sort_keys=True)
     sys.stdout.write("\n")

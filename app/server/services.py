@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from app.errors import Conflict, facts_of
-from app.feed import RecordingFeed
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
@@ -18,12 +16,14 @@ from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.recordings import Sample, ServerFacts
 from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
-from app.settings import AppSettings
+from app.server.errors import Conflict, facts_of
+from app.server.feed import RecordingFeed
+from app.server.settings import AppSettings
+from app.server.workflow import Workflow
 from app.storage.database import check_database, open_database
 from app.storage.files import SUFFIXES, DataFolder
 from app.storage.records import JobRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
-from app.workflow import Workflow
 from calib_core import __version__, api
 
 #: Scenarios offered as samples, and their titles; the first is the one click away.

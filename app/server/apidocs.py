@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from html import escape
 from typing import cast
 
-from app.examples import Schema
+from app.server.examples import Schema
 
 _STYLE = """
 :root{color-scheme:light dark;--ink:#181c21;--dim:#4b5560;--line:#dfe3e8;--paper:#fff;--wash:#f6f7f9;--accent:#1f5cbf}

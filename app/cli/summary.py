@@ -8,8 +8,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from app.cli.terminal import LEVEL_STYLES, bullet
 from app.results.verdict import verdict
-from app.terminal import LEVEL_STYLES, bullet
 from calib_core.result import CalibrationResult, Status, Transform, Uncertainty
 
 _STATUS_STYLES: dict[Status, str] = {"calibrated": "bold green", "weak": "bold yellow", "refused": "bold red"}

@@ -7,7 +7,7 @@ from typing import Annotated, cast
 from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
 
-from app.services import Services
+from app.server.services import Services
 from app.storage.records import JobRecord, RecordingRecord
 
 _ID = Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits")

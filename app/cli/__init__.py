@@ -1,0 +1,1 @@
+"""The command line: main.py reads the words, commands.py does them."""

@@ -1,0 +1,1 @@
+"""The web application: main.py makes it, services.py wires its parts."""
