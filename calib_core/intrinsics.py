@@ -1,0 +1,112 @@
+"""What a real sensor adds to an ideal one: names, units and signs of its own parameters, and how large they usually are.
+
+IMU frame: the accelerometer's x axis and xy plane define it; the gyroscope is turned into it. With w, a the true angular
+rate and specific force in that frame:
+
+    gyroscope reading(t)     = (I + S_g + N_g) Exp(r_g) w(t) + bias + noise
+    accelerometer reading(t) = (I + S_a + N_a) a(t - delay) + bias + noise
+    S = diag(x, y, z)  scale,      N = strictly lower triangular (yx, zx, zy)  axes,      r_g  rotation of the gyroscope
+
+Clocks: t_lidar = t_imu + time_offset + rate 1e-6 (t_lidar - time_offset_at): the offset grows where the rate is positive.
+
+Lidar, of the point that laser l returns from true range d at incidence cosine c:
+
+    published range = d (1 + range_scale_l) + range_offset_l + range_offset + incidence (1 / c - 1)
+    true elevation  = published elevation + elevation_l          [about the lidar's xy plane, upwards]
+
+so that a laser that reads 9 mm short has a range offset of -0.009 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Block = Literal[
+    "gyroscope_scale",
+    "gyroscope_axes",
+    "gyroscope_rotation",
+    "accelerometer_scale",
+    "accelerometer_axes",
+    "accelerometer_delay",
+    "clock_rate",
+    "laser_range_offset",
+    "laser_elevation",
+    "laser_range_scale",
+    "range_offset",
+    "incidence",
+]
+
+#: Unit and names within each block; those of the lasers are their numbers, "0" on.
+UNITS: dict[Block, str] = {
+    "gyroscope_scale": "1",
+    "gyroscope_axes": "rad",
+    "gyroscope_rotation": "rad",
+    "accelerometer_scale": "1",
+    "accelerometer_axes": "rad",
+    "accelerometer_delay": "s",
+    "clock_rate": "ppm",
+    "laser_range_offset": "m",
+    "laser_elevation": "rad",
+    "laser_range_scale": "1",
+    "range_offset": "m",
+    "incidence": "m",
+}
+AXES = ("x", "y", "z")
+LOWER = ("yx", "zx", "zy")
+NAMES: dict[Block, tuple[str, ...]] = {
+    "gyroscope_scale": AXES,
+    "gyroscope_axes": LOWER,
+    "gyroscope_rotation": AXES,
+    "accelerometer_scale": AXES,
+    "accelerometer_axes": LOWER,
+    "accelerometer_delay": ("delay",),
+    "clock_rate": ("rate",),
+    "range_offset": ("all",),
+    "incidence": ("all",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ImuPrior:
+    """Standard deviations of an IMU's own parameters about those of an ideal one."""
+
+    gyroscope_scale_std: float
+    gyroscope_axes_std_rad: float
+    gyroscope_rotation_std_rad: float
+    accelerometer_scale_std: float
+    accelerometer_axes_std_rad: float
+    accelerometer_delay_std_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LidarPrior:
+    """Standard deviations of a lidar's own parameters. laser_*: of each laser by itself; 0 where it has no lasers to tell."""
+
+    laser_range_offset_std_m: float
+    laser_elevation_std_rad: float
+    laser_range_scale_std: float
+    range_offset_std_m: float
+    incidence_std_m: float
+
+
+#: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.
+CLOCK_RATE_STD_PPM = 40.0
+
+#: A sensor that nobody has named is taken for a cheap one: data sheets of the ICM-20948 and ICM-40609-D (scale 0.5 %),
+#: a VLP-16 measured on public packets (5 to 10 mm a laser), OA-LICalib's published VLP-16 (range scale 0.4 %).
+UNKNOWN_IMU = ImuPrior(
+    gyroscope_scale_std=0.005,
+    gyroscope_axes_std_rad=0.005,
+    gyroscope_rotation_std_rad=0.005,
+    accelerometer_scale_std=0.005,
+    accelerometer_axes_std_rad=0.005,
+    accelerometer_delay_std_s=0.002,
+)
+UNKNOWN_LIDAR = LidarPrior(
+    laser_range_offset_std_m=0.008,
+    laser_elevation_std_rad=0.0009,
+    laser_range_scale_std=0.003,
+    range_offset_std_m=0.01,
+    incidence_std_m=0.002,
+)
