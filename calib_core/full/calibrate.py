@@ -31,6 +31,7 @@ from calib_core.full.joint.schedule import Rounds, Solved
 from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.track import track
+from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.full.run import Context, NoStart
 from calib_core.imu.preintegration import knot_spacing_s, upsample
 from calib_core.types import FloatArray, InitialGuess, Plane
@@ -246,5 +247,6 @@ def solve(
         outlines_m=[plane.outline_m for plane in planes],
         may_add_planes=may_add_planes,
         may_extend=may_extend,
+        chosen=nuisance_of(ctx.recording, ctx.settings),
     )
     return rounds.run()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,6 +38,18 @@ class Clocks:
     scan_s: FloatArray
     sweep_s: FloatArray
     jitter_mean_std_s: float = 0.0
+
+    @property
+    def middle_s(self) -> float:
+        """The lidar's time, in the middle of the recording, at which the time offset holds where the clocks' rates differ."""
+        return 0.5 * float(self.scan_s[0] + self.scan_s[-1])
+
+    def at_rate(self, rate_ppm: float) -> Clocks:
+        """The lidar's stamps as they would be if its clock ran at the IMU's rate: t - rate (t - middle), sweep by sweep."""
+        if rate_ppm == 0.0:
+            return self
+        away_s = self.scan_s + 0.5 * self.sweep_s - self.middle_s
+        return replace(self, scan_s=self.scan_s - 1e-6 * rate_ppm * away_s)
 
     def offset_ns(self, time_offset_s: float) -> int:
         """The contract's time offset in nanoseconds: exact epochs' difference plus the estimate."""

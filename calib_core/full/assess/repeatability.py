@@ -82,8 +82,6 @@ def determined_part(covariance: FloatArray) -> tuple[FloatArray, int]:
 
 def _gradient(problem: JointProblem, estimate: Estimate, first: int, last: int) -> FloatArray:
     """Of the shared unknowns (S,), from the factors within knots first..last (exclusive) alone, these knots eliminated."""
-    bins = problem.bins
-    mine = (bins.knot >= first) & (bins.knot < last)
     part = replace(
         problem,
         readings=problem.readings.part(first, last),
@@ -91,13 +89,8 @@ def _gradient(problem: JointProblem, estimate: Estimate, first: int, last: int) 
         links=_links(problem.links, first, last - 1),
         links_gyro_bias=problem.links_gyro_bias[first : last - 1],
         links_accel_bias=problem.links_accel_bias[first : last - 1],
-        bins=replace(
-            bins,
-            knot=bins.knot[mine] - first,
-            plane=bins.plane[mine],
-            scatter=bins.scatter[mine],
-            count=bins.count[mine],
-        ),
+        bins=problem.bins.within(first, last),
+        sensors=problem.sensors.part(first, last - 1),
         gauge_knot=0,
         planes_hold_frame=True,
     )

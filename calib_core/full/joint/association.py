@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import nnls
 
+from calib_core.factors.laser_features import GROUP_SLICES, LaserErrors, LaserFactors, LaserSums, collapse_features
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -26,10 +27,12 @@ from calib_core.factors.lidar_plane import (
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensors import laser_errors
 from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
-from calib_core.types import BoolArray, FloatArray, IntArray, Scan
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray, Scan
 
 T = TypeVar("T")
 #: Points that are worth a call of their own.
@@ -40,14 +43,34 @@ _OFF_SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
+class LaserMicro:
+    """Moments of many scans for the lidar's own parameters. time_s: (B,) of their groups' middles, lidar clock."""
+
+    time_s: FloatArray
+    sums: LaserSums
+
+    @staticmethod
+    def joined(parts: Sequence[LaserMicro]) -> LaserMicro:
+        """Those of several scans in a row."""
+        return LaserMicro(
+            np.concatenate([part.time_s for part in parts]), LaserSums.joined([part.sums for part in parts])
+        )
+
+
+@dataclass(frozen=True)
 class Micro:
-    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there."""
+    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
+
+    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out.
+    """
 
     time_s: FloatArray
     scan: IntArray
     plane: IntArray
     scatter: FloatArray
     count: IntArray
+    lasers: LaserMicro | None = None
+    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @staticmethod
     def joined(parts: Sequence[Micro]) -> Micro:
@@ -58,10 +81,14 @@ class Micro:
             np.concatenate([part.plane for part in parts]),
             np.concatenate([part.scatter for part in parts]),
             np.concatenate([part.count for part in parts]),
+            LaserMicro.joined([part.lasers for part in parts if part.lasers is not None])
+            if any(part.lasers is not None for part in parts)
+            else None,
+            parts[0].nuisance,
         )
 
     def part(self, some: BoolArray) -> Micro:
-        """Those of a mask (B,)."""
+        """Those of a mask (B,), without the lasers' moments."""
         return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
 
 
@@ -79,6 +106,7 @@ class View:
     estimate: Estimate
     settings: CalibrateSettings
     threads: int = 1
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
 
@@ -112,8 +140,9 @@ class View:
         clouds = [self.scans[i].points[::stride] for i in positions]
         points = clouds[0] if len(clouds) == 1 else np.concatenate(clouds)
         e = self.estimate
+        errors = self._errors()
         hits = find_hits(
-            points["xyz"],
+            self._corrected(points, errors),
             points["offset_ns"] * 1e-9,
             SlicePoses.joined([self.slice_poses(i) for i in positions]),
             e.normals,
@@ -122,9 +151,55 @@ class View:
             first_slice=np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds]),
             field_of_view_deg=self.settings.field_of_view_deg,
         )
+        if errors is not None and errors.incidence_m:
+            hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
         if stride > 1:
             self.thinned[key] = hits
         return hits
+
+    def _errors(self) -> LaserErrors | None:
+        """The lidar's own parameters as they are thought to be now; None where it is taken for ideal."""
+        if not self.nuisance.blocks:
+            return None
+        return laser_errors(self.nuisance, self.estimate.nuisance)
+
+    def _corrected(self, points: PointArray, errors: LaserErrors | None) -> Float32Array:
+        """Where points (N,) would lie were it not for their lasers' errors, (N, 3)."""
+        if errors is None or not errors.any():
+            return np.asarray(points["xyz"])
+        return errors.corrected(points["xyz"], self.lasers_of(points))
+
+    def lasers_of(self, points: PointArray) -> LaserArray:
+        """(N,) which laser each point is of: 0 where they are not told apart."""
+        if self.nuisance.lasers:
+            return np.asarray(points["ring"])
+        return np.zeros(len(points), np.uint16)
+
+    def laser_micro(
+        self, positions: Sequence[int], hits: Hits, keep: BoolArray, weight: FloatArray, stride: int
+    ) -> LaserMicro | None:
+        """The kept points' moments for the lidar's own parameters; None where none of these is in play."""
+        if not any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS)):
+            return None
+        first = groups_so_far = 0
+        group: list[IntArray] = []
+        middle: list[IntArray] = []
+        time_s: list[FloatArray] = []
+        for i in positions:
+            slices = self._slices(i)
+            groups = -(-slices // GROUP_SLICES)
+            own = np.minimum(np.arange(groups) * GROUP_SLICES + GROUP_SLICES // 2, slices - 1)
+            group.append(np.arange(slices) // GROUP_SLICES + groups_so_far)
+            middle.append(own + first)
+            time_s.append(self.clocks.scan_s[i] + (own + 0.5) * SLICE_S)
+            first += slices
+            groups_so_far += groups
+        laser = np.concatenate([self.lasers_of(self.scans[i].points[::stride]) for i in positions])
+        sums = collapse_features(
+            hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
+            group=np.concatenate(group), middle=np.concatenate(middle),
+        )  # fmt: skip
+        return LaserMicro(np.concatenate(time_s)[sums.group], sums)
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
@@ -152,7 +227,7 @@ class View:
         index = (points["offset_ns"] * 1e-9 / SLICE_S).astype(np.int64)
         usable = poses.usable[index]
         index = index[usable]
-        xyz = points["xyz"][usable].astype(np.float64)
+        xyz = self._corrected(points, self._errors())[usable].astype(np.float64)
         there = (poses.R[index] @ xyz[..., None])[..., 0] + poses.p[index]
         return there, np.flatnonzero(usable) * stride
 
@@ -210,7 +285,12 @@ def associate(
         if on_scan is not None:
             for position in batch:
                 on_scan(position)
-        return view.micro(batch, collapse(hits, keep, weight, n_planes))
+        micro = view.micro(batch, collapse(hits, keep, weight, n_planes))
+        return replace(
+            micro,
+            lasers=view.laser_micro(batch, hits, keep, weight, stride),
+            nuisance=view.estimate.nuisance,
+        )
 
     if cap is None:
         return Micro.joined(view.over_batches(positions, stride, some))
@@ -242,12 +322,44 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     of_slice = of_slice[use]
     n_planes = len(estimate.normals)
     key = knot[of_slice] * n_planes + micro.plane[use]
+    # Points that were laid out for an ideal lidar are those of one whose parameters are zero.
+    laid_out = micro.nuisance if len(micro.nuisance) else np.zeros(len(estimate.nuisance))
     if len(key) == 0:
         empty = np.zeros(0, np.int64)
-        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s)
+        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s, LaserFactors.empty(), laid_out)
     keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
     count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
-    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s)
+    lasers = gather_lasers(micro.lasers, motion, estimate) if micro.lasers is not None else LaserFactors.empty()
+    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
+
+
+def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate) -> LaserFactors:
+    """Moments moved to their nearest knots under the current motion and summed: a knot, plane and laser each."""
+    time_s, of_group = np.unique(micro.time_s, return_inverse=True)
+    imu_s = time_s - estimate.time_offset_s
+    knot = motion.nearest_knot(imu_s)
+    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    back = np.swapaxes(knots.R[knot], 1, 2)
+    move = np.zeros((len(time_s), 5, 5))
+    move[:, :3, :3] = back @ poses.R
+    move[:, :3, 3] = (back @ (poses.p - knots.p[knot])[..., None])[..., 0]
+    move[:, 3, 3] = move[:, 4, 4] = 1.0
+    use = np.flatnonzero(poses.usable[of_group])
+    of_group, sums = of_group[use], micro.sums
+    n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
+    keys, place = np.unique(
+        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use], return_inverse=True
+    )
+    moved = sums.cross[use] @ np.swapaxes(move[of_group], 1, 2)
+    if len(keys) == 0:
+        return LaserFactors.empty()
+    order = np.argsort(place, kind="stable")
+    first = np.searchsorted(place[order], np.arange(len(keys)))
+    cross = np.add.reduceat(moved[order], first, axis=0)
+    gram = np.add.reduceat(sums.gram[use][order].astype(np.float64), first, axis=0)
+    pairs, pair = np.unique(keys // lasers, return_inverse=True)
+    return LaserFactors(pairs // n_planes, pairs % n_planes, pair, keys % lasers, cross, gram)
 
 
 def survey(

@@ -24,9 +24,12 @@ from calib_core.full.joint.plane_set import cull, discover
 from calib_core.full.joint.priors import Held, Priors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import extend
+from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, sensor_columns
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, no_bins
-from calib_core.full.run import Context
-from calib_core.imu.preintegration import UpsampledImu, preintegrate
+from calib_core.full.prepare.nuisance import Nuisance
+from calib_core.full.run import Clocks, Context
+from calib_core.imu.intrinsics import corrected
+from calib_core.imu.preintegration import UpsampledImu, preintegrate, upsample
 from calib_core.solver.arrow import ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import Minimum, Outcome, minimise
 from calib_core.types import BoolArray, FloatArray
@@ -51,6 +54,8 @@ _SETTLING_M = 0.01
 #: may be nearer to the wrong plane. And the least and the most of it.
 _MARGIN_SIGMAS = 6.0
 _MARGINS_M = (0.03, 0.3)
+#: The accelerometer is read anew where its delay has moved by so much: to there the first order is good to a ten-thousandth.
+_DELAY_MOVED_S = 2e-5
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,7 @@ class Solved:
     plane_names: tuple[str, ...]
     outlines_m: tuple[FloatArray | None, ...]
     rounds: int
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
 
     @property
     def map_pose(self) -> tuple[FloatArray, FloatArray]:
@@ -100,6 +106,8 @@ class Rounds:
     outlines_m: list[FloatArray | None]
     may_add_planes: bool
     may_extend: bool
+    chosen: Nuisance = Nuisance()  # noqa: RUF009  frozen
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     lidar_noise: LidarNoise = LidarNoise(0.02, 0.005)  # noqa: RUF009  frozen
     extents: PlaneExtents | None = None
     micro: Micro | None = None
@@ -125,6 +133,7 @@ class Rounds:
             self.hold(problem)
         if self.may_extend:
             extend(self)
+        self.admit_sensors()
         if self.may_add_planes and discover(self, self.positions):
             self.survey(Gate(extra_m=0.05, margin_m=self.margin_m))
             self.associate(Gate(extra_m=0.05, margin_m=self.margin_m), stride=self.coarse_stride())
@@ -143,7 +152,7 @@ class Rounds:
                 break
         assert self.micro is not None
         assert self.minimum is not None
-        map_time_s = float(self.ctx.clocks.scan_s[self.reference])
+        map_time_s = float(self.clocks.scan_s[self.reference])
         return Solved(
             problem,
             self.estimate,
@@ -155,7 +164,38 @@ class Rounds:
             tuple(self.names),
             tuple(self.outlines_m),
             self.number,
+            self.nuisance,
         )
+
+    def admit_sensors(self) -> None:
+        """From now on the sensors' own parameters are unknowns: before, the motion is too rough for them to show."""
+        self.nuisance = self.chosen
+        self.estimate = replace(self.estimate, nuisance=np.zeros(self.chosen.size))
+        self.priors = replace(self.priors, nuisance_std=self.chosen.prior_std)
+
+    @property
+    def clocks(self) -> Clocks:
+        """The clocks, at the rate that they are thought to have."""
+        return self.ctx.clocks.at_rate(clock_rate_ppm(self.nuisance, self.estimate.nuisance))
+
+    def corrected_readings(self) -> UpsampledImu:
+        """The readings in play without the IMU's own scale, axes and delay, as these are thought to be."""
+        part = self.readings.part(self.first, self.last)
+        return corrected(part, imu_intrinsics(self.nuisance, self.estimate.nuisance)) if self.nuisance.blocks else part
+
+    def ask_later(self) -> None:
+        """Read the accelerometer by its present delay, where that has moved."""
+        delay_s = imu_intrinsics(self.nuisance, self.estimate.nuisance).accel_delay_s
+        if abs(delay_s - self.readings.accel_delay_s) > _DELAY_MOVED_S:
+            imu, ctx = self.ctx.recording.imu, self.ctx
+            self.readings = upsample(
+                ctx.clocks.imu_s,
+                imu.gyro_rad_s,
+                imu.accel_m_s2,
+                self.readings.knots_s,
+                ctx.hyper,
+                accel_delay_s=delay_s,
+            )
 
     def anchor(self) -> None:
         """Lay the map frame on the lidar at the first used scan's time, wherever the estimate has let it drift.
@@ -167,7 +207,7 @@ class Rounds:
     def _map_pose(self) -> tuple[FloatArray, FloatArray]:
         """The map frame in that of the solve, by the present estimate: R (3, 3), p (3,)."""
         e = self.estimate
-        when = np.array([float(self.ctx.clocks.scan_s[self.reference]) - e.time_offset_s])
+        when = np.array([float(self.clocks.scan_s[self.reference]) - e.time_offset_s])
         pose = self.motion().lidar_at(when, e.R_imu_lidar, e.p_imu_lidar)
         return pose.R[0], pose.p[0]
 
@@ -231,15 +271,27 @@ class Rounds:
     def problem(self, bins: Bins | None = None) -> JointProblem:
         """The joint problem over the knots estimated so far, linked about the present biases."""
         e = self.estimate
+        self.ask_later()
         nodes = self.nodes.part(self.first, self.last)
-        readings = self.readings.part(self.first, self.last)
+        readings = self.corrected_readings()
         bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
         links = preintegrate(readings, bg, ba, self.ctx.noise.density)
-        lidar = bins if bins is not None else no_bins(e.time_offset_s)
+        lidar = bins if bins is not None else replace(no_bins(e.time_offset_s), nuisance=e.nuisance)
+        sensors = sensor_columns(self.nuisance, e.nuisance, readings, self.ctx.clocks.middle_s)
         gauge = self.gauge - self.first
         held = not self.ctx.settings.estimate_planes
         return JointProblem(
-            readings, nodes, links, bg, ba, lidar, self.priors, gauge, self._frozen(), planes_hold_frame=held
+            readings,
+            nodes,
+            links,
+            bg,
+            ba,
+            lidar,
+            self.priors,
+            gauge,
+            self._frozen(),
+            planes_hold_frame=held,
+            sensors=sensors,
         )
 
     def _frozen(self) -> tuple[int, ...]:
@@ -250,13 +302,16 @@ class Rounds:
         if not self.ctx.settings.estimate_planes:
             start = 10 + 6 * len(self.nodes.times_s)
             frozen.extend(range(start, start + 3 * len(self.estimate.normals)))
+        if self.ctx.settings.intrinsics == "consider":
+            start = 10 + 6 * len(self.nodes.times_s) + 3 * len(self.estimate.normals)
+            frozen.extend(range(start, start + self.nuisance.size))
         return tuple(frozen)
 
     def motion(self) -> Motion:
         """The motion that the present estimate describes."""
         e = self.estimate
         nodes = self.nodes.part(self.first, self.last)
-        readings = self.readings.part(self.first, self.last)
+        readings = self.corrected_readings()
         return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
 
     def present_view(self) -> View:
@@ -269,11 +324,12 @@ class Rounds:
         ctx = self.ctx
         return View(
             ctx.recording.scans,
-            ctx.clocks,
+            self.clocks,
             motion,
             estimate,
             ctx.settings,
             ctx.threads,
+            self.nuisance,
         )
 
     def associate(self, gate: Gate, stride: int) -> None:
