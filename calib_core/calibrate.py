@@ -18,11 +18,14 @@ from threadpoolctl import threadpool_limits
 
 from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.full.assess.observability import Knowledge, advice, assess
-from calib_core.full.assess.plausibility import gravity_std, implausible, inflation, standing_still
+from calib_core.full.assess.confidence import confidence
+from calib_core.full.assess.observability import Knowledge, advice
+from calib_core.full.assess.plausibility import gravity_std, implausible, standing_still
 from calib_core.full.assess.residuals import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
+from calib_core.full.assess.sensors import SensorFindings, sensor_findings
 from calib_core.full.calibrate import solve, start_values
 from calib_core.full.joint.schedule import Solved
+from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics
 from calib_core.full.odometry.reference import follow
 from calib_core.full.planes.propose import find_reference, propose_planes
 from calib_core.full.prepare.excluded_spans import without_spans
@@ -176,19 +179,16 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
     wrong = implausible(ctx, solved)
     if wrong is not None:
         return refuse("solve.inconsistent", wrong)
-    frozen = not settings.estimate_time_offset
-    knowledge = assess(
-        solved.minimum.solution.information,
-        solved.problem.priors,
-        inflation=inflation(ctx, solved, frozen_offset=frozen),
-        frozen_offset=frozen,
-        offset_std_s=ctx.clocks.jitter_mean_std_s,
-    )
+    trust = confidence(ctx, solved)
+    knowledge = trust.knowledge
+    sensors = sensor_findings(solved, trust.considered)
+    for code, text in sensors.sentences:
+        ctx.say("info", code, text)
     if not knowledge.rotation_known:
         return refuse(
             "motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least"
         )
-    result = _document(ctx, solved, knowledge, messages, time.monotonic() - started)
+    result = _document(ctx, solved, knowledge, sensors, messages, time.monotonic() - started)
     return Calibration(result, trajectory_of(ctx.clocks, solved))
 
 
@@ -255,11 +255,23 @@ def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
     linked = solved.problem.readings.linked
     valid = np.concatenate([linked, [True]]) & np.concatenate([[True], linked])
     R0, p0 = solved.map_pose
-    return Trajectory(clocks.lidar_epoch_ns, knots + e.time_offset_s, R0.T @ poses.R, (poses.p - p0) @ R0, valid)
+    rate = clock_rate_ppm(solved.nuisance, e.nuisance)
+    return Trajectory(
+        clocks.lidar_epoch_ns,
+        clocks.as_stamped(knots + e.time_offset_s, rate),
+        R0.T @ poses.R,
+        (poses.p - p0) @ R0,
+        valid,
+    )
 
 
 def _document(
-    ctx: Context, solved: Solved, knowledge: Knowledge, messages: list[Message], duration_s: float
+    ctx: Context,
+    solved: Solved,
+    knowledge: Knowledge,
+    sensors: SensorFindings,
+    messages: list[Message],
+    duration_s: float,
 ) -> CalibrationResult:
     """The result document of a solve."""
     e = solved.estimate
@@ -275,6 +287,8 @@ def _document(
     rms = float(np.sqrt(sum(r**2 * n for r, n in residuals) / max(total, 1)))
     offset_ns = ctx.clocks.offset_ns(e.time_offset_s)
     weak = knowledge.is_weak
+    imu = imu_intrinsics(solved.nuisance, e.nuisance)
+    clock = sensors.find("clock_rate")
     messages.extend(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak)
     return CalibrationResult(
         status="weak" if weak else "calibrated",
@@ -287,8 +301,8 @@ def _document(
         ),
         time_offset_s=offset_ns * 1e-9,
         time_offset_ns=offset_ns,
-        gyroscope_bias_rad_s=e.gyro_bias.mean(axis=0).tolist(),
-        accelerometer_bias_m_s2=e.accel_bias.mean(axis=0).tolist(),
+        gyroscope_bias_rad_s=(imu.gyro @ e.gyro_bias.mean(axis=0)).tolist(),
+        accelerometer_bias_m_s2=(imu.accel @ e.accel_bias.mean(axis=0)).tolist(),
         gravity_m_s2=float(np.linalg.norm(e.gravity)),
         uncertainty=Uncertainty(
             rotation_std_deg=np.degrees(std[:3]).tolist(),
@@ -323,6 +337,11 @@ def _document(
             duration_s=duration_s,
         ),
         provenance=provenance(ctx.recording, ctx.settings),
+        intrinsics=list(sensors.parameters),
+        clock_rate_ppm=clock.value if clock is not None else None,
+        clock_rate_ppm_std=clock.std if clock is not None else None,
+        time_offset_at_s=ctx.clocks.middle_s,
+        imu_frame=sensors.imu_frame,
     )
 
 

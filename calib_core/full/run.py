@@ -51,6 +51,11 @@ class Clocks:
         away_s = self.scan_s + 0.5 * self.sweep_s - self.middle_s
         return replace(self, scan_s=self.scan_s - 1e-6 * rate_ppm * away_s)
 
+    def as_stamped(self, times_s: FloatArray, rate_ppm: float) -> FloatArray:
+        """The inverse of `at_rate`, of instants (N,)."""
+        rate = 1e-6 * rate_ppm
+        return np.asarray((times_s - rate * self.middle_s) / (1.0 - rate))
+
     def offset_ns(self, time_offset_s: float) -> int:
         """The contract's time offset in nanoseconds: exact epochs' difference plus the estimate."""
         return self.lidar_epoch_ns - self.imu_epoch_ns + round(time_offset_s * 1e9)

@@ -113,12 +113,17 @@ def assess(
     inflation: float = 1.0,
     frozen_offset: bool = False,
     offset_std_s: float = 0.0,
+    added: FloatArray | None = None,
 ) -> Knowledge:
     """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations.
 
     offset_std_s: an error of the time offset that no residual knows of, added to its variance unless it is frozen.
+    added: (7, 7) covariance, scaled units, of what the information knows nothing of.
     """
     data = data_information(information, priors) / inflation**2
+    if added is not None:
+        data = np.asarray(np.linalg.solve(np.eye(CALIBRATION) + data @ added, data), dtype=np.float64)
+        data = 0.5 * (data + data.T)
     if frozen_offset:
         data[6, :] = data[:, 6] = 0.0
         data[6, 6] = 1e12
@@ -182,6 +187,14 @@ def _amount(vector: FloatArray, spread: float, largest: int) -> str:
     if largest < 6:
         return f"{size * 10:.3g} mm"
     return f"{size:.2g} ms"
+
+
+def named_direction(covariance: FloatArray) -> str:
+    """Along what a covariance (7, 7), scaled units, reaches farthest, in words."""
+    vector = np.linalg.eigh(covariance)[1][:, -1]
+    largest = int(np.argmax(np.abs(vector)))
+    vector = vector * np.sign(vector[largest])
+    return _NAMES[largest] if abs(vector[largest]) > 0.95 else _mixture(vector)
 
 
 def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[str]:

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.full.assess.observability import assess
-from calib_core.full.assess.repeatability import BLOCKS, repeatability
 from calib_core.full.assess.residuals import away_m, misfit
 from calib_core.full.joint.schedule import Solved
 from calib_core.full.odometry.register import ScanMotion
@@ -20,8 +18,6 @@ _LEAST_MOVE_M = 0.05
 #: How far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres.
 _WORST_MISFIT = 30.0
 _WORST_AWAY_M = 0.008
-#: The misfit of a recording without anything but noise is 0.4 to 1; beyond this it is taken for what it is.
-_USUAL_MISFIT = 1.5
 #: No working IMU is off by more than this.
 _WORST_GYRO_BIAS_RAD_S = 0.25
 _WORST_ACCEL_BIAS_M_S2 = 2.0
@@ -45,25 +41,6 @@ def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str]
         "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
     )
     return "motion.none", stood
-
-
-def inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
-    """Factor on every standard deviation where the recording contradicts the noise model; says so."""
-    assert solved.minimum.solution is not None
-    information = solved.minimum.solution.information
-    plain = assess(information, solved.problem.priors, frozen_offset=frozen_offset)
-    repeat = repeatability(solved.problem, solved.estimate, information, plain.covariance)
-    rest = misfit(solved.problem, solved.estimate)
-    factor = max(repeat.inflation, np.sqrt(rest) if rest > _USUAL_MISFIT else 1.0)
-    if factor > 1.0:
-        ctx.say(
-            "warning",
-            "solve.disagreement",
-            f"the parts of the recording disagree by more than noise explains ({np.sqrt(repeat.ratio):.1f} times over "
-            f"{BLOCKS} blocks, {np.sqrt(rest):.1f} times plane by plane): a scale error of the IMU, ranges that are off, or "
-            f"surfaces that are not flat; all standard deviations are {factor:.1f} times what noise alone would give",
-        )
-    return float(factor)
 
 
 def implausible(ctx: Context, solved: Solved) -> str | None:

@@ -71,7 +71,7 @@ class JointProblem:
 
     def cost(self, estimate: Estimate) -> float:
         """Half the sum of squares of everything."""
-        residual = link_residuals(self.links, estimate.states, estimate.gravity, *self._bias_changes(estimate))
+        residual = link_residuals(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
         a, _ = self.planes_seen(estimate)
         lidar = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
@@ -149,7 +149,7 @@ class JointProblem:
             nuisance=estimate.nuisance + s[layout.nuisance()],
         )
 
-    def _bias_changes(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+    def bias_changes(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         """Of every link since its integration, (L, 3) each; a changed intrinsic parameter is one of them."""
         gyro = self.nodes.at_links(estimate.gyro_bias) - self.links_gyro_bias
         accel = self.nodes.at_links(estimate.accel_bias) - self.links_accel_bias
@@ -178,7 +178,7 @@ class JointProblem:
         return np.where(places >= 0, change[places], 0.0)
 
     def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
-        f = link_factors(self.links, estimate.states, estimate.gravity, *self._bias_changes(estimate))
+        f = link_factors(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
         system.cost += 0.5 * float(np.sum(f.residual**2))
         columns = layout.nuisance().start + self.sensors.imu_places
         own = np.zeros((len(f.residual), 9, len(columns)))
@@ -211,6 +211,17 @@ class JointProblem:
         a[:, 3] = m @ estimate.p_imu_lidar + np.einsum("bi,bi->b", n, p) + estimate.offsets_m[plane]
         return a, {"R": R, "p": p, "v": v, "omega": omega, "n": n, "m": m, "delta": delta[:, 0]}
 
+    def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """A = [n_lidar, w_lidar, 1] of every bin (B, 5) and the Jacobian of its first four (B, 4, 19 or 20)."""
+        a, part = self.planes_seen(estimate)
+        return a, self._jacobian(a, part, estimate, self.bins.knot, self.bins.plane)
+
+    def lasers_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """The same of every pair of a knot and a plane that the lasers' moments are of."""
+        lasers = self.bins.lasers
+        a, part = self._seen_by_lasers(estimate)
+        return a, self._jacobian(a, part, estimate, lasers.knot, lasers.plane)
+
     def _jacobian(
         self, a: FloatArray, part: dict[str, FloatArray], estimate: Estimate, knot: IntArray, plane: IntArray
     ) -> FloatArray:
@@ -223,8 +234,7 @@ class JointProblem:
 
     def _add_bins(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
         b = self.bins
-        a, part = self.planes_seen(estimate)
-        J = self._jacobian(a, part, estimate, b.knot, b.plane)
+        a, J = self.bins_seen(estimate)
         clock = layout.nuisance().start + self.sensors.clock_place
         Ma = (b.scatter @ a[..., None])[..., 0]
         system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
@@ -236,8 +246,7 @@ class JointProblem:
             self._add_lasers(system, estimate, layout, b.lasers)
 
     def _add_lasers(self, system: ArrowSystem, estimate: Estimate, layout: Layout, lasers: LaserFactors) -> None:
-        a, part = self._seen_by_lasers(estimate)
-        J = self._jacobian(a, part, estimate, lasers.knot, lasers.plane)
+        a, J = self.lasers_seen(estimate)
         change = self._laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * features_cost(lasers, a, change)
