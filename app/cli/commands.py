@@ -100,6 +100,7 @@ def simulate(chosen: argparse.Namespace) -> None:
             duration_s=chosen.duration_s,
             noise=chosen.noise != "none",
             header_at=chosen.header_at,
+            faults=chosen.faults,
             on_event=on_event,
         )
     if manner in {Manner.live, Manner.plain}:

@@ -1,15 +1,18 @@
 """A scenario made into sensor messages, scan by scan, with their truth; and gathered into a Recording in memory.
 
-Two clocks: the lidar's is the reference, an IMU message taken at lidar time t is stamped t - time_offset. Simulated
-time 0 is `EPOCH_NS` of the lidar clock. Every stream of random numbers has its own seed (recording, stream, sweep), so
-a sweep's noise depends neither on the recording's length nor on the order in which sweeps are made.
+Two clocks: the lidar's is the reference, an IMU message taken at lidar time t is stamped t - time_offset; where the clocks
+run apart, with the offset of that time. Simulated time 0 is `EPOCH_NS` of the lidar clock. Every stream of random numbers
+has its own seed (recording, stream, sweep), so a sweep's noise depends neither on the recording's length nor on the order
+in which sweeps are made. Two scenarios with one seed share their noise, so that they can be compared; a salt gives a
+recording numbers that no other one has.
 """
 
 from __future__ import annotations
 
 import os
+import zlib
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,6 +24,8 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, n
 from calib_core.simulate import imu as imu_module
 from calib_core.simulate import lidar as lidar_module
 from calib_core.simulate import scenarios
+from calib_core.simulate.faults import IDEAL, Drawn, Fault, clock
+from calib_core.simulate.faults.draw import Draws, draw, world
 from calib_core.simulate.imu import ImuMessages
 from calib_core.simulate.layouts import Cloud, encode, scan_of
 from calib_core.simulate.lidar import Sweep
@@ -38,7 +43,7 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 #: Clocks further apart than this have different epochs, and a reader has to compare receive times.
 SAME_EPOCH_NS = 10_000_000_000
 _N_THREADS = min(4, os.cpu_count() or 1)
-_LIDAR_STREAM, _IMU_STREAM, _FAULT_STREAM, _LATENCY_STREAM = range(4)
+_LIDAR_STREAM, _IMU_STREAM, _FAULT_STREAM, _LATENCY_STREAM, _DRAW_STREAM, _STAMP_STREAM = range(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +62,12 @@ class ImuRecords:
 
 @dataclass(frozen=True)
 class Simulation:
-    """One scenario with one seed."""
+    """One scenario with one seed. faults: as drawn.   salt: empty, or what sets its random numbers apart from others'."""
 
     scenario: Scenario
     seed: int
+    faults: Drawn = IDEAL
+    salt: str = ""
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -80,9 +87,10 @@ class Simulation:
         lidar = scenario.lidar if scenario.noise else lidar_module.noise_free(scenario.lidar)
         firings = lidar.pattern.firings(index)
         columns = self._motion.lidar(seconds(firings.column_ns))
-        rays = lidar_module.firings_rays(firings, columns, self._home_m)
+        rays = lidar_module.firings_rays(self.faults.lidar.fired(firings), columns, self.home_m)
+        rng = self._rng(_LIDAR_STREAM, index)
         return lidar_module.measure(
-            lidar, scenario.scene, firings, rays, index, self._rng(_LIDAR_STREAM, index), scenario.outliers
+            lidar, scenario.scene, firings, rays, index, rng, scenario.outliers, self.faults.lidar
         )
 
     def cloud(self, index: int) -> Cloud:
@@ -103,11 +111,13 @@ class Simulation:
         messages = imu_module.measure(
             imu,
             instants,
-            self._motion.imu(seconds(instants)),
-            scenario.gravity_m_s2,
+            self.faults.imu.readings(self._exact_readings, seconds(instants)),
             (np.asarray(scenario.gyro_bias_rad_s), np.asarray(scenario.accel_bias_m_s2)),
             self._rng(_IMU_STREAM),
         )
+        if self.faults.stamp_latency_s:
+            late_ns = clock.latency_ns(instants, self.faults.stamp_latency_s, self._rng(_STAMP_STREAM))
+            messages = imu_module.stamped_late(messages, late_ns)
         return imu_module.spoil(messages, scenario.imu_faults, self._rng(_FAULT_STREAM))
 
     @cached_property
@@ -117,8 +127,9 @@ class Simulation:
         in_g = self.scenario.imu.accelerometer_unit == "g"
         latency_s = 0.0008 + 0.0002 * self._rng(_LATENCY_STREAM, 1 << 30).exponential(size=messages.true_ns.shape)
         received = EPOCH_NS + messages.true_ns + np.rint(latency_s * 1e9).astype(np.int64)
+        apart_ns = clock.rate_error_ns(messages.true_ns, truth.faults.clock_rate_ppm, truth.middle_ns)
         return ImuRecords(
-            EPOCH_NS + messages.true_ns - truth.time_offset_ns + messages.stamp_error_ns,
+            EPOCH_NS + messages.true_ns - truth.time_offset_ns - apart_ns + messages.stamp_error_ns,
             np.maximum.accumulate(received),
             messages.gyro_rad_s,
             messages.accel_m_s2 / STANDARD_GRAVITY_M_S2 if in_g else messages.accel_m_s2,
@@ -139,15 +150,25 @@ class Simulation:
     @cached_property
     def _motion(self) -> Truth:
         """The truth as far as it is known before anything is measured."""
-        return Truth(self.scenario, self.seed, EPOCH_NS, EPOCH_NS, np.zeros(3), np.zeros(3))
+        return Truth(self.scenario, self.seed, EPOCH_NS, EPOCH_NS, np.zeros(3), np.zeros(3), self.faults)
+
+    def _exact_readings(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return imu_module.exact_readings(self._motion.imu(t_s), self.scenario.gravity_m_s2)
 
     @cached_property
-    def _home_m(self) -> FloatArray:
+    def home_m(self) -> FloatArray:
+        """(3,) where the lidar is at first."""
         home: FloatArray = self._motion.lidar(np.zeros(1)).p_m[0]
         return home
 
     def _rng(self, stream: int, index: int = 0) -> np.random.Generator:
-        return np.random.Generator(np.random.SFC64(np.random.SeedSequence([self.seed, stream, index])))
+        return np.random.Generator(
+            np.random.SFC64(np.random.SeedSequence([self.seed, stream, index, *_salted(self.salt)]))
+        )
+
+
+def _salted(salt: str) -> tuple[int, ...]:
+    return (zlib.crc32(salt.encode()),) if salt else ()
 
 
 def _silent(scenario: Scenario) -> Imu:
@@ -169,13 +190,20 @@ def prepare(
     duration_s: float | None = None,
     noise: bool = True,
     header_at: HeaderAt | None = None,
+    faults: Sequence[Fault] = (),
+    salt: str = "",
 ) -> Simulation:
     """A simulation ready to be run. Raises SettingsError for an unknown name or an impossible wish."""
     chosen = scenarios.named(scenario) if isinstance(scenario, str) else scenario
     changed = chosen.changed(
         mounting=mounting, time_offset_s=time_offset_s, duration_s=duration_s, noise=noise, header_at=header_at
     )
-    return Simulation(changed, seed)
+    plain = Simulation(changed, seed, salt=salt)
+    if not faults:
+        return plain
+    draws = Draws((seed, _DRAW_STREAM, *_salted(salt)), len(changed.lidar.pattern.ring))
+    scene, motion = world(changed.scene, changed.motion, faults, draws, plain.home_m)
+    return replace(plain, scenario=replace(changed, scene=scene, motion=motion), faults=draw(faults, draws))
 
 
 def generate(
@@ -187,6 +215,8 @@ def generate(
     duration_s: float | None = None,
     noise: bool = True,
     header_at: HeaderAt | None = None,
+    faults: Sequence[Fault] = (),
+    salt: str = "",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> tuple[Recording, Truth]:
@@ -199,6 +229,8 @@ def generate(
         duration_s=duration_s,
         noise=noise,
         header_at=header_at,
+        faults=faults,
+        salt=salt,
     )
     clouds = [
         (scan_of(cloud), simulation.received_ns(cloud) - cloud.stamp_ns)

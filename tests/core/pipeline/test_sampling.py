@@ -13,7 +13,7 @@ from calib_core.full.prepare.imu_stamps import _in_words, as_taken
 from calib_core.imu.sampling import Sampling
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, prepare
-from calib_core.simulate.imu import measure
+from calib_core.simulate.imu import exact_readings, measure
 from calib_core.simulate.motion import seconds
 from calib_core.types import FloatArray, ImuData, Recording
 
@@ -76,7 +76,8 @@ def test_readings_taken_when_the_stamps_say_keep_them(noisy: tuple[Recording, Tr
     rng = np.random.default_rng(1)
     polled_ns = even_ns + np.rint(rng.uniform(-JITTER_S, JITTER_S, len(even_ns)) * 1e9).astype(np.int64)
     imu, truth = simulation.scenario.imu, simulation.truth
-    read = measure(imu, polled_ns, truth.imu(seconds(polled_ns)), truth.gravity_m_s2, (np.zeros(3), np.zeros(3)), rng)
+    polled = exact_readings(truth.imu(seconds(polled_ns)), truth.gravity_m_s2)
+    read = measure(imu, polled_ns, polled, (np.zeros(3), np.zeros(3)), rng)
     recording = replace(noisy[0], imu=ImuData(truth.epoch_ns + polled_ns, read.gyro_rad_s, read.accel_m_s2, "/imu"))
     taken, std_s, said = _said(recording, CalibrateSettings())
     assert taken is recording
