@@ -14,7 +14,7 @@ import numpy as np
 from calib_core.full.assess.observability import UNITS
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
-from calib_core.solver.arrow import solve_arrow
+from calib_core.solver.arrow import ROUND_OFF, solve_arrow
 from calib_core.types import FloatArray
 
 
@@ -51,5 +51,7 @@ def parameter_std(information: FloatArray, own: slice, free: FloatArray | None =
     columns = np.concatenate([others, np.arange(own.start, own.stop)]).astype(np.int64)
     block = information[np.ix_(columns, columns)]
     unit = 1.0 / np.sqrt(np.diag(block))
-    covariance = np.linalg.inv(block * unit[:, None] * unit) * unit[:, None] * unit
-    return np.asarray(np.sqrt(np.maximum(np.diag(covariance)[len(others) :], 0.0)))
+    values, vectors = np.linalg.eigh(block * unit[:, None] * unit)
+    # Below round-off nothing is known: as uncertain as round-off allows, never certain.
+    spread = (vectors**2) @ (1.0 / np.maximum(values, ROUND_OFF))
+    return np.asarray(np.sqrt(spread[len(others) :]) * unit[len(others) :])

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.factors.imu import link_factors
+from calib_core.factors.laser_features import feature_changes
 from calib_core.full.assess.observability import UNITS
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
@@ -95,11 +96,15 @@ def _of_bins(
     Q = _response(J, lasers.knot, lasers.plane, problem, layout, along, border)[lasers.pair]
     F = _feature_response(problem, layout, border)[lasers.laser]
     back_F, mixed = np.swapaxes(F, 1, 2), np.swapaxes(Q, 1, 2) @ np.swapaxes(lasers.cross[:, :, :4], 1, 2) @ F
+    # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
+    change = feature_changes(problem.laser_changes(estimate))[lasers.laser][..., None]
+    cross = lasers.cross
     more = Influences(
-        -(back_F @ (lasers.cross @ a[lasers.pair][..., None]))[..., 0],
+        -(back_F @ (cross @ a[lasers.pair][..., None] + lasers.gram @ change))[..., 0]
+        - (np.swapaxes(Q, 1, 2) @ (np.swapaxes(cross[:, :, :4], 1, 2) @ change))[..., 0],
         mixed + np.swapaxes(mixed, 1, 2) + back_F @ lasers.gram @ F,
     )
-    # A pair of knot and plane is a bin's, but for slices at the edge between two knots: these go to the next bin.
+    # A pair of a knot and a plane is a bin's, unless the time offset has moved a slice across the edge between two knots.
     keys = bins.knot * layout.planes + bins.plane
     order = np.argsort(keys)
     pair_keys = lasers.knot * layout.planes + lasers.plane
@@ -126,7 +131,7 @@ def _response(
 
 
 def _feature_response(problem: JointProblem, layout: Layout, border: FloatArray) -> FloatArray:
-    """(lasers, 4, 7) what each laser's features follow of them."""
+    """(lasers, 5, 7) what each laser's features follow of them."""
     places = problem.sensors.laser_places
     own = np.where(places[..., None] >= 0, border[layout.nuisance().start + np.maximum(places, 0)], 0.0)
-    return np.stack([own[:, 0] + own[:, 3], own[:, 1], own[:, 2], own[:, 4]], axis=1)
+    return feature_changes(own)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from calib_core.factors.laser_features import GROUP_SLICES, LaserErrors, LaserFactors, LaserSums, collapse_features
+from calib_core.factors.laser_features import LaserErrors, LaserFactors, LaserSums, collapse_features
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -61,7 +61,8 @@ class LaserMicro:
 class Micro:
     """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
 
-    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out.
+    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out, and
+    time_offset_s.
     """
 
     time_s: FloatArray
@@ -71,6 +72,7 @@ class Micro:
     count: IntArray
     lasers: LaserMicro | None = None
     nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    time_offset_s: float = 0.0
 
     @staticmethod
     def joined(parts: Sequence[Micro]) -> Micro:
@@ -85,6 +87,7 @@ class Micro:
             if any(part.lasers is not None for part in parts)
             else None,
             parts[0].nuisance,
+            parts[0].time_offset_s,
         )
 
     def part(self, some: BoolArray) -> Micro:
@@ -181,25 +184,21 @@ class View:
         """The kept points' moments for the lidar's own parameters; None where none of these is in play."""
         if not any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS)):
             return None
-        first = groups_so_far = 0
-        group: list[IntArray] = []
-        middle: list[IntArray] = []
-        time_s: list[FloatArray] = []
-        for i in positions:
-            slices = self._slices(i)
-            groups = -(-slices // GROUP_SLICES)
-            own = np.minimum(np.arange(groups) * GROUP_SLICES + GROUP_SLICES // 2, slices - 1)
-            group.append(np.arange(slices) // GROUP_SLICES + groups_so_far)
-            middle.append(own + first)
-            time_s.append(self.clocks.scan_s[i] + (own + 0.5) * SLICE_S)
-            first += slices
-            groups_so_far += groups
+        # Slices go together that go to one knot, as they do when they are gathered.
+        counts = [self._slices(i) for i in positions]
+        centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
+        knot = self.motion.nearest_knot(centre_s - self.estimate.time_offset_s)
+        begins = np.concatenate([[True], np.diff(knot) != 0])
+        begins[np.cumsum(counts)[:-1]] = True
+        first = np.flatnonzero(begins)
+        middle = (first + np.append(first[1:], len(knot)) - 1) // 2
+        group = np.cumsum(begins) - 1
         laser = np.concatenate([self.lasers_of(self.scans[i].points[::stride]) for i in positions])
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
-            group=np.concatenate(group), middle=np.concatenate(middle),
+            group=group, middle=middle,
         )  # fmt: skip
-        return LaserMicro(np.concatenate(time_s)[sums.group], sums)
+        return LaserMicro(centre_s[middle][sums.group], sums)
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
@@ -290,6 +289,7 @@ def associate(
             micro,
             lasers=view.laser_micro(batch, hits, keep, weight, stride),
             nuisance=view.estimate.nuisance,
+            time_offset_s=view.estimate.time_offset_s,
         )
 
     if cap is None:
@@ -312,7 +312,8 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     # One pose a slice, shared by the planes seen in it.
     time_s, of_slice = np.unique(micro.time_s, return_inverse=True)
     imu_s = time_s - estimate.time_offset_s
-    knot = motion.nearest_knot(imu_s)
+    # With lasers told apart, slices stay with the knots that their lasers' moments were put together for.
+    knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     Rk_t = np.swapaxes(knots.R[knot], 1, 2)
@@ -329,15 +330,20 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
         return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s, LaserFactors.empty(), laid_out)
     keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
     count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
-    lasers = gather_lasers(micro.lasers, motion, estimate) if micro.lasers is not None else LaserFactors.empty()
+    lasers = LaserFactors.empty()
+    if micro.lasers is not None:
+        lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s)
     return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
 
 
-def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate) -> LaserFactors:
-    """Moments moved to their nearest knots under the current motion and summed: a knot, plane and laser each."""
+def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float) -> LaserFactors:
+    """Moments moved to their knots under the current motion and summed: a knot, plane and laser each.
+
+    time_offset_s: with which slices were put together to knots.
+    """
     time_s, of_group = np.unique(micro.time_s, return_inverse=True)
     imu_s = time_s - estimate.time_offset_s
-    knot = motion.nearest_knot(imu_s)
+    knot = motion.nearest_knot(time_s - time_offset_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     back = np.swapaxes(knots.R[knot], 1, 2)

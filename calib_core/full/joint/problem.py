@@ -75,7 +75,7 @@ class JointProblem:
         a, _ = self.planes_seen(estimate)
         lidar = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            change = self._laser_changes(estimate)
+            change = self.laser_changes(estimate)
             lidar += features_cost(self.bins.lasers, self._seen_by_lasers(estimate)[0], change)
         prior, _ = prior_rows(self.priors, self.nodes, estimate, self.layout(estimate))
         return 0.5 * float(np.sum(residual**2) + lidar + np.sum(prior**2))
@@ -171,8 +171,8 @@ class JointProblem:
         lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
         return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
 
-    def _laser_changes(self, estimate: Estimate) -> FloatArray:
-        """(L, 5) of each laser's columns since the points were laid out."""
+    def laser_changes(self, estimate: Estimate) -> FloatArray:
+        """(L, 6) of each laser's columns since the points were laid out."""
         change = estimate.nuisance - self.bins.nuisance
         places = self.sensors.laser_places
         return np.where(places >= 0, change[places], 0.0)
@@ -247,7 +247,7 @@ class JointProblem:
 
     def _add_lasers(self, system: ArrowSystem, estimate: Estimate, layout: Layout, lasers: LaserFactors) -> None:
         a, J = self.lasers_seen(estimate)
-        change = self._laser_changes(estimate)
+        change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * features_cost(lasers, a, change)
         add_features_kernel(

@@ -21,7 +21,7 @@ class SensorColumns:
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
     links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
-    lidar's time at which it adds nothing.   laser_places: (lasers, 5), columns as in factors/laser_kernels.py.
+    lidar's time at which it adds nothing.   laser_places: (lasers, 6), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -52,12 +52,12 @@ def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
 def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
     """The lidar's part of a vector (N,), laser by laser; where lasers are not told apart, of one that stands for all."""
     lasers = max(nuisance.lasers, 1)
-    offset, scale, elevation = (
+    offset, elevation, azimuth, scale = (
         np.zeros(lasers) + (nuisance.values(values, block) if nuisance.start(block) >= 0 else 0.0)
-        for block in ("laser_range_offset", "laser_range_scale", "laser_elevation")
+        for block in LASER_BLOCKS
     )
     every = float(nuisance.values(values, "range_offset")[0])
-    return LaserErrors(offset + every, scale, elevation, float(nuisance.values(values, "incidence")[0]))
+    return LaserErrors(offset + every, scale, elevation, azimuth, float(nuisance.values(values, "incidence")[0]))
 
 
 def clock_rate_ppm(nuisance: Nuisance, values: FloatArray) -> float:
@@ -97,13 +97,13 @@ def sensor_columns(
 
 
 def laser_places(nuisance: Nuisance) -> IntArray:
-    """(lasers, 5) of each laser's parameters and of everybody's two; -1 for what is not in play."""
+    """(lasers, 6) of each laser's parameters and of everybody's two; -1 for what is not in play."""
     lasers = max(nuisance.lasers, 1)
     places = np.full((lasers, COLUMNS), -1)
     for column, block in enumerate(LASER_BLOCKS):
         start = nuisance.start(block)
         if start >= 0:
             places[:, column] = start + np.arange(lasers)
-    places[:, 3] = nuisance.start("range_offset")
-    places[:, 4] = nuisance.start("incidence")
+    places[:, len(LASER_BLOCKS)] = nuisance.start("range_offset")
+    places[:, len(LASER_BLOCKS) + 1] = nuisance.start("incidence")
     return places

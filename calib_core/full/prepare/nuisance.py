@@ -26,7 +26,12 @@ IMU_BLOCKS: tuple[Block, ...] = (
     "accelerometer_delay",
 )
 CLOCK_BLOCKS: tuple[Block, ...] = ("clock_rate",)
-LASER_BLOCKS: tuple[Block, ...] = ("laser_range_offset", "laser_elevation", "laser_range_scale")
+LASER_BLOCKS: tuple[Block, ...] = (
+    "laser_range_offset",
+    "laser_elevation",
+    "laser_azimuth",
+    "laser_range_scale",
+)
 LIDAR_BLOCKS: tuple[Block, ...] = ("range_offset", "incidence")
 
 
@@ -156,6 +161,7 @@ def choose_nuisance(
         "clock_rate": clock_rate_std_ppm,
         "laser_range_offset": lidar.laser_range_offset_std_m,
         "laser_elevation": lidar.laser_elevation_std_rad,
+        "laser_azimuth": lidar.laser_elevation_std_rad,
         "laser_range_scale": lidar.laser_range_scale_std,
         "range_offset": lidar.range_offset_std_m,
         "incidence": lidar.incidence_std_m,
