@@ -8,10 +8,10 @@ import numpy as np
 
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.repeatability import BLOCKS, repeatability
-from calib_core.full.assess.residuals import away_m, misfit
-from calib_core.full.joint.schedule import Solved
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.residuals import away_m, misfit
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.run import Context
+from calib_core.full.run import Run
 from calib_core.geometry import log
 
 #: Less motion than this over the whole recording is standing still.
@@ -47,7 +47,7 @@ def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str]
     return "motion.none", stood
 
 
-def inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
+def inflation(ctx: Run, solved: Solved, *, frozen_offset: bool) -> float:
     """Factor on every standard deviation where the recording contradicts the noise model; says so."""
     assert solved.minimum.solution is not None
     information = solved.minimum.solution.information
@@ -66,7 +66,7 @@ def inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
     return float(factor)
 
 
-def implausible(ctx: Context, solved: Solved) -> str | None:
+def implausible(ctx: Run, solved: Solved) -> str | None:
     """Why an answer that the descent is content with cannot be true, or None."""
     hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
     gravity = ctx.settings.gravity

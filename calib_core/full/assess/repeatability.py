@@ -21,9 +21,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtri
 
-from calib_core.full.assess.observability import UNITS, undetermined
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.undetermined import UNITS, undetermined
 from calib_core.imu.preintegration import Links
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
 from calib_core.types import FloatArray
