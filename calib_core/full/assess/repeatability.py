@@ -26,6 +26,7 @@ from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS, undetermined
 from calib_core.imu.preintegration import Links
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.solver.information import covariance as invert
 from calib_core.types import FloatArray
 
 BLOCKS = 5
@@ -53,7 +54,7 @@ def repeatability(
     if rank == 0:
         return Repeatability(1.0, 1.0)
     limit = float(chdtri(rank * (blocks - 1), 1.0 - _CONFIDENCE) / (rank * (blocks - 1)))
-    others = np.linalg.pinv(information[CALIBRATION:, CALIBRATION:], rcond=1e-15, hermitian=True)
+    others = invert(information[CALIBRATION:, CALIBRATION:]).matrix
     follow = np.hstack([np.eye(CALIBRATION), -information[:CALIBRATION, CALIBRATION:] @ others])
     edges = np.linspace(0, len(problem.readings.knots_s), blocks + 1).astype(int)
     try:

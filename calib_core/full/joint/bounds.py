@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION
+from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
 _NAMES = (
@@ -44,8 +45,7 @@ def last_move(before: Estimation, after: Estimation) -> tuple[FloatArray, FloatA
 def _std(state: Estimation) -> FloatArray:
     if state.information is None:
         return np.full(CALIBRATION, np.inf)
-    covariance = np.linalg.pinv(state.information, hermitian=True)[:CALIBRATION, :CALIBRATION]
-    return np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.sqrt(np.diag(covariance(state.information).matrix)[:CALIBRATION])
 
 
 def _require_near_start(data: JointData, state: Estimation) -> None:

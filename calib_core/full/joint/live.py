@@ -10,10 +10,11 @@ from calib_core.events import IterationEvent, PlaneResidual, SweepMotion
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_residuals
-from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.run import Run
 from calib_core.geometry import euler_xyz_deg, transform_matrix
 from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.information import covariance
 from calib_core.types import FloatArray, Scan
 
 SWEEPS = 12
@@ -64,8 +65,7 @@ def iteration_event(
     names: Sequence[str],
 ) -> IterationEvent:
     """One accepted step, for whoever watches. number: of the iteration, of its round.   names: of the planes."""
-    cov = np.linalg.pinv(solution.information, hermitian=True)[:7, :7]
-    std = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    std = np.sqrt(np.diag(covariance(solution.information).matrix)[:CALIBRATION])
     return IterationEvent(
         iteration=number[0],
         round=number[1],

@@ -23,6 +23,7 @@ from calib_core.full.joint.round import coarse_stride, gate_of, layout_of, one_r
 from calib_core.full.joint.schedule import Propagation, Round, Schedule
 from calib_core.full.joint.state import GRAVITY
 from calib_core.full.joint.window import Window, predict
+from calib_core.solver.information import covariance
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Before anything is known of it, and below what a wrong scale or axis of a good sensor would make of gravity itself.
@@ -178,7 +179,7 @@ def drift_of(data: JointData, state: Estimation) -> Drift:
     if state.information is not None:
         node = int(data.nodes.node[min(state.knots, len(data.nodes.node)) - 1])
         start = layout_of(data, state).accel_bias().start + 3 * node
-        every = np.linalg.pinv(state.information, rcond=1e-15, hermitian=True)
+        every = covariance(state.information).matrix
         pick = np.r_[start : start + 3, GRAVITY]
         J = np.hstack([-state.estimate.states.R[-1], np.eye(3)])
         cov = J @ every[np.ix_(pick, pick)] @ J.T + np.eye(3) * _LEAST_ACCELERATION_STD_M_S2**2

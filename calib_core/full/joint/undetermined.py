@@ -13,6 +13,7 @@ import numpy as np
 
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION
+from calib_core.solver.information import marginal
 from calib_core.types import BoolArray, FloatArray
 
 #: One unit of each parameter: 1 deg, 10 mm, 1 ms.
@@ -27,8 +28,7 @@ UNDETERMINED = np.array([2.0] * 3 + [10.0] * 3 + [10.0])
 
 def data_information(information: FloatArray, priors: Priors) -> FloatArray:
     """(7, 7), in the scaled units: what the data alone say of the calibration. information: (S, S), priors included."""
-    calibration = np.linalg.inv(np.linalg.pinv(information, rcond=1e-15, hermitian=True)[:CALIBRATION, :CALIBRATION])
-    data = (calibration - priors.calibration_information()) * UNITS[:, None] * UNITS[None, :]
+    data = (marginal(information, CALIBRATION) - priors.calibration_information()) * UNITS[:, None] * UNITS[None, :]
     return 0.5 * (data + data.T)
 
 
