@@ -12,12 +12,13 @@ of the shared parameters with the chain marginalised: the calibration's own info
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib_core.solver.information import ROUND_OFF, covariance
 from calib_core.solver.kernels import eliminate_kernel, substitute_kernel
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
 
 
@@ -70,9 +71,7 @@ class ArrowSolution:
     gradient_shared: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
-#: Relative to unit diagonal: what the border's information cannot resolve after eliminating the chain in double precision.
-ROUND_OFF = 1e-11
-#: Of a long product, each on a thread of its own.
+#: Of a long product, each of which a thread may take.
 _PARTS = 4
 #: Stands for the information of what is held fixed.
 FROZEN = 1e12
@@ -90,8 +89,7 @@ def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
 def _gram(W: FloatArray) -> FloatArray:
     """W' W, (S, S), in as many parts whatever the number of cores: the sum's rounding must not depend on it."""
     edges = np.linspace(0, len(W), _PARTS + 1).astype(int)
-    with ThreadPoolExecutor(_PARTS) as pool:
-        parts = list(pool.map(lambda k: W[edges[k] : edges[k + 1]].T @ W[edges[k] : edges[k + 1]], range(_PARTS)))
+    parts = list(workers().map(lambda k: W[edges[k] : edges[k + 1]].T @ W[edges[k] : edges[k + 1]], range(_PARTS)))
     return np.asarray(sum(parts[1:], start=parts[0]))
 
 
@@ -144,11 +142,7 @@ def unit_responses(system: ArrowSystem, count: int) -> tuple[FloatArray, FloatAr
     """
     chain = _eliminated(system, 0.0)
     shared = len(chain.free)
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(chain.schur), 1e-300))
-    try:
-        inverse = np.linalg.inv(chain.schur * unit[:, None] * unit) * unit[:, None] * unit
-    except np.linalg.LinAlgError as error:
-        raise NotPositiveDefinite("the border is singular") from error
+    inverse = covariance(chain.schur).matrix
     picked = np.searchsorted(chain.free, np.arange(count))
     asked = (picked < shared) & (chain.free[np.minimum(picked, shared - 1)] == np.arange(count))
     border, along = np.zeros((system.corner.shape[0], count)), np.zeros((*system.gradient.shape, count))

@@ -8,9 +8,10 @@ import numpy as np
 
 from calib_core.full.assess.considered import Considered, consider
 from calib_core.full.assess.disagreement import Disagreement, disagreements, together
-from calib_core.full.assess.observability import UNITS, Knowledge, assess, named_direction
-from calib_core.full.joint.schedule import Solved
-from calib_core.full.run import Context
+from calib_core.full.assess.observability import Knowledge, assess, named_direction
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.full.run import Run
 from calib_core.types import FloatArray
 
 #: The ways of taking a recording apart, to a person.
@@ -31,36 +32,36 @@ class Confidence:
     found: tuple[Disagreement, ...]
 
 
-def confidence(ctx: Context, solved: Solved) -> Confidence:
+def confidence(run: Run, solved: Solved) -> Confidence:
     """Of a solved recording; says where its parts disagree. Raises NotPositiveDefinite."""
     assert solved.minimum.solution is not None
     information = solved.minimum.solution.information
-    frozen = not ctx.settings.estimate_time_offset
+    frozen = not run.settings.estimate_time_offset
     priors, problem, estimate = solved.problem.priors, solved.problem, solved.estimate
     plain = assess(information, priors, frozen_offset=frozen)
     considered = None
     added: FloatArray = np.zeros((7, 7))
-    if solved.nuisance.blocks and ctx.settings.intrinsics == "consider":
+    if solved.nuisance.blocks and run.settings.intrinsics == "consider":
         considered = consider(problem, estimate, solved.nuisance.prior_std)
         added = considered.added
     stated = plain.covariance / UNITS / UNITS[:, None]
     found = tuple(disagreements(problem, estimate, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
     if beyond.any():
-        _say(ctx, found, beyond)
+        _say(run, found, beyond)
     knowledge = assess(
         information,
         priors,
         frozen_offset=frozen,
-        offset_std_s=ctx.clocks.jitter_mean_std_s,
+        offset_std_s=run.clocks.jitter_mean_std_s,
         added=added + beyond,
     )
     return Confidence(knowledge, considered, found)
 
 
-def _say(ctx: Context, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
+def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
     parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
-    ctx.say(
+    run.say(
         "warning",
         "solve.disagreement",
         f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.full.assess.observability import UNITS
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
-from calib_core.solver.arrow import ROUND_OFF, solve_arrow
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.solver.arrow import solve_arrow
+from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
 
@@ -36,8 +37,7 @@ def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -
     free = np.setdiff1d(np.arange(own.start), frozen)
     A = solution.information[np.ix_(free, free)]
     B = solution.information[free, own]
-    unit = 1.0 / np.sqrt(np.diag(A))
-    shift = unit[:, None] * np.linalg.solve(A * unit[:, None] * unit, unit[:, None] * B) * prior_std
+    shift = covariance(A).matrix @ B * prior_std
     every = np.zeros((own.start, len(prior_std)))
     every[free] = shift
     seven = every[:CALIBRATION] / UNITS[:, None]
@@ -49,9 +49,5 @@ def parameter_std(information: FloatArray, own: slice, free: FloatArray | None =
     """(N,) standard deviations of the parameters in columns `own`, everything else marginal. free: the other columns."""
     others = np.arange(own.start) if free is None else free
     columns = np.concatenate([others, np.arange(own.start, own.stop)]).astype(np.int64)
-    block = information[np.ix_(columns, columns)]
-    unit = 1.0 / np.sqrt(np.diag(block))
-    values, vectors = np.linalg.eigh(block * unit[:, None] * unit)
-    # Below round-off nothing is known: as uncertain as round-off allows, never certain.
-    spread = (vectors**2) @ (1.0 / np.maximum(values, ROUND_OFF))
-    return np.asarray(np.sqrt(spread[len(others) :]) * unit[len(others) :])
+    variance = np.diag(covariance(information[np.ix_(columns, columns)]).matrix)
+    return np.asarray(np.sqrt(np.maximum(variance[len(others) :], 0.0)))

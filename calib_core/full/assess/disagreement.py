@@ -19,9 +19,9 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences
-from calib_core.full.assess.observability import UNDETERMINED
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.undetermined import UNDETERMINED
 from calib_core.types import FloatArray, IntArray
 
 _CONFIDENCE = 0.999

@@ -16,9 +16,9 @@ import numpy as np
 
 from calib_core.factors.imu import link_factors
 from calib_core.factors.laser_features import feature_changes
-from calib_core.full.assess.observability import UNITS
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
+from calib_core.full.joint.undetermined import UNITS
 from calib_core.solver.arrow import unit_responses
 from calib_core.types import FloatArray, IntArray
 
@@ -104,12 +104,8 @@ def _of_bins(
         - (np.swapaxes(Q, 1, 2) @ (np.swapaxes(cross[:, :, :4], 1, 2) @ change))[..., 0],
         mixed + np.swapaxes(mixed, 1, 2) + back_F @ lasers.gram @ F,
     )
-    # A pair of a knot and a plane is a bin's, unless the time offset has moved a slice across the edge between two knots.
-    keys = bins.knot * layout.planes + bins.plane
-    order = np.argsort(keys)
-    pair_keys = lasers.knot * layout.planes + lasers.plane
-    place = order[np.minimum(np.searchsorted(keys[order], pair_keys), len(keys) - 1)]
-    extra = more.summed(place[lasers.pair], len(keys))
+    place = problem.bin_of_pair()
+    extra = more.summed(place[lasers.pair], len(bins.plane))
     return Influences(moved + extra.moved, allowed + extra.allowed)
 
 

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.full.assess.residuals import away_m, misfit
-from calib_core.full.joint.schedule import Solved
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.residuals import away_m, misfit
+from calib_core.full.joint.state import GRAVITY
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.run import Context
+from calib_core.full.run import Run
 from calib_core.geometry import log
+from calib_core.solver.information import covariance
 
 #: Less motion than this over the whole recording is standing still.
 _LEAST_TURN_RAD = np.radians(1.0)
@@ -43,7 +45,7 @@ def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str]
     return "motion.none", stood
 
 
-def implausible(ctx: Context, solved: Solved) -> str | None:
+def implausible(ctx: Run, solved: Solved) -> str | None:
     """Why an answer that the descent is content with cannot be true, or None."""
     hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
     gravity = ctx.settings.gravity
@@ -70,6 +72,6 @@ def implausible(ctx: Context, solved: Solved) -> str | None:
 def gravity_std(solved: Solved) -> float:
     """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
     assert solved.minimum.solution is not None
-    block = np.linalg.inv(solved.minimum.solution.information)[7:10, 7:10]
+    block = covariance(solved.minimum.solution.information).of(GRAVITY)
     up = solved.estimate.gravity / np.linalg.norm(solved.estimate.gravity)
-    return float(np.sqrt(max(up @ block @ up, 0.0)))
+    return float(np.sqrt(max(float(up @ block @ up), 0.0)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.assess.considered import Considered, parameter_std
-from calib_core.full.joint.schedule import Solved
+from calib_core.full.joint.estimation import Solved
 from calib_core.intrinsics import UNITS
 from calib_core.result import Intrinsic
 

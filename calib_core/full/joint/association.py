@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -26,15 +25,17 @@ from calib_core.factors.lidar_plane import (
 )
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.motion import Motion
-from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import laser_errors
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
+from calib_core.threads import workers
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray, Scan
 
 T = TypeVar("T")
+#: Told how many of the scans are done.
+OnScans = Callable[[int], None]
 #: Points that are worth a call of their own.
 _BATCH = 20_000
 #: Returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane than this many
@@ -42,18 +43,30 @@ _BATCH = 20_000
 _OFF_SIGMAS = 2.0
 
 
+def _ignore(_: int) -> None:
+    """For callers who do not ask how far it is."""
+
+
 @dataclass(frozen=True)
 class LaserMicro:
-    """Moments of many scans for the lidar's own parameters. time_s: (B,) of their groups' middles, lidar clock."""
+    """Moments of many scans for the lidar's own parameters. time_s, scan: (B,) of their groups' middles, lidar clock."""
 
     time_s: FloatArray
+    scan: IntArray
     sums: LaserSums
+
+    def weighted(self, of_scan: FloatArray) -> LaserMicro:
+        """With every point counted as many times as its scan says: (M,)."""
+        weight = of_scan[self.scan].astype(np.float32)[:, None, None]
+        return replace(self, sums=replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight))
 
     @staticmethod
     def joined(parts: Sequence[LaserMicro]) -> LaserMicro:
         """Those of several scans in a row."""
         return LaserMicro(
-            np.concatenate([part.time_s for part in parts]), LaserSums.joined([part.sums for part in parts])
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.scan for part in parts]),
+            LaserSums.joined([part.sums for part in parts]),
         )
 
 
@@ -198,7 +211,8 @@ class View:
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
             group=group, middle=middle,
         )  # fmt: skip
-        return LaserMicro(centre_s[middle][sums.group], sums)
+        scan = np.repeat(np.asarray(positions, np.int64), counts)[middle][sums.group]
+        return LaserMicro(centre_s[middle][sums.group], scan, sums)
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
@@ -237,11 +251,13 @@ class View:
         free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
         return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
 
-    def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
+    def over_scans(self, positions: Sequence[int], job: Callable[[int], T], on_scans: OnScans = _ignore) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""
-        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]))
+        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans)
 
-    def over_batches(self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T]) -> list[T]:
+    def over_batches(
+        self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T], on_scans: OnScans = _ignore
+    ) -> list[T]:
         """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
         batches: list[list[int]] = []
         room = 0
@@ -252,14 +268,21 @@ class View:
                 room = _BATCH
             batches[-1].append(i)
             room -= points
-        return self._over(positions, batches, job)
+        return self._over(positions, batches, job, on_scans)
 
-    def _over(self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T]) -> list[T]:
+    def _over(
+        self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T], on_scans: OnScans
+    ) -> list[T]:
+        """The jobs' results in order; on_scans is told from the caller's own thread, which may stop it all by raising."""
         self.lay_out(positions)
-        if self.threads <= 1 or len(tasks) < 2:
-            return [job(task) for task in tasks]
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(job, tasks))
+        several = self.threads > 1 and len(tasks) > 1
+        results = []
+        done = 0
+        for task, result in zip(tasks, workers().map(job, tasks) if several else map(job, tasks), strict=True):
+            results.append(result)
+            done += len(task)
+            on_scans(done)
+        return results
 
 
 def associate(
@@ -270,9 +293,9 @@ def associate(
     extents: PlaneExtents | None,
     *,
     stride: int = 1,
-    on_scan: Callable[[int], None] | None = None,
+    on_scans: OnScans = _ignore,
 ) -> Micro:
-    """The micro-bins of the given scans. stride: use every so many-th point."""
+    """The micro-bins of the given scans. stride: use every so many-th point.   on_scans: told how many are done."""
     n_planes = len(view.estimate.normals)
     cap = view.settings.points_per_plane_per_scan
 
@@ -281,9 +304,6 @@ def associate(
         keep, weight = select(hits, noise, gate, extents)
         if cap is not None:
             keep = _capped(hits, keep, cap, seed=view.settings.random_seed + batch[0])
-        if on_scan is not None:
-            for position in batch:
-                on_scan(position)
         micro = view.micro(batch, collapse(hits, keep, weight, n_planes))
         return replace(
             micro,
@@ -293,8 +313,8 @@ def associate(
         )
 
     if cap is None:
-        return Micro.joined(view.over_batches(positions, stride, some))
-    return Micro.joined(view.over_scans(positions, lambda position: some([position])))
+        return Micro.joined(view.over_batches(positions, stride, some, on_scans))
+    return Micro.joined(view.over_scans(positions, lambda position: some([position]), on_scans))
 
 
 def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
@@ -478,8 +498,3 @@ def _told(variance: float) -> float:
     Further digits change with a single point that comes or goes, and the cost of the whole solve with them.
     """
     return max(float(f"{np.sqrt(variance):.3g}"), 1e-4)
-
-
-def rebinned(problem: JointProblem, micro: Micro, estimate: Estimate) -> Bins:
-    """The lidar factors of a problem at an estimate."""
-    return gather(micro, problem.motion(estimate), estimate)

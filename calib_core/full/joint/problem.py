@@ -171,6 +171,24 @@ class JointProblem:
         lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
         return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
 
+    def laser_shift(self, before: Estimate, after: Estimate) -> FloatArray | float:
+        """What a change of the lidar's own parameters moves every bin's distances by, weighted and summed: (B,)."""
+        lasers, bins = self.bins.lasers, self.bins
+        if len(lasers.laser) == 0:
+            return 0.0
+        change = feature_changes(self.laser_changes(after) - self.laser_changes(before))[lasers.laser]
+        each = np.einsum("bf,bf->b", change, lasers.cross[:, :, 3])
+        return np.bincount(self.bin_of_pair()[lasers.pair], each, len(bins.plane))
+
+    def bin_of_pair(self) -> IntArray:
+        """(Q,) the bin of each pair of a knot and a plane that the lasers' moments are of: they are of the same points."""
+        lasers, bins = self.bins.lasers, self.bins
+        planes = int(max(bins.plane.max(initial=0), lasers.plane.max(initial=0))) + 1
+        keys = bins.knot * planes + bins.plane
+        order = np.argsort(keys)
+        place = np.searchsorted(keys[order], lasers.knot * planes + lasers.plane)
+        return np.asarray(order[np.minimum(place, len(keys) - 1)])
+
     def laser_changes(self, estimate: Estimate) -> FloatArray:
         """(L, 6) of each laser's columns since the points were laid out."""
         change = estimate.nuisance - self.bins.nuisance

@@ -17,7 +17,7 @@ from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
 from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import named_planes, scan_points
-from calib_core.full.run import Context
+from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.planes.segment import determinacy, segment_planes
 from calib_core.types import FloatArray, Plane
@@ -49,7 +49,7 @@ class Followed:
         """Scans whose motion was found, not bridged."""
         return sum(m.share > 0 for m in self.motions)
 
-    def worth(self, ctx: Context) -> float:
+    def worth(self, ctx: Run) -> float:
         """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU.
 
         It does so only from start values that some seconds of motion have settled.
@@ -63,7 +63,7 @@ class Followed:
         return self.seen + (0.5 * later if ctx.clocks.sweep_s[moving].sum() > _SETTLED_S else 0.0)
 
 
-def follow(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
+def follow(ctx: Run, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
     """The longest track. given: the planes are the user's: they are neither changed nor added to, nor is their frame left."""
     scans = ctx.recording.scans
     best = _attempt(ctx, planes, reference, given=given)
@@ -93,7 +93,7 @@ def follow(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool
     return best
 
 
-def _attempt(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
+def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
     if ctx.should_cancel():
         raise Cancelled("the calibration was cancelled")
     ctx.stage("track", 0.0, "following the planes from scan to scan")
@@ -102,7 +102,7 @@ def _attempt(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bo
     return Followed(reference, list(planes) if given else known.planes(planes), motions)
 
 
-def _unbent(ctx: Context, followed: Followed) -> Followed:
+def _unbent(ctx: Run, followed: Followed) -> Followed:
     """The track again from planes of the straightened reference scan, where that scan moved and it helps."""
     at = [m.position for m in followed.motions].index(followed.reference)
     around = followed.motions[max(at - 1, 0) : at + 2]
@@ -125,7 +125,7 @@ def _unbent(ctx: Context, followed: Followed) -> Followed:
     return again if again.seen >= followed.seen else followed
 
 
-def _planes_of(ctx: Context, points_m: FloatArray) -> list[Plane]:
+def _planes_of(ctx: Run, points_m: FloatArray) -> list[Plane]:
     """The planes of a scan, none where they do not determine a pose. points_m: (N, 3)."""
     fits = segment_planes(points_m, seed=ctx.settings.random_seed)
     if len(fits) < 3 or determinacy(np.array([f.normal for f in fits])) < _LEAST_DETERMINACY:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.calibrate import Calibration
 from calib_core.deskew import deskew_points
-from calib_core.errors import SettingsError
+from calib_core.errors import Refused, SettingsError
 from calib_core.full.known_extrinsic import covers, deskewer, turning_alone
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
@@ -86,11 +85,11 @@ def test_stamps_mean_what_they_meant_to_the_calibration(
         result.provenance.settings["imu_sampling"] = written
     asked: list[CalibrateSettings] = []
 
-    def solve(_: Recording, settings: CalibrateSettings, **__: object) -> Calibration:
+    def prepare(_: Recording, settings: CalibrateSettings, *__: object) -> None:
         asked.append(settings)
-        return Calibration(result, None)
+        raise Refused("planes.none", "no plane")
 
-    monkeypatch.setattr("calib_core.full.known_extrinsic.calibrate", solve)
+    monkeypatch.setattr("calib_core.full.known_extrinsic.prepare", prepare)
     deskewer(recording, result)
     assert [settings.imu_sampling for settings in asked] == [used]
     assert asked[0].priors

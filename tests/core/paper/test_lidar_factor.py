@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.paper.lidar_factor import ScanStates, lidar_distances, lidar_factors
-from tests.core.factors import build
+from tests.core.paper import build
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.paper.imu_factor import imu_factors, imu_residuals
 from calib_core.paper.lidar_factor import CalibrationState, ScanStates
-from tests.core.factors import build
+from tests.core.paper import build
 
 STILL = CalibrationState(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 

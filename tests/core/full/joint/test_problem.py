@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
-from calib_core.full.calibrate import bias_nodes
+from calib_core.full.joint.begin import bias_nodes
 from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem, bin_jacobian
 from calib_core.full.joint.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.assess.observability import UNITS, Knowledge, advice, assess
+from calib_core.full.assess.observability import Knowledge, advice, assess
 from calib_core.full.joint.priors import PriorRow, Priors
+from calib_core.full.joint.undetermined import UNITS
 from calib_core.geometry import exp
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import FloatArray

@@ -1,43 +1,12 @@
-"""Numbers of an estimate in the form that people and the result document want."""
+"""How far the points lie from the planes under an estimate: by plane, on average, against their noise and their gates."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from calib_core.events import IterationEvent, PlaneResidual
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import Estimate
-from calib_core.full.progress import sweep_motions
-from calib_core.full.run import Context
-from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray
-
-
-def transform_matrix(R: FloatArray, p: FloatArray) -> FloatArray:
-    """The (4, 4) homogeneous matrix of a rotation and a translation."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, p
-    return T
-
-
-def euler_xyz_deg(R: FloatArray) -> list[float]:
-    """Roll, pitch, yaw of R = Rz(yaw) Ry(pitch) Rx(roll) [deg]; roll 0 where pitch is at its pole."""
-    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
-    if np.hypot(R[0, 0], R[1, 0]) < 1e-9:
-        roll, yaw = 0.0, np.arctan2(-R[0, 1], R[1, 1])
-    else:
-        roll, yaw = np.arctan2(R[2, 1], R[2, 2]), np.arctan2(R[1, 0], R[0, 0])
-    return [float(np.degrees(a)) for a in (roll, pitch, yaw)]
-
-
-def quaternion_xyzw(R: FloatArray) -> list[float]:
-    """The unit quaternion of a rotation, w >= 0."""
-    from scipy.spatial.transform import Rotation
-
-    q = Rotation.from_matrix(R).as_quat(canonical=True)
-    return [float(v) for v in q]
 
 
 def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[float, int]]:
@@ -66,46 +35,6 @@ def plane_chi2(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, F
     return np.bincount(bins.plane, chi2, planes) / np.maximum(points, 1), points
 
 
-def iteration_event(
-    ctx: Context,
-    problem: JointProblem,
-    estimate: Estimate,
-    cost: float,
-    solution: ArrowSolution,
-    round_number: int,
-    names: Sequence[str],
-) -> IterationEvent:
-    """One accepted step, for whoever watches. names: of the planes."""
-    cov = np.linalg.pinv(solution.information, hermitian=True)[:7, :7]
-    std = np.sqrt(np.maximum(np.diag(cov), 0.0))
-    return IterationEvent(
-        iteration=ctx.iterations,
-        round=round_number,
-        cost=cost,
-        matrix=transform_matrix(estimate.R_imu_lidar, estimate.p_imu_lidar).tolist(),
-        translation_m=estimate.p_imu_lidar.tolist(),
-        euler_xyz_deg=euler_xyz_deg(estimate.R_imu_lidar),
-        time_offset_s=ctx.clocks.offset_ns(estimate.time_offset_s) * 1e-9,
-        rotation_std_deg=np.degrees(std[:3]).tolist(),
-        translation_std_m=std[3:6].tolist(),
-        time_offset_std_s=float(std[6]),
-        planes=[
-            PlaneResidual(name=name, rms_m=rms, points=points, normal=np.round(normal, 7).tolist(), offset_m=float(w))
-            for name, normal, w, (rms, points) in zip(
-                names, estimate.normals, estimate.offsets_m, plane_residuals(problem, estimate), strict=True
-            )
-        ],
-        sweeps=sweep_motions(
-            ctx.recording.scans,
-            ctx.clocks.lidar_epoch_ns,
-            problem.motion(estimate),
-            time_offset_s=estimate.time_offset_s,
-            R_imu_lidar=estimate.R_imu_lidar,
-            p_imu_lidar=estimate.p_imu_lidar,
-        ),
-    )
-
-
 def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> float:
     """How far a solve has moved points across the gates they passed: 95th percentile over the bins.
 
@@ -115,9 +44,8 @@ def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> f
     if len(scatter) == 0:
         return 0.0
     weight = np.maximum(scatter[:, 3, 3], 1e-30)
-    moved = (
-        np.einsum("bi,bi->b", scatter[:, 3, :], problem.planes_seen(after)[0] - problem.planes_seen(before)[0]) / weight
-    )
+    moved = np.einsum("bi,bi->b", scatter[:, 3, :], problem.planes_seen(after)[0] - problem.planes_seen(before)[0])
+    moved = (moved + problem.laser_shift(before, after)) / weight
     point_std = np.sqrt(problem.bins.count / weight)
     return float(np.percentile(np.abs(moved) / point_std, 95.0))
 

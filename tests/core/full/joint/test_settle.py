@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +12,13 @@ import pytest
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import Event, IterationEvent
 from calib_core.factors.imu import KnotStates
-from calib_core.factors.lidar_plane import Gate
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.calibrate import knots_over
-from calib_core.full.joint import schedule as rounds
+from calib_core.full.joint import settle as settling
 from calib_core.full.joint.association import tapered_variance
+from calib_core.full.joint.begin import knots_over
+from calib_core.full.joint.schedule import Sampling, Settling
 from calib_core.full.joint.state import Estimate
-from calib_core.full.run import read_clocks
+from calib_core.full.prepare.clocks import read_clocks
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -61,41 +63,34 @@ def test_only_twice_there_and_back_is_a_swing() -> None:
     Mutations: take surveys that stay as they are for a swing, and never look again; take one return for a swing.
     """
     there, back = np.zeros((1, 2, 2), dtype=bool), np.ones((1, 2, 2), dtype=bool)
-    assert rounds._swings([there, back, there.copy(), back.copy()])
-    assert rounds._swings([there, there, back, there, back])
+    assert settling.swings([there, back, there.copy(), back.copy()])
+    assert settling.swings([there, there, back, there, back])
     for quiet in ([], [there, back], [there] * 4, [there, there, back, there], [there, back, there, there], [back] * 5):
-        assert not rounds._swings(quiet)
+        assert not settling.swings(quiet)
 
 
+@dataclass(frozen=True)
 class _Swinging:
-    """Rounds in which a cell's points move the motion so that the cell is out, and in again without them.
+    """What `settle` knows of a motion that a cell's points put out of the cell, and in again without them.
 
-    begun: whether the motion at the start is that with the cell.   Only what `settle` itself decides is real.
+    estimate: 1 for the motion with the cell.
     """
 
-    def __init__(self, begun: bool) -> None:
-        self.ctx = SimpleNamespace(settings=CalibrateSettings(estimate_planes=False))
-        self.estimate, self.margin_m, self.surveys = (1.0 if begun else 0.0), 0.1, 0
-        self.extents = PlaneExtents(np.eye(3)[:1], np.zeros((1, 2, 2), dtype=bool))
+    estimate: float
+    support: PlaneExtents
+    surveys: int = 0
 
-    def survey(self, gate: Gate) -> PlaneExtents:
-        """Two cells; the second as long as it is not used."""
-        self.surveys += 1
-        inside = np.zeros((1, 2, 2), dtype=bool)
-        inside[0, 0] = True, self.estimate < 0.5
-        self.extents = PlaneExtents(np.eye(3)[:1], inside)
-        return self.extents
 
-    def solve(self, iterations: int) -> tuple[None, None]:
-        """The motion is where the cells put it."""
-        self.estimate = float(self.extents.inside.sum() - 1)
-        return None, None
+def _surveyed(_: object, state: _Swinging, *__: object) -> _Swinging:
+    """Two cells; the second as long as it is not used."""
+    inside = np.zeros((1, 2, 2), dtype=bool)
+    inside[0, 0] = True, state.estimate < 0.5
+    return replace(state, support=PlaneExtents(np.eye(3)[:1], inside), surveys=state.surveys + 1)
 
-    def measure(self, gate: Gate) -> None: ...
-    def associate(self, gate: Gate, stride: int) -> None: ...
-    def coarse_stride(self) -> int:
-        """No matter."""
-        return 1
+
+def _descended(_: object, state: _Swinging, **__: object) -> tuple[_Swinging, None]:
+    """The motion is where the cells put it."""
+    return replace(state, estimate=float(state.support.inside.sum() - 1)), None
 
 
 @pytest.mark.parametrize("begun", [False, True])
@@ -110,13 +105,19 @@ def test_a_cell_that_swings_is_left_out(monkeypatch: pytest.MonkeyPatch, begun: 
         moves.append(abs(after - before))
         return moves[-1]
 
-    monkeypatch.setattr(rounds, "moved_in_gate", moved)
-    swinging = _Swinging(begun)
-    rounds.Rounds.settle(swinging)  # type: ignore[arg-type]
-    assert swinging.estimate == 0.0
-    assert swinging.extents.inside.sum() == 1
+    same: Any = lambda _, state, *__, **___: state  # noqa: E731
+    monkeypatch.setattr(settling, "moved_in_gate", moved)
+    for name, step in (("survey", _surveyed), ("descend", _descended), ("measure", same), ("associate", same)):
+        monkeypatch.setattr(settling, name, step)
+    for name in ("gate_of", "coarse_stride"):
+        monkeypatch.setattr(settling, name, lambda *_: None)
+    data: Any = SimpleNamespace(run=SimpleNamespace(settings=CalibrateSettings(estimate_planes=False)))
+    begin: Any = _Swinging(float(begun), PlaneExtents(np.eye(3)[:1], np.zeros((1, 2, 2), dtype=bool)))
+    end: Any = settling.settle(data, begin, Settling(), Sampling())
+    assert end.estimate == 0.0
+    assert end.support.inside.sum() == 1
     assert moves[-1] == 0.0
-    assert swinging.surveys == 4
+    assert end.surveys == 4
 
 
 def _estimate(rng: np.random.Generator) -> Estimate:

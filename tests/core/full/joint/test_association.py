@@ -13,7 +13,7 @@ from calib_core.factors.support import CELL_M, HALF_CELLS
 from calib_core.full.joint.association import Micro, View, associate, gather, measure_noise, survey
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.state import Estimate
-from calib_core.full.run import read_clocks
+from calib_core.full.prepare.clocks import read_clocks
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.settings import CalibrateSettings

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calib_core.full.assess.repeatability import Repeatability, determined_part
 
 from calib_core.calibrate import Calibration, calibrate
-from calib_core.full.assess.repeatability import Repeatability, determined_part
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.calibrate import calibrate
 from calib_core.events import IterationEvent
-from calib_core.full.progress import INSTANTS, SWEEPS
+from calib_core.full.joint.live import INSTANTS, SWEEPS
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth

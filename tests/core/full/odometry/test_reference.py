@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.calibrate import make_context
 from calib_core.events import LogEvent, ignore_event, never_cancel
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import find_reference, named_planes
+from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -43,7 +43,7 @@ def _follow(recording: Recording, *, given: bool) -> tuple[Followed, list[str]]:
             said.append(event.code)
 
     settings = CalibrateSettings()
-    ctx = make_context(recording, settings, listen, never_cancel)
+    ctx = prepare(recording, settings, listen, never_cancel)
     _, fits = find_reference(recording.scans, settings)
     return follow(ctx, named_planes(fits), 0, given=given), said
 
@@ -87,7 +87,7 @@ def test_short_blindness_is_bridged_and_longer_ends_the_track(
 
 def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
     """Fails when anything random without a seed, or left over from the last run, enters."""
-    ctx = make_context(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
+    ctx = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
     _, fits = find_reference(noisy[0].scans, CalibrateSettings())
     one, other = (follow(ctx, named_planes(fits), 0, given=False) for _ in range(2))
     np.testing.assert_array_equal([m.R for m in one.motions], [m.R for m in other.motions])

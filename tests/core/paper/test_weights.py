@@ -8,7 +8,7 @@ import pytest
 from calib_core.geometry import exp
 from calib_core.paper.lidar_factor import lidar_distances, lidar_factors
 from calib_core.paper.weights import balance, balanced_weights, distance_variance, identity_weights
-from tests.core.factors import build
+from tests.core.paper import build
 
 
 def test_variance_of_a_distance():

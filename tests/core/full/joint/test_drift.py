@@ -1,4 +1,4 @@
-"""How far a carried motion strays, against errors drawn at random and integrated step by step."""
+"""How far a propagated motion strays, against errors drawn at random and integrated step by step."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def test_straying_is_that_of_errors_integrated_step_by_step() -> None:
         now = a + DENSITY / np.sqrt(h) * rng.normal(size=(runs, 3))
         p += v * h + 0.5 * now * h**2
         v += now * h
-    drift = Drift(ACCELERATION_COV, DENSITY)
+    drift = Drift.begun(ACCELERATION_COV, DENSITY)
     for _ in range(10):
-        drift.wait(0.3)
+        drift = drift.after(0.3)
     normals = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, -0.8, 0.0]])
     expected = np.sqrt(np.mean((p @ normals.T) ** 2, axis=0))
     np.testing.assert_allclose(drift.along(normals), expected, rtol=0.05)
@@ -30,11 +30,10 @@ def test_straying_is_that_of_errors_integrated_step_by_step() -> None:
 
 def test_a_plane_in_view_holds_its_own_direction_and_no_other() -> None:
     """Fails when the gain is applied to all directions alike."""
-    drift = Drift(np.diag([1e-2, 1e-2, 1e-2]), DENSITY)
-    drift.wait(3.0)
+    drift = Drift.begun(np.diag([1e-2, 1e-2, 1e-2]), DENSITY).after(3.0)
     free = drift.along(np.eye(3))
     wall = np.array([[0.6, 0.8, 0.0]])
-    drift.see(wall)
+    drift = drift.corrected(wall)
     assert drift.along(wall)[0] < 0.016
     np.testing.assert_allclose(
         drift.along(np.array([[-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])), [free[0], free[2]], rtol=1e-9

@@ -12,17 +12,18 @@ import pytest
 from calib_core.api import map_points
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.full.joint import plane_set as module
-from calib_core.full.joint.plane_set import cull
-from calib_core.full.joint.propagate import Carrier
-from calib_core.full.joint.schedule import Rounds
+from calib_core.full.joint import round as steps
+from calib_core.full.joint.estimation import MapPlane
+from calib_core.full.joint.reach import reach_within, spread
+from calib_core.full.joint.schedule import Propagation
+from calib_core.full.joint.window import Window
 from calib_core.geometry import exp, plane_axes
 from calib_core.result import PlaneQuality
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.bodies import Box
 from calib_core.simulate.rooms import closed_room
-from calib_core.types import BoolArray, FloatArray, Plane, Recording
+from calib_core.types import FloatArray, Plane, Recording
 
 ROOM_M = (6.0, 5.0, 2.8)
 #: The north wall, y = 5 m, is upright; the others lean as in the paper's room.
@@ -148,25 +149,7 @@ def test_an_outline_narrower_than_a_cell_is_said(bent: Bent) -> None:
     assert next(plane for plane in result.quality.planes if plane.name == "wall north").points == 0
 
 
-class Drifted(Rounds):
-    """Rounds whose map frame lies at a known place of the frame of the solve."""
-
-    pose = SimpleNamespace(R=np.eye(3)[None], p=np.zeros((1, 3)))
-
-    def motion(self) -> Any:
-        """Knows the one pose."""
-        return SimpleNamespace(lidar_at=lambda *_: self.pose)
-
-
-def bare(kind: type[Rounds], **parts: Any) -> Any:
-    """A Rounds with nothing but these parts."""
-    made = kind.__new__(kind)
-    for name, part in parts.items():
-        setattr(made, name, part)
-    return made
-
-
-def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts() -> None:
+def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: cells' middles taken back to the map frame one by one, and compared with the box there.
 
     Fails when the outline is taken as it stands, or moved the wrong way round (R.T for R).
@@ -174,11 +157,15 @@ def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts() -> 
     R, p = exp(np.array([[0.3, -0.5, 0.8]]))[0], np.array([0.7, -1.1, 0.4])
     outline = np.array([[2.0, -1.0, -0.5], [2.0, 1.5, -0.5], [2.0, 1.5, 2.1], [2.0, -1.0, 2.1]])
     normal, offset_m = R @ np.array([-1.0, 0.0, 0.0]), 2.0 + float(p @ R[:, 0])
-    ctx = SimpleNamespace(clocks=SimpleNamespace(scan_s=np.zeros(1)), settings=CalibrateSettings())
+    pose = SimpleNamespace(R=R[None], p=p[None])
+    monkeypatch.setattr(steps, "motion_of", lambda *_: SimpleNamespace(lidar_at=lambda *_: pose))
+    run = SimpleNamespace(clocks=SimpleNamespace(scan_s=np.zeros(1)), settings=CalibrateSettings())
+    data: Any = SimpleNamespace(run=run, reference=0)
     estimate = SimpleNamespace(normals=normal[None], time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None)
-    made = bare(Drifted, ctx=ctx, reference=0, estimate=estimate, outlines_m=[outline])
-    made.pose = SimpleNamespace(R=R[None], p=p[None])
-    cells = np.argwhere(made.within()[0])
+    state: Any = SimpleNamespace(estimate=estimate, planes=[MapPlane("wall", outline)])
+    outlined = steps.outlined_cells(data, state)
+    assert outlined is not None
+    cells = np.argwhere(outlined[0])
     assert len(cells) > 60
     middle = (cells - HALF_CELLS + 0.5) * CELL_M @ plane_axes(normal) - offset_m * normal
     back = (middle - p) @ R
@@ -191,58 +178,23 @@ def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts() -> 
     assert (back[:, 1:].max(axis=0) > high - 2.0 * CELL_M).all()
 
 
-def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fails when names and planes are thinned out, but outlines are not: the next plane would inherit one."""
-
-    @dataclass(frozen=True)
-    class Problem:
-        bins: object = None
-
-        def motion(self, _: object) -> None:
-            return None
-
-    @dataclass(frozen=True)
-    class Planes:
-        normals: FloatArray
-        offsets_m: FloatArray
-
-    outline = np.zeros((3, 3))
-    monkeypatch.setattr(module, "gather", lambda *_: None)
-    monkeypatch.setattr(module, "plane_chi2", lambda *_: (np.array([1.0, 90.0, 1.1, 0.9]), np.full(4, 100.0)))
-    ctx = SimpleNamespace(say=lambda *_: None)
-    estimate = Planes(np.arange(12.0).reshape(4, 3), np.arange(4.0))
-    made = bare(
-        Rounds, ctx=ctx, estimate=estimate, names=list("abcd"), outlines_m=[None, None, outline, None], micro=object()
-    )
-    monkeypatch.setattr(Rounds, "problem", lambda _: Problem())
-    assert cull(made)
-    assert made.names == ["a", "c", "d"]
-    assert made.outlines_m == [None, outline, None]
-    assert made.outlines_m[1] is outline
-
-
-def carrier(within: BoolArray, seen: BoolArray) -> Carrier:
-    """A Carrier over rounds that have surveyed these cells."""
-    surveyed = PlaneExtents(np.array([[0.0, 0.0, 1.0]]), seen)
-    rounds = SimpleNamespace(margin_m=0.1, survey=lambda _: surveyed, within=lambda: within)
-    made = Carrier.__new__(Carrier)
-    made.rounds = rounds  # type: ignore[assignment]
-    made.reach = made._new_reach()
-    return made
-
-
 def test_a_plane_goes_on_to_its_outline_and_no_further() -> None:
-    """Fails when the reach after a survey, or its spread from scan to scan, is not cut by the outline."""
+    """Fails when the reach after a survey, or its spread from scan to scan, is not cut by the outline.
+
+    Mutation: write to the reach that was given, instead of to a new one.
+    """
+    policy = Propagation()
     shape = (1, 2 * HALF_CELLS, 2 * HALF_CELLS)
-    within, seen = np.zeros(shape, bool), np.zeros(shape, bool)
-    within[0, 500:506, 500:504] = True
+    outlined, seen = np.zeros(shape, bool), np.zeros(shape, bool)
+    outlined[0, 500:506, 500:504] = True
     seen[0, 503, 502] = True
-    made = carrier(within, seen)
-    np.testing.assert_array_equal(made.reach.inside, within)  # three cells each way, and cut
-    within[0, 500:516, 500:504] = True
-    made = carrier(within, seen)
-    assert made.reach.inside[0, 506, 503]
-    assert not made.reach.inside[0, 508, 503]
+    support = PlaneExtents(np.array([[0.0, 0.0, 1.0]]), seen)
+    reach = reach_within(support, outlined, policy)
+    np.testing.assert_array_equal(reach.inside, outlined)  # three cells each way, and cut
+    outlined[0, 500:516, 500:504] = True
+    reach = reach_within(support, outlined, policy)
+    assert reach.inside[0, 506, 503]
+    assert not reach.inside[0, 508, 503]
     # A scan's points about (1.7, 0.3) m of the plane's own axes: cell 508, 501.
     u, v = plane_axes(np.array([0.0, 0.0, 1.0]))
     scatter = np.zeros((1, 15))
@@ -250,7 +202,9 @@ def test_a_plane_goes_on_to_its_outline_and_no_further() -> None:
     micro: Any = SimpleNamespace(time_s=np.zeros(1), scatter=scatter, plane=np.zeros(1, np.int64))
     poses = SimpleNamespace(R=np.eye(3)[None], p=np.zeros((1, 3)))
     problem: Any = SimpleNamespace(motion=lambda _: SimpleNamespace(lidar_at=lambda *_: poses))
-    window: Any = SimpleNamespace(time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None)
-    made._spread(micro, window, problem)
-    assert made.reach.inside[0, 508:512, 500:504].all()
-    assert not (made.reach.inside & ~within).any()
+    estimate: Any = SimpleNamespace(time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None)
+    before = reach.inside.copy()
+    further = spread(reach, micro, Window(estimate, problem, 0), outlined, policy)
+    assert further.inside[0, 508:512, 500:504].all()
+    assert not (further.inside & ~outlined).any()
+    np.testing.assert_array_equal(reach.inside, before)
