@@ -121,7 +121,8 @@ def _lidar(found: LidarDeviations, fault: Fault, draws: Draws) -> LidarDeviation
             changed = replace(found, laser_elevation_rad=values)
         case "laser-azimuth":
             values = draws.lasers(name, prior.laser_elevation_std_rad if size is None else size)
-            changed = replace(found, laser_azimuth_rad=values)
+            # A turn of all lasers alike is one of the lidar's frame, which is where they look in the mean.
+            changed = replace(found, laser_azimuth_rad=tuple(float(v) for v in np.asarray(values) - np.mean(values)))
         case "eccentricity":
             usual = _ECCENTRICITY_OF_ANGLES * prior.laser_elevation_std_rad
             changed = _eccentric(found, draws.once(fault, usual), draws)

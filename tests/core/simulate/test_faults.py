@@ -159,6 +159,7 @@ def test_the_azimuth_is_off_by_laser_and_by_the_encoder() -> None:
     wall = Scene((Face("wall", (-1.0, 0.0, 0.0), (3.0, 0.0, 0.0), reflectivity=1.0),))
     simulation = made("laser-azimuth=0.2deg,eccentricity=0.1deg", replace(OVER_THE_FLOOR, scene=wall))
     own = truth_of(simulation, "laser_azimuth")
+    assert sum(own.values()) == pytest.approx(0.0, abs=1e-12)  # else the lidar's frame itself would be turned
     encoder = truth_of(simulation, "eccentricity")
     sweep = simulation.sweep(0)
     azimuth = np.arctan2(sweep.xyz_m[..., 1], sweep.xyz_m[..., 0])
