@@ -11,14 +11,11 @@ from scipy.stats import chi2, norm
 
 from bench.fault_bounds import FAULT_BOUNDS, FaultBoundRow
 from bench.fault_runs import Campaign, FaultParameter, FaultRun, read_fault_parameters, read_fault_runs
-from bench.runs import PARAMETERS
-from bench.statistics import FREEDOM
+from bench.statistics import BIAS_SIGMAS, FREEDOM, bias_text, mean_errors
 from bench.store import RESULTS
 from bench.tables import read_rows
 
 _HALF_95 = float(norm.ppf(0.975))
-#: Beyond this, one mean error in a hundred campaigns whose seven are all without bias.
-BIAS_SIGMAS = float(norm.ppf(1.0 - 0.005 / FREEDOM))
 _HEAD = (
     "recording",
     "faults",
@@ -52,13 +49,6 @@ class Summary:
     worst: float
     bias: tuple[float, ...]
 
-    @property
-    def bias_text(self) -> str:
-        """The largest of them."""
-        at = int(np.argmax(np.abs(self.bias)))
-        held = "" if abs(self.bias[at]) <= BIAS_SIGMAS else " **biased**"
-        return f"{PARAMETERS[at]} {self.bias[at]:+.1f}{held}"
-
 
 def summary(runs: Sequence[FaultRun]) -> Summary:
     """Of the runs of one campaign, of which some have an answer."""
@@ -76,7 +66,7 @@ def summary(runs: Sequence[FaultRun]) -> Summary:
         (float(np.mean([run.nees for run in solved])), float(low), float(high)),
         float(np.mean(np.abs(scaled) <= _HALF_95)),
         float(np.abs(scaled).max()),
-        tuple(float(value) for value in scaled.mean(axis=0) * np.sqrt(n)),
+        mean_errors(errors.tolist(), stds.tolist()),
     )
 
 
@@ -158,7 +148,7 @@ def _row(found: Summary, bound: FaultBoundRow | None, parameters: str) -> str:
                 f"{found.nees[1]:.2f} to {found.nees[2]:.2f}",
                 f"{100 * found.inside:.1f} %",
                 f"{found.worst:.1f}",
-                found.bias_text,
+                bias_text(found.bias),
                 parameters,
                 of.label,
             ]
