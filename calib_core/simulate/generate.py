@@ -21,6 +21,7 @@ import numpy as np
 
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.simulate import imu as imu_module
 from calib_core.simulate import lidar as lidar_module
 from calib_core.simulate import scenarios
@@ -201,7 +202,13 @@ def prepare(
     plain = Simulation(changed, seed, salt=salt)
     if not faults:
         return plain
-    draws = Draws((seed, _DRAW_STREAM, *_salted(salt)), len(changed.lidar.pattern.ring))
+    lidar, imu = changed.lidar, changed.imu
+    draws = Draws(
+        (seed, _DRAW_STREAM, *_salted(salt)),
+        len(lidar.pattern.ring),
+        find_imu_prior(imu.topic, imu.frame_id),
+        find_lidar_prior(lidar.topic, lidar.frame_id, lidar.layout),
+    )
     scene, motion = world(changed.scene, changed.motion, faults, draws, plain.home_m)
     return replace(plain, scenario=replace(changed, scene=scene, motion=motion), faults=draw(faults, draws))
 

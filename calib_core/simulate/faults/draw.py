@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.intrinsics import CLOCK_RATE_STD_PPM, UNKNOWN_IMU, UNKNOWN_LIDAR, ImuPrior, LidarPrior
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM, ImuPrior, LidarPrior
 from calib_core.simulate.faults.engine import shaken
 from calib_core.simulate.faults.imu import IDEAL_IMU, ImuDeviations
 from calib_core.simulate.faults.lidar import IDEAL_LIDAR, LidarDeviations, Values
@@ -58,13 +58,13 @@ IDEAL = Drawn()
 class Draws:
     """The random numbers of a recording's faults: each fault has its own, whatever else is asked for.
 
-    seeds: of the recording.   channels: of the lidar.
+    seeds: of the recording.   channels: of the lidar.   imu_prior, lidar_prior: what is usual for these sensors.
     """
 
     seeds: tuple[int, ...]
     channels: int
-    imu_prior: ImuPrior = UNKNOWN_IMU
-    lidar_prior: LidarPrior = UNKNOWN_LIDAR
+    imu_prior: ImuPrior
+    lidar_prior: LidarPrior
 
     def rng(self, name: str) -> np.random.Generator:
         """The fault's own."""
@@ -121,7 +121,8 @@ def _lidar(found: LidarDeviations, fault: Fault, draws: Draws) -> LidarDeviation
             changed = replace(found, laser_elevation_rad=values)
         case "laser-azimuth":
             values = draws.lasers(name, prior.laser_elevation_std_rad if size is None else size)
-            changed = replace(found, laser_azimuth_rad=values)
+            # A turn of all lasers alike is one of the lidar's frame, which is where they look in the mean.
+            changed = replace(found, laser_azimuth_rad=tuple(float(v) for v in np.asarray(values) - np.mean(values)))
         case "eccentricity":
             usual = _ECCENTRICITY_OF_ANGLES * prior.laser_elevation_std_rad
             changed = _eccentric(found, draws.once(fault, usual), draws)

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import SettingsError
+from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.simulate import SCENARIOS, Simulation, generate, parse_faults, prepare
 from calib_core.simulate.faults import FAULTS, PROFILES, Fault, clock
 from calib_core.simulate.faults.engine import shaken
@@ -158,6 +159,7 @@ def test_the_azimuth_is_off_by_laser_and_by_the_encoder() -> None:
     wall = Scene((Face("wall", (-1.0, 0.0, 0.0), (3.0, 0.0, 0.0), reflectivity=1.0),))
     simulation = made("laser-azimuth=0.2deg,eccentricity=0.1deg", replace(OVER_THE_FLOOR, scene=wall))
     own = truth_of(simulation, "laser_azimuth")
+    assert sum(own.values()) == pytest.approx(0.0, abs=1e-12)  # else the lidar's frame itself would be turned
     encoder = truth_of(simulation, "eccentricity")
     sweep = simulation.sweep(0)
     azimuth = np.arctan2(sweep.xyz_m[..., 1], sweep.xyz_m[..., 0])
@@ -273,10 +275,12 @@ def test_every_fault_changes_the_data_and_is_in_the_truth(name: str) -> None:
 
 
 def test_a_draw_is_the_faults_own() -> None:
-    """Mutations: one generator for all faults, so that asking for one more changes the others; none seeded by the seed."""
+    """Mutations: one generator for all faults, so that asking for one more changes the others; the same numbers for two."""
     alone = truth_of(made("accel-scale=0.005"), "accelerometer_scale")
     among = truth_of(made("laser-offsets,gyro-scale,accel-scale=0.005"), "accelerometer_scale")
     assert alone == among
+    gyro = truth_of(made("gyro-scale=0.005"), "gyroscope_scale")
+    assert not np.allclose(list(gyro.values()), list(alone.values()))
     other = prepare(STATIC, seed=6, faults=parse_faults("accel-scale=0.005"))
     assert truth_of(other, "accelerometer_scale") != alone
     drawn = [
@@ -298,6 +302,20 @@ def test_a_salt_gives_a_recording_noise_of_its_own() -> None:
         ]
         likeness = np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]
         assert (likeness > 0.99) if shared else abs(likeness) < 0.2
+
+
+def test_without_a_size_a_fault_is_as_large_as_the_sensors_prior() -> None:
+    """Mutations: the unknown sensor's prior for every sensor; the laser's elevation in degrees."""
+    for slug, imu, lidar in (("ouster", "ouster-icm20948", "ouster-os"), ("handheld", "", "velodyne")):
+        drawn = [
+            prepare(slug, seed=s, faults=parse_faults("accel-scale,imu-axes,laser-elevation")).faults for s in range(60)
+        ]
+        axes = np.array([each.imu.accel_axes_rad for each in drawn])
+        assert axes.std() == pytest.approx(find_imu_prior(imu).accelerometer_axes_std_rad, rel=0.25)
+        scale = np.array([each.imu.accel_scale for each in drawn])
+        assert scale.std() == pytest.approx(find_imu_prior(imu).accelerometer_scale_std, rel=0.25)
+        angles = np.array([each.lidar.laser_elevation_rad for each in drawn])
+        assert angles.std() == pytest.approx(find_lidar_prior(lidar).laser_elevation_std_rad, rel=0.1)
 
 
 @pytest.mark.parametrize("profile", PROFILES)

@@ -1,0 +1,142 @@
+"""What is possible with sensors as they are: bounds with their faults as unknowns, and what ignoring the faults costs.
+
+`python -m bench bound-faults [SCENARIO]`: one elimination of the recording with every parameter of blocks.py as an unknown
+without a prior; each row of the table is then a small problem of its own.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.bound import Assumptions, Blocks, with_parameters
+from bench.bound.model import CALIBRATION, FloatArray
+from bench.store import RESULTS
+from bench.tables import append_row, read_rows
+from calib_core.simulate import Fault, parse_faults, prepare
+
+FAULT_BOUNDS = "fault_bounds.csv"
+#: The rows of the table; sizes are standard deviations here, also of what comes once.
+ROWS = {
+    "laser offsets 8 mm": "laser-offsets=8mm",
+    "laser angles 0.05 deg": "laser-angles=0.05deg",
+    "IMU scale 0.4 %": "gyro-scale=0.4%,accel-scale=0.4%",
+    "IMU axes 0.3 deg, triads 0.15 deg": "imu-axes=0.3deg,gyro-rotation=0.15deg",
+    "accelerometer 2.5 ms late": "accel-delay=2.5ms",
+    "clock 40 ppm": "clock-rate=40",
+    "industrial": "industrial",
+    "consumer": "consumer",
+}
+#: A fault's blocks, each with its share of the fault's size as prior.
+_BLOCKS: dict[str, dict[str, float]] = {
+    "laser-offsets": {"laser_range_offset": 1.0},
+    "laser-elevation": {"laser_elevation": 1.0},
+    "laser-azimuth": {"laser_azimuth": 1.0},
+    # Amplitude and phase as two components: each has half of the amplitude's variance.
+    "eccentricity": {"eccentricity": 0.5**0.5},
+    "laser-angles": {"laser_elevation": 1.0, "laser_azimuth": 1.0, "eccentricity": 0.4 * 0.5**0.5},
+    "laser-scale": {"laser_range_scale": 1.0},
+    "range-offset": {"range_offset": 1.0},
+    "gyro-scale": {"gyroscope_scale": 1.0},
+    "accel-scale": {"accelerometer_scale": 1.0},
+    "imu-axes": {"gyroscope_axes": 1.0, "accelerometer_axes": 1.0},
+    "gyro-rotation": {"gyroscope_rotation": 1.0},
+    "accel-delay": {"accelerometer_delay": 1.0},
+    "clock-rate": {"clock_rate": 1.0},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FaultBoundRow:
+    """One set of faults. rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; ignoring_: root mean square
+    error, over faults drawn from these sizes, of the efficient estimator for ideal sensors.   left: of each block's prior
+    sigma, the part that remains, smallest to largest."""
+
+    scenario: str
+    faults: str
+    rotation_deg: float
+    translation_mm: float
+    offset_ms: float
+    ignoring_rotation_deg: float
+    ignoring_translation_mm: float
+    ignoring_offset_ms: float
+    left: str
+
+
+def priors_of(faults: Sequence[Fault], blocks: Blocks) -> FloatArray:
+    """(size,) prior standard deviation of each parameter, 0 where it is known to be ideal."""
+    stds = np.zeros(blocks.size)
+    for fault in faults:
+        if fault.size is None and fault.name in _BLOCKS:
+            raise ValueError(f"the bound needs a size for the fault {fault.name}")
+        for block, share in _BLOCKS.get(fault.name, {}).items():
+            stds[blocks.places[block]] = share * (fault.size or 0.0)
+    return stds
+
+
+def marginal(triangle: FloatArray, stds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Covariances with the parameters as unknowns of these prior stds: (7, 7) of the calibration, (size,) stds left.
+
+    triangle: of `with_parameters`; parameters of std 0 are known.
+    """
+    size = len(stds)
+    free = np.flatnonzero(stds)
+    # In units of their priors, so that nothing is lost to their different sizes.
+    information = np.vstack([triangle[:, free] * stds[free], np.eye(len(free))])
+    rows = np.hstack([information, np.vstack([triangle[:, size:], np.zeros((len(free), CALIBRATION))])])
+    root = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+    covariance = root @ root.T
+    left = np.zeros(size)
+    left[free] = np.sqrt(np.diag(covariance)[: len(free)])
+    return covariance[len(free) :, len(free) :], left
+
+
+def ignored(triangle: FloatArray, stds: FloatArray) -> FloatArray:
+    """(7, 7) mean square error where parameters of these stds are there and taken for ideal."""
+    size = len(stds)
+    pseudo = np.linalg.pinv(triangle[:, size:], rcond=1e-15)
+    shift = pseudo @ triangle[:, :size] * stds
+    return np.asarray(pseudo @ pseudo.T + shift @ shift.T)
+
+
+def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: Path = RESULTS) -> None:
+    """The rows of one scenario, shown and written; rows of other scenarios stay."""
+    triangle, blocks = with_parameters(prepare(scenario, seed=1, duration_s=duration_s), Assumptions(every=7))
+    made = [_row(scenario, "ideal sensors", np.zeros(blocks.size), triangle, blocks)]
+    made += [
+        _row(scenario, name, priors_of(parse_faults(text), blocks), triangle, blocks) for name, text in rows.items()
+    ]
+    path = folder / FAULT_BOUNDS
+    kept = [row for row in read_rows(path, FaultBoundRow, ()) if row.scenario != scenario]
+    path.unlink(missing_ok=True)
+    for row in (*kept, *made):
+        append_row(path, row, ())
+    for row in made:
+        sys.stdout.write(
+            f"{row.faults:34}{row.rotation_deg:8.4f} deg{row.translation_mm:7.3f} mm{row.offset_ms:8.4f} ms  ignored: "
+            f"{row.ignoring_rotation_deg:7.4f}{row.ignoring_translation_mm:8.3f}{row.ignoring_offset_ms:8.4f}  {row.left}\n"
+        )
+
+
+def _row(scenario: str, name: str, stds: FloatArray, triangle: FloatArray, blocks: Blocks) -> FaultBoundRow:
+    covariance, left = marginal(triangle, stds)
+    error = ignored(triangle, stds)
+    parts = [
+        f"{block} {left[place].min():.2f}-{left[place].max():.2f}"
+        for block, place in blocks.places.items()
+        if stds[place].any()
+    ]
+    return FaultBoundRow(scenario, name, *_norms(covariance), *_norms(error), "; ".join(parts))
+
+
+def _norms(covariance: FloatArray) -> tuple[float, float, float]:
+    variances = np.diag(covariance)
+    return (
+        float(np.degrees(np.sqrt(variances[:3].sum()))),
+        float(1e3 * np.sqrt(variances[3:6].sum())),
+        float(1e3 * np.sqrt(variances[6])),
+    )
