@@ -18,15 +18,13 @@ from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import knot_spacing_s, upsample
+from calib_core.presets import random_walks
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 #: Between the nodes of the biases: closer in a short recording, where it costs nothing.
 _NODES_S = 5.0
 _CLOSEST_NODES_S, _FEW_NODES = 2.5, 14
-#: Of an IMU that nobody has named: gyroscope [rad/s per sqrt(s)], accelerometer [m/s2 per sqrt(s)]. Three times what good
-#: ones are said to have. A walk taken for smaller than it is bends the whole trajectory; one taken for larger costs nothing.
-USUAL_WALK = (3e-5, 3e-4)
 #: The standing prior of the contract: 1 rad, 10 m, 10 s.
 _STANDING_STD = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
 #: With fewer tracked knots there is nothing to hold a calibration against.
@@ -149,10 +147,7 @@ def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Pr
             value = run.clocks.offset_s(round(prior.value * 1e9))
         rows.append(PriorRow(column, value, prior.std))
     reference = guess.R_imu_lidar if guess is not None and guess.R_imu_lidar is not None else start.R_imu_lidar
-    walk = USUAL_WALK
-    noise = settings.imu_noise
-    if noise is not None and not isinstance(noise, str):
-        walk = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
+    walk = random_walks(settings.imu_noise)
     return Priors(
         reference,
         tuple(rows),

@@ -100,8 +100,9 @@ class Estimation:
     """What is known at one moment.
 
     estimate: its knots are the first `knots` of the data's.   planes: in the order of its normals.   positions: scans in
-    play, ascending.   nuisance: the sensors' own parameters in play, none before they are admitted.   support: the cells that
-    each plane is known to fill.   observations: points given to planes, None where they have to be given anew.   minimum: where the last round ended.   rounds, iterations: how many there were.
+    play, ascending.   nuisance: the sensors' own parameters in play, none before they are admitted.   support: the cells
+    that each plane is known to fill.   observations: points given to planes, None where they have to be given anew.
+    minimum: where the last round ended.   rounds, iterations: how many there were.
     """
 
     estimate: Estimate

@@ -178,7 +178,7 @@ class JointProblem:
             return 0.0
         change = feature_changes(self.laser_changes(after) - self.laser_changes(before))[lasers.laser]
         each = np.einsum("bf,bf->b", change, lasers.cross[:, :, 3])
-        return np.bincount(self.bin_of_pair()[lasers.pair], each, len(bins.plane))
+        return np.bincount(self.bin_of_pair()[lasers.pair], each, len(bins.plane)).astype(np.float64)
 
     def bin_of_pair(self) -> IntArray:
         """(Q,) the bin of each pair of a knot and a plane that the lasers' moments are of: they are of the same points."""

@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from calib_core.intrinsics import CLOCK_RATE_STD_PPM, NAMES, UNKNOWN_IMU, UNKNOWN_LIDAR, Block, ImuPrior, LidarPrior
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
+from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Recording, Scan
 
@@ -115,28 +116,18 @@ def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:
     if settings.intrinsics == "off":
         return Nuisance()
     lasers, fixed = count_lasers(recording.scans)
-    lidar = lidar_prior(settings.lidar, recording.lidar.model)
+    lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
     if not fixed:
         lidar = replace(lidar, laser_elevation_std_rad=0.0)
-    named = settings.imu_noise if isinstance(settings.imu_noise, str) else None
+    imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
     wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics
     return choose_nuisance(
-        imu_prior(named, recording.imu_model),
+        imu,
         lidar,
         lasers=lasers,
         clock_rate_std_ppm=CLOCK_RATE_STD_PPM,
         wanted=wanted,
     )
-
-
-def imu_prior(*names: str | None) -> ImuPrior:
-    """Of the first of the names that is a preset's; of an IMU that nobody has named."""
-    return UNKNOWN_IMU
-
-
-def lidar_prior(*names: str | None) -> LidarPrior:
-    """Of the first of the names that is a preset's; of a lidar that nobody has named."""
-    return UNKNOWN_LIDAR
 
 
 def choose_nuisance(
