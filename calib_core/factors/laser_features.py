@@ -143,11 +143,9 @@ def feature_changes(change: FloatArray) -> FloatArray:
     return np.stack([change[:, 0] + change[:, 4], change[:, 1], change[:, 2], change[:, 3], change[:, 5]], axis=1)
 
 
-def features_cost(factors: LaserFactors, a: FloatArray, change: FloatArray) -> float:
-    """What the changed parameters add to the sum of squares. a: (Q, 5) of the pairs.   change: (L, 6) since the making."""
-    if not change.any() or len(factors.laser) == 0:
-        return 0.0
+def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
+    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 6)."""
     moved = feature_changes(change)[factors.laser]
-    mixed = np.einsum("bf,bfi,bi->", moved, factors.cross, a[factors.pair], optimize=True)
-    own = np.einsum("bf,bfg,bg->", moved, factors.gram, moved, optimize=True)
-    return float(2.0 * mixed + own)
+    seen = (factors.cross @ a[factors.pair][..., None])[..., 0]
+    own = (factors.gram @ moved[..., None])[..., 0]
+    return np.asarray(np.einsum("bf,bf->b", moved, 2.0 * seen + own))

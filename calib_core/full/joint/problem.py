@@ -22,7 +22,7 @@ import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel, add_links_kernel
 from calib_core.factors.imu import link_factors, link_residuals
-from calib_core.factors.laser_features import LaserFactors, feature_changes, features_cost
+from calib_core.factors.laser_features import LaserFactors, feature_changes, features_squares
 from calib_core.factors.laser_kernels import add_features_kernel
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
@@ -75,8 +75,8 @@ class JointProblem:
         a, _ = self.planes_seen(estimate)
         lidar = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            change = self.laser_changes(estimate)
-            lidar += features_cost(self.bins.lasers, self._seen_by_lasers(estimate)[0], change)
+            seen, _ = self._seen_by_lasers(estimate)
+            lidar += float(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)).sum())
         prior, _ = prior_rows(self.priors, self.nodes, estimate, self.layout(estimate))
         return 0.5 * float(np.sum(residual**2) + lidar + np.sum(prior**2))
 
@@ -171,14 +171,29 @@ class JointProblem:
         lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
         return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
 
-    def laser_shift(self, before: Estimate, after: Estimate) -> FloatArray | float:
-        """What a change of the lidar's own parameters moves every bin's distances by, weighted and summed: (B,)."""
-        lasers, bins = self.bins.lasers, self.bins
-        if len(lasers.laser) == 0:
-            return 0.0
-        change = feature_changes(self.laser_changes(after) - self.laser_changes(before))[lasers.laser]
-        each = np.einsum("bf,bf->b", change, lasers.cross[:, :, 3])
-        return np.bincount(self.bin_of_pair()[lasers.pair], each, len(bins.plane)).astype(np.float64)
+    def sums(self, estimate: Estimate) -> FloatArray:
+        """Sum of weighted distances of every bin's points, (B,) [1/m]."""
+        a, _ = self.planes_seen(estimate)
+        total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
+        if len(self.bins.lasers.laser):
+            lasers = self.bins.lasers
+            change = feature_changes(self.laser_changes(estimate))[lasers.laser]
+            total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
+        return total
+
+    def squares(self, estimate: Estimate) -> FloatArray:
+        """Sum of weighted squared distances of every bin's points, (B,)."""
+        a, _ = self.planes_seen(estimate)
+        total = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
+        if len(self.bins.lasers.laser):
+            seen, _ = self._seen_by_lasers(estimate)
+            total += self._by_bin(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)))
+        return np.asarray(total)
+
+    def _by_bin(self, of_cluster: FloatArray) -> FloatArray:
+        """Summed over the lasers' clusters (C,) of each bin: (B,)."""
+        place = self.bin_of_pair()[self.bins.lasers.pair]
+        return np.bincount(place, of_cluster, len(self.bins.plane)).astype(np.float64)
 
     def bin_of_pair(self) -> IntArray:
         """(Q,) the bin of each pair of a knot and a plane that the lasers' moments are of: they are of the same points."""
@@ -267,7 +282,7 @@ class JointProblem:
         a, J = self.lasers_seen(estimate)
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
-        system.cost += 0.5 * features_cost(lasers, a, change)
+        system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
         add_features_kernel(
             lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
             np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,

@@ -12,8 +12,7 @@ from calib_core.types import FloatArray
 def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[float, int]]:
     """Per plane: root mean square of the range-noise-weighted distances in metres, and points."""
     bins = problem.bins
-    a, _ = problem.planes_seen(estimate)
-    chi2 = np.einsum("bi,bij,bj->b", a, bins.scatter, a, optimize=True)
+    chi2 = problem.squares(estimate)
     weight = bins.scatter[:, 3, 3]
     out = []
     for j in range(len(estimate.normals)):
@@ -28,8 +27,7 @@ def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[flo
 def plane_chi2(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     """Per plane: mean squared distance in standard deviations (1 for pure noise), and points. (P,), (P,)."""
     bins = problem.bins
-    a, _ = problem.planes_seen(estimate)
-    chi2 = np.einsum("bi,bij,bj->b", a, bins.scatter, a, optimize=True)
+    chi2 = problem.squares(estimate)
     planes = len(estimate.normals)
     points = np.bincount(bins.plane, bins.count, planes).astype(np.float64)
     return np.bincount(bins.plane, chi2, planes) / np.maximum(points, 1), points
@@ -44,8 +42,7 @@ def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> f
     if len(scatter) == 0:
         return 0.0
     weight = np.maximum(scatter[:, 3, 3], 1e-30)
-    moved = np.einsum("bi,bi->b", scatter[:, 3, :], problem.planes_seen(after)[0] - problem.planes_seen(before)[0])
-    moved = (moved + problem.laser_shift(before, after)) / weight
+    moved = (problem.sums(after) - problem.sums(before)) / weight
     point_std = np.sqrt(problem.bins.count / weight)
     return float(np.percentile(np.abs(moved) / point_std, 95.0))
 
@@ -56,16 +53,14 @@ def misfit(problem: JointProblem, estimate: Estimate) -> float:
     A bin averages hundreds of points, so that what its mean has left is not range noise but motion, timing or geometry.
     """
     bins = problem.bins
-    a, _ = problem.planes_seen(estimate)
-    mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a)
-    return float(np.mean(mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30))) if len(a) else 0.0
+    mean = problem.sums(estimate)
+    return float(np.mean(mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30))) if len(mean) else 0.0
 
 
 def plane_misfit(problem: JointProblem, estimate: Estimate) -> FloatArray:
     """The misfit plane by plane, (P,)."""
     bins = problem.bins
-    a, _ = problem.planes_seen(estimate)
-    mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a)
+    mean = problem.sums(estimate)
     square = mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30)
     planes = len(estimate.normals)
     return np.bincount(bins.plane, square, planes) / np.maximum(np.bincount(bins.plane, minlength=planes), 1)
@@ -74,6 +69,5 @@ def plane_misfit(problem: JointProblem, estimate: Estimate) -> FloatArray:
 def away_m(problem: JointProblem, estimate: Estimate) -> float:
     """Root mean square of the bins' mean distances in metres, each bin by its points."""
     bins = problem.bins
-    a, _ = problem.planes_seen(estimate)
-    mean = np.einsum("bi,bi->b", bins.scatter[:, 3, :], a) / np.maximum(bins.scatter[:, 3, 3], 1e-30)
-    return float(np.sqrt(np.average(mean**2, weights=bins.count))) if len(a) else 0.0
+    mean = problem.sums(estimate) / np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    return float(np.sqrt(np.average(mean**2, weights=bins.count))) if len(mean) else 0.0
