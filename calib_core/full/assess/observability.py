@@ -106,7 +106,9 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
 
 def _mixture(vector: FloatArray) -> str:
     """A direction that is none of the seven parameters alone."""
-    rotation, lever = (", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6)))
+    rotation, lever = (
+        ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6))
+    )
     if np.linalg.norm(vector[3:6]) > _ONE_KIND:
         return f"the lever arm along ({lever}) of the IMU's axes"
     if np.linalg.norm(vector[:3]) > _ONE_KIND:
