@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from calib_core.document import Answer, document, refused
 from calib_core.errors import Refused, SettingsError
-from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
@@ -48,10 +48,12 @@ def calibrate(
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     said = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]
 
+    forward = ForwardOnly(on_event, PLANNED[settings.method])
+
     def listen(event: Event) -> None:
         if isinstance(event, LogEvent):
             said.append(Message(code=event.code, level=event.level, text=event.text))
-        on_event(event)
+        forward(event)
 
     if settings.excluded_spans_s:
         left_out = len(whole.scans) - len(recording.scans)

@@ -72,7 +72,8 @@ class ImuNoiseLevel:
 class Run:
     """What every stage needs, as `prepare` leaves it.
 
-    training: of the IMU's interpolation, which goes on beside the search for planes.
+    training: of the IMU's interpolation, which goes on beside the search for planes.   portion: of the running stage, which
+    what is reported now is a fraction of.
     """
 
     recording: Recording
@@ -83,6 +84,7 @@ class Run:
     on_event: OnEvent
     should_cancel: ShouldCancel
     threads: int = field(default_factory=usual_threads)
+    portion: tuple[float, float] = (0.0, 1.0)
 
     @property
     def hyper(self) -> Hyper:
@@ -97,7 +99,15 @@ class Run:
     def stage(self, stage: Stage, fraction: float, text: str = "") -> None:
         """Report progress; stop where the caller asked to."""
         self.heed_cancel()
-        self.on_event(StageEvent(stage=stage, fraction=min(max(fraction, 0.0), 1.0), text=text))
+        low, high = self.portion
+        within = low + (high - low) * min(max(fraction, 0.0), 1.0)
+        self.on_event(StageEvent(stage=stage, fraction=within, text=text))
+
+    def within(self, low: float, high: float) -> Run:
+        """The same run, whose progress from 0 to 1 is this portion of what it was."""
+        start, end = self.portion
+        width = end - start
+        return replace(self, portion=(start + width * low, start + width * high))
 
     def say(self, level: Level, code: str, text: str) -> None:
         """A sentence for a person."""

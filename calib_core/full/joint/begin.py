@@ -67,7 +67,7 @@ def begin(
     total = len(whole)
     if most_s is not None:
         whole = whole[: inside + round(most_s / (whole[1] - whole[0]))]
-    run.stage("associate", 0.0, "interpolating the IMU")
+    run.stage("solve", 0.0, "interpolating the IMU")
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
     estimate = first_estimate(lidar, start, whole[:inside], planes, len(nodes.times_s))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -93,6 +93,10 @@ class JointData:
     def knots(self) -> int:
         """How many knots may come to be estimated."""
         return len(self.readings.knots_s)
+
+    def portion(self, low: float, high: float) -> JointData:
+        """The same, whose progress from 0 to 1 is this portion of what it was."""
+        return replace(self, run=self.run.within(low, high))
 
 
 @dataclass(frozen=True, slots=True)

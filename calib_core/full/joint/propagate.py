@@ -65,16 +65,17 @@ def propagate(data: JointData, state: Estimation, schedule: Schedule) -> Estimat
         if total - end < piece // 2:
             end = total
         before = way.seen_at
+        piece_of = data.portion(way.state.knots / total, end / total)
         way, share = advance(data, way, end, schedule, policy)
         way = replace(way, state=with_scans_reached(data, way.state))
-        data.run.stage("associate", end / total, "carrying the estimate through the recording")
+        piece_of.run.stage("solve", 0.0, "carrying the estimate through the recording")
         if (end - way.seen_at.max()) * spacing_s > policy.blind_limit_s:
             break
         came_back = (way.seen_at == end) & (end - before > policy.away_s / spacing_s)
         way = look_again(data, way, share, schedule, policy)
         grown = end / way.solved_knots
         if came_back.any() or grown >= policy.doubled or (end == total and grown > policy.little_more):
-            way = solve_all(data, way, schedule, policy)
+            way = solve_all(piece_of, way, schedule, policy)
     return let_go(data, way, policy)
 
 

@@ -72,7 +72,7 @@ def associate(data: JointData, state: Estimation, gate: Gate, *, stride: int) ->
     def tell(done: int) -> None:
         nonlocal told
         if done // _TOLD_EVERY > told // _TOLD_EVERY:
-            run.stage("associate", done / total, f"round {state.rounds + 1}")
+            run.stage("solve", done / total, f"round {state.rounds + 1}")
         told = done
 
     view = present_view(data, state)

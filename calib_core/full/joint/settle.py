@@ -28,7 +28,7 @@ def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sam
     stays out.
     """
     cells: list[BoolArray] = []
-    for _ in range(settling.rounds):
+    for k in range(settling.rounds):
         if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
             state = anchored(data, state)
         learning = gate_of(state, settling.learning_m, sampling)
@@ -40,7 +40,7 @@ def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sam
                 state = replace(state, support=PlaneExtents(state.support.normals, cells[-1] & cells[-2]))
         state = measure(data, state, learning, sampling)
         gate = gate_of(state, settling.settling_m, sampling)
-        state = associate(data, state, gate, stride=coarse_stride(data, state, sampling))
+        state = associate(_nearer(data, k), state, gate, stride=coarse_stride(data, state, sampling))
         before = state.estimate
         # A single step: what another one would add, the next round's first step does.
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
@@ -57,8 +57,9 @@ def alternate(
     Raises Refused where the calibration still moves after the last round.
     """
     last = state.rounds + settling.descents(data.run.settings.max_rounds)
+    k = 0
     while True:
-        state = associate(data, state, gate_of(state, 0.0, sampling), stride=1)
+        state = associate(_nearer(data, k), state, gate_of(state, 0.0, sampling), stride=1)
         before = state
         state, problem = to_fixed_point(
             data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds)
@@ -68,6 +69,7 @@ def alternate(
         if state.rounds >= last:
             require_rest(before, state, settling.unsettled_sigmas)
             return state, problem
+        k += 1
 
 
 def to_fixed_point(
@@ -81,6 +83,11 @@ def to_fixed_point(
         small = state.minimum.first_decrease < settling.fixed_point
         if (small and state.minimum.outcome is not Outcome.SINGULAR) or state.rounds >= last:
             return state, problem
+
+
+def _nearer(data: JointData, k: int) -> JointData:
+    """Each of a number of rounds that nobody knows is half of what is left."""
+    return data.portion(1.0 - 0.5**k, 1.0 - 0.5 ** (k + 1))
 
 
 def swings(cells: Sequence[BoolArray]) -> bool:

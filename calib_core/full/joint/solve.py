@@ -15,35 +15,41 @@ from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settle import alternate, settle
 
+#: How far along the estimation is, as a share of its usual time: where the motion is known (and of that, where the coarse
+#: rounds are done), and where a part of the points has settled. For whoever watches; nothing depends on it.
+_MOTION, _SETTLED = 0.6, 0.75
+_COARSE = 0.3
+
 
 def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     """From start values to the fixed point, with every point and all that the recording holds. Raises Refused."""
-    state = estimate_motion(data, state, schedule)
+    state = estimate_motion(data.portion(0.0, _MOTION), state, schedule)
     rules, settling, sampling = schedule.planes, schedule.settling, schedule.sampling
     assert settling is not None
     if rules is not None:
         added = add_planes(data, state, state.positions, rules)
-        state = state if added is state else one_round(data, added, rules.settle_in, sampling)
+        state = state if added is state else one_round(data.portion(_MOTION, _MOTION), added, rules.settle_in, sampling)
     state = admit_sensors(data, state)
     if data.sensors.blocks:
-        state = one_round(data, state, schedule.sensors, sampling)
+        state = one_round(data.portion(_MOTION, _MOTION), state, schedule.sensors, sampling)
     if rules is not None:
         state = drop_planes(data, state, rules)
-    state = settle(data, state, settling, sampling)
+    state = settle(data.portion(_MOTION, _SETTLED), state, settling, sampling)
     if rules is not None:
         left = drop_planes(data, state, rules, settled=True)
-        state = state if left is state else settle(data, left, settling, sampling)
-    state, problem = alternate(data, state, settling, sampling)
+        state = state if left is state else settle(data.portion(_SETTLED, _SETTLED), left, settling, sampling)
+    state, problem = alternate(data.portion(_SETTLED, 1.0), state, settling, sampling)
     return finished(data, state, problem)
 
 
 def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """Coarse rounds over what was tracked, then the estimate propagated over the rest."""
     state = with_outlines(data, state)
-    state = one_round(data, state, schedule.motion, schedule.sampling)
-    for coarse in schedule.coarse:
-        state = one_round(data, state, coarse, schedule.sampling)
-    further = propagate(data, state, schedule)
+    rounds = (schedule.motion, *schedule.coarse)
+    for k, each in enumerate(rounds):
+        part = data.portion(_COARSE * k / len(rounds), _COARSE * (k + 1) / len(rounds))
+        state = one_round(part, state, each, schedule.sampling)
+    further = propagate(data.portion(_COARSE, 1.0), state, schedule)
     if further is state:
         for instead in schedule.instead:
             further = one_round(data, further, instead, schedule.sampling)

@@ -36,7 +36,7 @@ def require_length(recording: Recording, purpose: str, advice: str = "") -> None
 
 def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Run:
     """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
-    on_event(StageEvent(stage="initialise", fraction=0.0, text="noise of the IMU"))
+    on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
     clocks = replace(read_clocks(recording), jitter_mean_std_s=jitter_mean_std_s)
     imu = recording.imu

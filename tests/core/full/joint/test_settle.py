@@ -111,7 +111,8 @@ def test_a_cell_that_swings_is_left_out(monkeypatch: pytest.MonkeyPatch, begun: 
         monkeypatch.setattr(settling, name, step)
     for name in ("gate_of", "coarse_stride"):
         monkeypatch.setattr(settling, name, lambda *_: None)
-    data: Any = SimpleNamespace(run=SimpleNamespace(settings=CalibrateSettings(estimate_planes=False)))
+    run = SimpleNamespace(settings=CalibrateSettings(estimate_planes=False))
+    data: Any = SimpleNamespace(run=run, portion=lambda *_: data)
     begin: Any = _Swinging(float(begun), PlaneExtents(np.eye(3)[:1], np.zeros((1, 2, 2), dtype=bool)))
     end: Any = settling.settle(data, begin, Settling(), Sampling())
     assert end.estimate == 0.0
