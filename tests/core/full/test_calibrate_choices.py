@@ -34,6 +34,7 @@ def test_given_planes_guess_and_offset_are_used_as_given(noisy: tuple[Recording,
     settings = CalibrateSettings(
         estimate_time_offset=False,
         estimate_planes=False,
+        intrinsics="off",
         points_per_plane_per_scan=150,
         field_of_view_deg=60.0,
         gravity=Gravity(magnitude_m_s2=9.80665, std_m_s2=0.0),
@@ -90,6 +91,7 @@ def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording
     guess = InitialGuess(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
     offset = Prior(axis="dt", value=truth.time_offset_s, std=1e-9)
     settings = CalibrateSettings(
+        intrinsics="off",
         points_per_plane_per_scan=150,
         field_of_view_deg=60.0,
         gravity=Gravity(magnitude_m_s2=9.80665, std_m_s2=0.0),

@@ -17,6 +17,7 @@ from calib_core.full.joint.estimation import MapPlane
 from calib_core.full.joint.reach import reach_within, spread
 from calib_core.full.joint.schedule import Propagation
 from calib_core.full.joint.window import Window
+from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import exp, plane_axes
 from calib_core.result import PlaneQuality
 from calib_core.settings import CalibrateSettings
@@ -159,10 +160,13 @@ def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts(monke
     normal, offset_m = R @ np.array([-1.0, 0.0, 0.0]), 2.0 + float(p @ R[:, 0])
     pose = SimpleNamespace(R=R[None], p=p[None])
     monkeypatch.setattr(steps, "motion_of", lambda *_: SimpleNamespace(lidar_at=lambda *_: pose))
-    run = SimpleNamespace(clocks=SimpleNamespace(scan_s=np.zeros(1)), settings=CalibrateSettings())
+    clocks = SimpleNamespace(at_rate=lambda _: SimpleNamespace(scan_s=np.zeros(1)))
+    run = SimpleNamespace(clocks=clocks, settings=CalibrateSettings())
     data: Any = SimpleNamespace(run=run, reference=0)
-    estimate = SimpleNamespace(normals=normal[None], time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None)
-    state: Any = SimpleNamespace(estimate=estimate, planes=[MapPlane("wall", outline)])
+    estimate = SimpleNamespace(
+        normals=normal[None], time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None, nuisance=np.zeros(0)
+    )
+    state: Any = SimpleNamespace(estimate=estimate, planes=[MapPlane("wall", outline)], nuisance=Nuisance())
     outlined = steps.outlined_cells(data, state)
     assert outlined is not None
     cells = np.argwhere(outlined[0])

@@ -41,17 +41,14 @@ def test_three_planes_are_left_and_none_of_them_without_points() -> None:
 def test_a_plane_wanders_by_its_bins_averages() -> None:
     """Fails when distances are summed before they are squared (a wandering plane has mean zero), or bins go by points.
 
-    Two planes of two bins each. A bin of n points of weight 1 at distance d has scatter[3, 3] = n, scatter[3, 4] = n d.
+    Two planes of two bins each. A bin of n points of weight 1 at distance d has scatter[3, 3] = n and the sum n d.
     """
     away = np.array([0.01, -0.01, 0.3, -0.3])
     count = np.array([400.0, 100.0, 100.0, 100.0])
     scatter = np.zeros((4, 5, 5))
     scatter[:, 3, 3] = count
-    scatter[:, 3, 4] = count * away
-    seen = np.zeros((4, 5))
-    seen[:, 4] = 1.0
     bins = SimpleNamespace(scatter=scatter, plane=np.array([0, 0, 1, 1]))
-    problem: Any = SimpleNamespace(bins=bins, planes_seen=lambda _: (seen, {}))
+    problem: Any = SimpleNamespace(bins=bins, sums=lambda _: count * away)
     estimate: Any = SimpleNamespace(normals=np.eye(3)[:2])
     found = plane_misfit(problem, estimate)
     assert found == pytest.approx([(0.04 + 0.01) / 2, 9.0])

@@ -169,7 +169,7 @@ def test_bin_jacobian_column_by_column(delta_s: float) -> None:
     """Fails when phi is not carried across the delay (no exp(omega delta)), or the velocity's column is + delta n."""
     problem, e = _problem(5, delta_s=delta_s)
     a, part = problem.planes_seen(e)
-    J = bin_jacobian(a, part, e, problem.bins.plane, delta_s)
+    J = bin_jacobian(a, part, e, problem.bins.plane)
     starts = {0: 0, 9: LAYOUT.size}
     assert starts[9] == LAYOUT.size
     for column in range(19):
