@@ -22,9 +22,9 @@ from calib_core.full.assess.observability import Knowledge, advice, assess
 from calib_core.full.assess.plausibility import gravity_std, implausible, inflation, standing_still
 from calib_core.full.assess.residuals import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.full.calibrate import solve, start_values
+from calib_core.full.initialise.begin import begin
 from calib_core.full.joint.schedule import Solved
-from calib_core.full.odometry.reference import follow
-from calib_core.full.planes.propose import find_reference, propose_planes
+from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.imu_noise import ImuNoiseLevel, longest_still, measure_imu_noise
 from calib_core.full.prepare.imu_stamps import as_taken
@@ -115,7 +115,7 @@ def _check_reference(
         )
 
 
-def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
+def _calibrate_full(
     recording: Recording,
     settings: CalibrateSettings,
     planes: Sequence[Plane] | None,
@@ -137,17 +137,13 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
         )
     ctx = make_context(recording, settings, on_event, should_cancel)
     try:
-        reference, used_planes = _reference(ctx, planes)
-        if not used_planes:
-            return refuse(
-                "planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
-            )
-        followed = follow(ctx, used_planes, reference, given=planes is not None)
-        reference, used_planes, motions = followed.reference, followed.planes, followed.motions
+        followed = begin(ctx, planes)
+        reference, motions = followed.reference, followed.motions
+        used_planes = followed.planes if planes is None else list(planes)
         still = standing_still(motions, len(recording.scans))
         if still is not None:
             return refuse(*still)
-        lidar, start = start_values(ctx, motions, used_planes, guess)
+        lidar, start = start_values(ctx, motions, followed.planes, guess)
         add = planes is None
         solved = solve(ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=add)
         if len(motions) < len(recording.scans) and implausible(ctx, solved) is not None:
@@ -236,15 +232,6 @@ def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks
         )
     )
     return level
-
-
-def _reference(ctx: Context, planes: Sequence[Plane] | None) -> tuple[int, list[Plane]]:
-    """The reference scan and the planes to use: the user's, else those found around it."""
-    if planes is not None:
-        reference, _ = find_reference(ctx.recording.scans, ctx.settings, should_cancel=ctx.should_cancel)
-        return reference, list(planes)
-    proposals = propose_planes(ctx.recording, ctx.settings, on_event=ctx.on_event, should_cancel=ctx.should_cancel)
-    return proposals.reference_scans[0], [patch.plane for patch in proposals.patches]
 
 
 def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:

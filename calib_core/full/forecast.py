@@ -30,12 +30,13 @@ from calib_core.full.calibrate import (
     standing_priors,
     start_values,
 )
+from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.association import gather
 from calib_core.full.joint.propagate import extend
 from calib_core.full.joint.schedule import Rounds
 from calib_core.full.joint.state import CALIBRATION
-from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.planes.propose import propose_planes, scan_points
 from calib_core.full.run import Context, NoStart
@@ -153,7 +154,7 @@ def _look(
     ctx = make_context(recording, settings, ignore_event, should_cancel)
     tell(0.3, "following the planes from scan to scan")
     first = proposals.reference_scans[0]
-    followed = follow(ctx, [patch.plane for patch in proposals.patches], first, given=False)
+    followed = begin(ctx, None, proposals)
     _require_motion(followed.motions)
     tell(0.6, "first values of the calibration")
     lidar, start = start_values(ctx, followed.motions, followed.planes, None)
