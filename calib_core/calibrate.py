@@ -23,6 +23,7 @@ from calib_core.full.assess.plausibility import gravity_std, implausible, inflat
 from calib_core.full.assess.residuals import euler_xyz_deg, plane_residuals, quaternion_xyzw, transform_matrix
 from calib_core.full.calibrate import solve, start_values
 from calib_core.full.initialise.begin import begin
+from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.schedule import Solved
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
@@ -151,6 +152,7 @@ def _calibrate_full(
             solved = solve(
                 ctx, lidar, motions, start, used_planes, reference, guess, may_add_planes=False, may_extend=False
             )
+        wider = 1.0 if planes is None else weigh_chosen(ctx, solved.plane_names, solved.problem, solved.estimate)
     except NoStart as error:
         return refuse(error.code, str(error))
     if (
@@ -176,7 +178,7 @@ def _calibrate_full(
     knowledge = assess(
         solved.minimum.solution.information,
         solved.problem.priors,
-        inflation=inflation(ctx, solved, frozen_offset=frozen),
+        inflation=max(inflation(ctx, solved, frozen_offset=frozen), wider),
         frozen_offset=frozen,
         offset_std_s=ctx.clocks.jitter_mean_std_s,
     )

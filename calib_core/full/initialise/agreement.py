@@ -14,6 +14,8 @@ import numpy as np
 from calib_core.full.initialise.start import GRID_HZ, LidarTrack, Turns, masked_correlation, turns_of
 from calib_core.types import FloatArray
 
+#: Rates are cut off above this percentile, the lidar's and the gyroscope's alike.
+_TOP = 95.0
 #: Spans below this share of the fastest tell nothing of a ratio.
 _FAST = 0.4
 
@@ -50,15 +52,16 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     if len(lidar_t) < 2 or len(imu_t) < 2:
         return NO_AGREEMENT
     norms = np.linalg.norm(turns.rate_rad_s, axis=1)
-    norms = np.minimum(norms, 2.0 * np.percentile(norms, 90.0))  # a few leaps of a track would outweigh all the rest
+    top = np.minimum(norms, np.percentile(norms, _TOP))  # a few leaps of a track would outweigh all the rest
     middle = 0.5 * (turns.start_s + turns.end_s)
-    lidar = np.interp(lidar_t, middle, norms)
+    lidar = np.interp(lidar_t, middle, top)
     width = float(np.median(turns.end_s - turns.start_s))
     imu = _mean_rate(imu_s, gyro_rad_s, imu_t - width / 2, imu_t + width / 2)
     valid = np.isfinite(imu)
     if not valid.any():
         return NO_AGREEMENT
-    imu = np.where(valid, imu, 0.0) / max(float(imu[valid].max()), 1e-12)  # whatever the unit
+    most = max(float(np.percentile(imu[valid], _TOP)), 1e-12)
+    imu = np.minimum(np.where(valid, imu, 0.0), most) / most  # whatever the unit
     correlation, overlap = masked_correlation(lidar / max(float(lidar.max()), 1e-12), imu, valid.astype(float))
     least = min(0.5 * min(len(lidar), len(imu)), max(8.0 * GRID_HZ, 0.3 * len(lidar)))
     score = np.where(overlap >= least, correlation, -np.inf)

@@ -9,6 +9,8 @@ import numpy as np
 
 from calib_core.full.assess.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.association import gather
+from calib_core.full.joint.doubt import plane_doubts, say_left_out
+from calib_core.full.planes.standing import LEAST_M
 from calib_core.planes.segment import SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 #: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
 _BAD_TIMES = 5.0
 _WANDERING_TIMES = 4.0
+#: While the motion is rough a plane may be that far off from place to place and be none the worse.
+_ROUGH_M = 0.008
 #: Fewer planes do not hold a pose.
 _FEWEST = 3
 
@@ -69,13 +73,13 @@ def cull(rounds: Rounds, *, settled: bool = False) -> bool:
     badness = over_usual(chi2, points) / _BAD_TIMES
     if settled:
         badness = np.maximum(badness, over_usual(plane_misfit(problem, rounds.estimate), points) / _WANDERING_TIMES)
+    doubt = plane_doubts(problem, rounds.estimate, LEAST_M if settled else _ROUGH_M)
+    badness = np.maximum(badness, doubt.max(axis=1))
     keep = kept_planes(badness, points)
     if keep.all() or keep.sum() < _FEWEST:
         return False
     dropped = [name for name, kept in zip(rounds.names, keep, strict=True) if not kept]
-    rounds.ctx.say(
-        "warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}"
-    )
+    say_left_out(rounds.ctx, dropped, doubt[~keep])
     rounds.names = [name for name, kept in zip(rounds.names, keep, strict=True) if kept]
     rounds.outlines_m = [outline_m for outline_m, kept in zip(rounds.outlines_m, keep, strict=True) if kept]
     e = rounds.estimate

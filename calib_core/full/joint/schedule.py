@@ -47,6 +47,8 @@ _SETTLING = 12
 #: Room in the gates while planes' extents are learnt, and while the motion settles.
 _LEARNING_M = 0.02
 _SETTLING_M = 0.01
+#: What bends the motion hides what bends less: planes are left out in so many turns at the most.
+_CULLS = 3
 #: Hits nearer to another plane than this are ambiguous, in standard deviations of the range: a point within half of it
 #: may be nearer to the wrong plane. And the least and the most of it.
 _MARGIN_SIGMAS = 6.0
@@ -132,7 +134,9 @@ class Rounds:
         if self.may_add_planes:
             cull(self)
         self.settle()
-        if self.may_add_planes and cull(self, settled=True):
+        for _ in range(_CULLS):
+            if not (self.may_add_planes and cull(self, settled=True)):
+                break
             self.settle()
         gate = Gate(margin_m=self.margin_m)
         for _ in range(_SETTLING):

@@ -209,6 +209,7 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     outline = np.zeros((3, 3))
     monkeypatch.setattr(module, "gather", lambda *_: None)
     monkeypatch.setattr(module, "plane_chi2", lambda *_: (np.array([1.0, 90.0, 1.1, 0.9]), np.full(4, 100.0)))
+    monkeypatch.setattr(module, "plane_doubts", lambda *_: np.zeros((4, 3)))
     ctx = SimpleNamespace(say=lambda *_: None)
     estimate = Planes(np.arange(12.0).reshape(4, 3), np.arange(4.0))
     made = bare(
