@@ -21,8 +21,11 @@ _WORST_CHI2 = 4.0
 _FEWEST_POINTS = 1000
 
 
-def weigh(run: Run, solved: Solved) -> Knowledge:
-    """What is known of the calibration. Raises Refused where the answer cannot be true, or determines no rotation."""
+def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Knowledge:
+    """What is known of the calibration. at_least: the factor on all standard deviations.
+
+    Raises Refused where the answer cannot be true, or determines no rotation.
+    """
     minimum = solved.minimum
     if minimum.solution is None or minimum.outcome is Outcome.SINGULAR or not np.isfinite(minimum.cost):
         raise Refused(
@@ -43,7 +46,7 @@ def weigh(run: Run, solved: Solved) -> Knowledge:
     knowledge = assess(
         minimum.solution.information,
         solved.problem.priors,
-        inflation=inflation(run, solved, frozen_offset=frozen),
+        inflation=max(inflation(run, solved, frozen_offset=frozen), at_least),
         frozen_offset=frozen,
         offset_std_s=run.clocks.jitter_mean_std_s,
     )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.events import LogEvent, ignore_event, never_cancel
+from calib_core.full.initialise.begin import begin
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import find_reference, named_planes
@@ -30,12 +31,12 @@ def _errors(recording: Recording, truth: Truth, found: Followed) -> tuple[float,
 
 
 def _half_empty(recording: Recording) -> Recording:
-    """Seven empty scans cut a recording of sixty after its first twelve."""
-    scans = [replace(s, points=s.points[:0]) if 12 <= i < 19 else s for i, s in enumerate(recording.scans)]
+    """Two and a half seconds of empty scans, more than a gyroscope bridges, after the first twelve of sixty."""
+    scans = [replace(s, points=s.points[:0]) if 12 <= i < 37 else s for i, s in enumerate(recording.scans)]
     return replace(recording, scans=scans)
 
 
-def _follow(recording: Recording, *, given: bool) -> tuple[Followed, list[str]]:
+def _begin(recording: Recording, *, given: bool) -> tuple[Followed, list[str]]:
     said: list[str] = []
 
     def listen(event: object) -> None:
@@ -45,28 +46,31 @@ def _follow(recording: Recording, *, given: bool) -> tuple[Followed, list[str]]:
     settings = CalibrateSettings()
     ctx = prepare(recording, settings, listen, never_cancel)
     _, fits = find_reference(recording.scans, settings)
-    return follow(ctx, named_planes(fits), 0, given=given), said
+    return begin(ctx, named_planes(fits)[:3] if given else None), said
 
 
 def test_another_reference_is_taken_where_the_first_leads_nowhere(noisy: tuple[Recording, Truth]) -> None:
     """Fails when the first reference's twelve scans are kept, or the poses stay in the first one's frame."""
     recording = _half_empty(noisy[0])
-    found, said = _follow(recording, given=False)
-    assert found.reference > 18
+    found, said = _begin(recording, given=False)
+    assert found.reference > 36
     assert "track.reference" in said
-    assert [m.position for m in found.motions] == list(range(19, len(recording.scans)))
+    assert [m.position for m in found.motions] == list(range(37, len(recording.scans)))
     turned, moved = _errors(recording, noisy[1], found)
     assert turned < 4.0
     assert moved < 0.08
 
 
-def test_given_planes_keep_their_scan_and_their_number(noisy: tuple[Recording, Truth]) -> None:
-    """Fails when planes that a person chose are left for other ones elsewhere."""
+def test_given_planes_keep_their_frame_and_nothing_else(noisy: tuple[Recording, Truth]) -> None:
+    """The motion is told from the scan in whose frame given planes are; it is followed by all that is found.
+
+    Mutation: `begin` without `seen_from` (another scan's frame), or with the given planes in place of the found ones.
+    """
     recording = _half_empty(noisy[0])
-    found, said = _follow(recording, given=True)
+    found, said = _begin(recording, given=True)
     assert found.reference == 0
-    assert len(found.motions) == 12
     assert "track.reference" not in said
+    assert len(found.planes) > 3
 
 
 @pytest.mark.parametrize(("first", "last", "goes_on"), [(20, 22, True), (20, 27, False)])
@@ -89,6 +93,6 @@ def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
     """Fails when anything random without a seed, or left over from the last run, enters."""
     ctx = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
     _, fits = find_reference(noisy[0].scans, CalibrateSettings())
-    one, other = (follow(ctx, named_planes(fits), 0, given=False) for _ in range(2))
+    one, other = (follow(ctx, named_planes(fits), 0) for _ in range(2))
     np.testing.assert_array_equal([m.R for m in one.motions], [m.R for m in other.motions])
     np.testing.assert_array_equal([m.p for m in one.motions], [m.p for m in other.motions])
