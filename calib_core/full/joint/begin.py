@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,20 +21,34 @@ from calib_core.imu.preintegration import knot_spacing_s, upsample
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import FloatArray, InitialGuess, Plane
 
-#: Between the nodes of the biases: closer in a short recording, where it costs nothing.
-_NODES_S = 5.0
-_CLOSEST_NODES_S, _FEW_NODES = 2.5, 14
-#: Of an IMU that nobody has named: gyroscope [rad/s per sqrt(s)], accelerometer [m/s2 per sqrt(s)]. Three times what good
-#: ones are said to have. A walk taken for smaller than it is bends the whole trajectory; one taken for larger costs nothing.
-USUAL_WALK = (3e-5, 3e-4)
-#: The standing prior of the contract: 1 rad, 10 m, 10 s.
-_STANDING_STD = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
-#: With fewer tracked knots there is nothing to hold a calibration against.
-_FEWEST_KNOTS = 20
-#: Of a lidar of which nothing is known yet; measured in the rounds.
-_UNKNOWN_LIDAR = LidarNoise(range_std_m=0.02, surface_std_m=0.005)
-#: Knots beyond the tracked sweeps' end, so that the last points have one on either side.
-_OVERHANG_KNOTS = 2
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """Knots, bias nodes and standing priors."""
+
+    #: Between the nodes of the biases: MEMS biases wander over tens of seconds,
+    nodes_s: float = 5.0
+    #: closer in a short recording, where it costs nothing,
+    closest_nodes_s: float = 2.5
+    #: which is one with fewer nodes than this.
+    few_nodes: int = 14
+    #: Of an IMU that nobody has named [rad/s per sqrt(s)]: three times what good ones are said to have. A walk taken for
+    #: smaller than it is bends the whole trajectory; one taken for larger costs nothing.
+    usual_gyro_walk: float = 3e-5
+    #: The same of an accelerometer [m/s2 per sqrt(s)].
+    usual_accel_walk: float = 3e-4
+    #: The contract's standing prior, so wide that it tells nothing a rig could contradict: 1 rad, 10 m, 10 s.
+    standing_std: tuple[float, ...] = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
+    #: With fewer tracked knots (0.2 s) there is nothing to hold a calibration against.
+    fewest_knots: int = 20
+    #: Knots beyond the tracked sweeps' end, so that the last points have one on either side.
+    overhang_knots: int = 2
+    #: Of a lidar of which nothing is known yet, as data sheets have them; measured in the rounds.
+    unknown_range_std_m: float = 0.02
+    unknown_surface_std_m: float = 0.005
+
+
+BEGINNING = Beginning()
 
 
 def begin(
@@ -46,7 +61,7 @@ def begin(
     *,
     every: int = 1,
     most_s: float | None = None,
-    beyond: int = _OVERHANG_KNOTS,
+    beyond: int = BEGINNING.overhang_knots,
 ) -> tuple[JointData, Estimation, float]:
     """The data of the joint problem, what is known at first, and the share of the recording that is gone after.
 
@@ -59,7 +74,7 @@ def begin(
     whole = knots_over(clocks.imu_s, tracked_from, float(clocks.scan_s[-1] + clocks.sweep_s[-1]), offset_s)[::every]
     overhang_s = beyond * knot_spacing_s(clocks.imu_s)
     inside = int(np.searchsorted(whole, tracked_to - offset_s + overhang_s))
-    if inside < _FEWEST_KNOTS:
+    if inside < BEGINNING.fewest_knots:
         raise Refused(
             "start.too_short",
             f"the lidar's planes and the IMU share only {max(tracked_to - tracked_from, 0.0):.1f} s; "
@@ -79,7 +94,7 @@ def begin(
         priors=standing_priors(run, estimate, guess),
         planes=tuple(MapPlane(plane.name, plane.outline_m) for plane in planes),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
-        lidar_noise=_UNKNOWN_LIDAR,
+        lidar_noise=LidarNoise(BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m),
     )
     spacing_s = readings.spacing_s
     most_rounds = schedule.most_rounds(inside * spacing_s, len(whole) * spacing_s, run.settings.max_rounds)
@@ -130,8 +145,8 @@ def bias_nodes(knots_s: FloatArray) -> BiasNodes:
 
     Between nodes a walk strays from the straight line by half of what it walks in that time.
     """
-    few = float(knots_s[-1] - knots_s[0]) / (_FEW_NODES - 1)
-    return BiasNodes.spread(knots_s, float(np.clip(few, _CLOSEST_NODES_S, _NODES_S)))
+    few = float(knots_s[-1] - knots_s[0]) / (BEGINNING.few_nodes - 1)
+    return BiasNodes.spread(knots_s, float(np.clip(few, BEGINNING.closest_nodes_s, BEGINNING.nodes_s)))
 
 
 def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Priors:
@@ -139,7 +154,9 @@ def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Pr
     settings = run.settings
     means = np.zeros(CALIBRATION)
     means[-1] = start.time_offset_s
-    rows = [PriorRow(i, float(mean), std) for i, (mean, std) in enumerate(zip(means, _STANDING_STD, strict=True))]
+    rows = [
+        PriorRow(i, float(mean), std) for i, (mean, std) in enumerate(zip(means, BEGINNING.standing_std, strict=True))
+    ]
     for prior in settings.priors:
         column = COVARIANCE_ORDER.index(prior.axis)
         value = prior.value
@@ -147,7 +164,7 @@ def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Pr
             value = run.clocks.offset_s(round(prior.value * 1e9))
         rows.append(PriorRow(column, value, prior.std))
     reference = guess.R_imu_lidar if guess is not None and guess.R_imu_lidar is not None else start.R_imu_lidar
-    walk = USUAL_WALK
+    walk = (BEGINNING.usual_gyro_walk, BEGINNING.usual_accel_walk)
     noise = settings.imu_noise
     if noise is not None and not isinstance(noise, str):
         walk = (noise.gyroscope_random_walk, noise.accelerometer_random_walk)
