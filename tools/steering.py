@@ -19,8 +19,6 @@ BEGIN, END = "<!-- steering numbers: python -m tools.steering -->", "<!-- end of
 
 #: Stage, file and class of every record, in reading order.
 RECORDS = (
-    ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
-    ("odometry", "calib_core/full/odometry/register.py", "TrackSettings"),
     ("joint", "calib_core/full/joint/begin.py", "Beginning"),
     ("joint", "calib_core/full/joint/schedule.py", "Round"),
     ("joint", "calib_core/full/joint/schedule.py", "Sampling"),
