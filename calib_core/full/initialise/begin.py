@@ -151,10 +151,9 @@ def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree."""
     ctx.stage("track", 0.0, "turning from scan to scan")
     pairs = pair_turns(ctx.recording.scans, seed=ctx.settings.random_seed)
-    start_s, end_s = (
-        ctx.clocks.scan_s[pairs.first],
-        ctx.clocks.scan_s[np.minimum(pairs.first + 1, len(ctx.clocks.scan_s) - 1)],
-    )
+    # A sweep taken as one rigid look is a look from where its middle was.
+    middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
+    start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
     turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, 1e-3)[:, None])
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
     agreed = agreement_of(turns, imu_s, gyro_rad_s)

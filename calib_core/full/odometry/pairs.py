@@ -1,7 +1,8 @@
 """How far the lidar turned from one scan to the next, each pair by itself: no map that could go wrong, nothing carried on.
 
 The planes of a scan are found in that scan alone and the next one is registered to them from where it stands. A pair
-that fails is one pair. Both scans are bent by nearly the same motion, which leaves the turn between them alone.
+that fails is one pair. Both scans are bent by nearly the same motion, which leaves the turn between them alone: it is that
+from the middle of one sweep to the middle of the next.
 """
 
 from __future__ import annotations

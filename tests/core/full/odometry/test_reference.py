@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.errors import Refused
 from calib_core.events import LogEvent, ignore_event, never_cancel
-from calib_core.full.initialise.begin import begin
+from calib_core.full.initialise.begin import BELIEVED, _pairs_start, begin
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import find_reference, named_planes
@@ -96,3 +97,42 @@ def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
     one, other = (follow(ctx, named_planes(fits), 0) for _ in range(2))
     np.testing.assert_array_equal([m.R for m in one.motions], [m.R for m in other.motions])
     np.testing.assert_array_equal([m.p for m in one.motions], [m.p for m in other.motions])
+
+
+def test_a_lidar_that_turns_like_nothing_the_gyroscope_saw_is_refused_as_that(noisy: tuple[Recording, Truth]) -> None:
+    """Sweeps in an order drawn by lot: a track may come of it, of any speed. It is no ground to doubt a unit.
+
+    Mutation: `_refuse_lost` that lets such a track pass: the start values complain of a unit, or the solve diverges.
+    """
+    recording, _ = noisy
+    order = np.random.default_rng(5).permutation(len(recording.scans))
+    scans = [replace(scan, points=recording.scans[k].points) for scan, k in zip(recording.scans, order, strict=True)]
+    with pytest.raises(Refused, match="could not be followed") as refusal:
+        _begin(replace(recording, scans=scans), given=False)
+    assert refusal.value.code == "planes.lost"
+
+
+def test_a_lidar_that_stands_still_while_the_gyroscope_turns_is_not_said_to_stand_still(
+    noisy: tuple[Recording, Truth],
+) -> None:
+    """The first sweep again and again, under new stamps. Mutation: no look at the gyroscope: "the lidar stood still"."""
+    recording, _ = noisy
+    scans = [replace(scan, points=recording.scans[0].points) for scan in recording.scans]
+    with pytest.raises(Refused, match="while the gyroscope turns by") as refusal:
+        _begin(replace(recording, scans=scans), given=False)
+    assert refusal.value.code == "planes.lost"
+
+
+def test_pairs_of_neighbours_alone_give_lag_and_rotation(noisy: tuple[Recording, Truth]) -> None:
+    """At 1.5 Hz a sweep is bent by degrees; over thirty pairs rotation and lag are told to what a track can start from.
+
+    Mutation: swap the two scans (a half turn away), or take the turns for those between the sweeps' beginnings (50 ms).
+    """
+    recording, truth = noisy
+    ctx = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    starts, agreed = _pairs_start(ctx)
+    late_s = starts[0].time_offset_s - ctx.clocks.offset_s(truth.time_offset_ns)
+    turned = log(truth.R_imu_lidar.T @ starts[0].R_imu_lidar)
+    assert agreed.correlation > BELIEVED
+    assert abs(late_s) < 0.02
+    assert np.degrees(np.linalg.norm(turned)) < 5.0
