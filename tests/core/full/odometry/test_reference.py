@@ -62,16 +62,22 @@ def test_another_reference_is_taken_where_the_first_leads_nowhere(noisy: tuple[R
     assert moved < 0.08
 
 
-def test_given_planes_keep_their_frame_and_nothing_else(noisy: tuple[Recording, Truth]) -> None:
-    """The motion is told from the scan in whose frame given planes are; it is followed by all that is found.
+def test_given_planes_keep_their_frame(noisy: tuple[Recording, Truth]) -> None:
+    """The motion is told from the scan in whose frame given planes are, however little follows from there.
 
-    Mutation: `begin` without `seen_from` (another scan's frame), or with the given planes in place of the found ones.
+    Mutation: `begin` without `seen_from` or its second best: the frame of a scan that leads further.
     """
-    recording = _half_empty(noisy[0])
-    found, said = _begin(recording, given=True)
+    found, said = _begin(_half_empty(noisy[0]), given=True)
     assert found.reference == 0
     assert "track.reference" not in said
-    assert len(found.planes) > 3
+
+
+def test_a_choice_of_planes_does_not_feed_the_start(noisy: tuple[Recording, Truth]) -> None:
+    """Three of the planes chosen, or none: the same motion, bit for bit. Mutation: the given in place of the found."""
+    chosen, free = (_begin(noisy[0], given=given)[0] for given in (True, False))
+    assert len(free.planes) > 3
+    np.testing.assert_array_equal([m.R for m in chosen.motions], [m.R for m in free.motions])
+    np.testing.assert_array_equal([m.p for m in chosen.motions], [m.p for m in free.motions])
 
 
 @pytest.mark.parametrize(("first", "last", "goes_on"), [(20, 22, True), (20, 27, False)])
