@@ -7,4 +7,6 @@
     initialise/   time offset, rotation, gravity, lever arm
     joint/        everything at once, coarse to fine
     assess/       what of it is known, and whether it can be true
+
+A stage knows those before it, never one after it.
 """

@@ -7,4 +7,6 @@
     propagate.py    over what the lidar alone could not follow: window.py, regain.py, drift.py, reach.py
     plane_set.py    planes that join and planes that leave; doubt.py says why
     problem.py      the factors: state.py, motion.py, association.py, priors.py, undetermined.py
+
+Each step takes what is known and gives what is known then.
 """
