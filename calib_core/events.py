@@ -29,7 +29,7 @@ class _Event(BaseModel):
 
 
 class StageEvent(_Event):
-    """Progress within a stage. `fraction` is of this stage, 0..1, and never less than before."""
+    """Progress within a stage. `fraction` is of this stage, 0..1."""
 
     event: Literal["stage"] = "stage"
     stage: Stage

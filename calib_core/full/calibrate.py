@@ -15,26 +15,29 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible, standing_still
 from calib_core.full.assess.verdict import answer, weigh
+from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
+from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.solve import estimate_jointly
-from calib_core.full.odometry.reference import Followed, follow
-from calib_core.full.planes.reference import reference_planes
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
 
 
 def calibrate_full(run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None) -> Answer:
-    """The answer of a prepared run. planes: None to find them.   guess: what is known beforehand, None for nothing."""
-    reference = reference_planes(run, planes)
-    followed = follow(run, reference.planes, reference.scan, given=reference.given)
+    """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
+    found.   guess: what is known beforehand, None for nothing."""
+    followed = follow_planes(run, planes)
     _require_motion(run, followed)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
-    solved = solve(run, followed, lidar, start, guess, may_add_planes=not reference.given)
-    return answer(run, solved, weigh(run, solved))
+    counted = followed if planes is None else replace(followed, planes=list(planes))
+    solved = solve(run, counted, lidar, start, guess, may_add_planes=planes is None)
+    wider = 1.0 if planes is None else weigh_chosen(run, solved)
+    return answer(run, solved, weigh(run, solved, at_least=wider))
 
 
 def solve(

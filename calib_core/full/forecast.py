@@ -23,6 +23,8 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, n
 from calib_core.factors.lidar_plane import Gate
 from calib_core.full.assess.observability import Knowledge, advice, assess
 from calib_core.full.assess.verdict import require_rotation
+from calib_core.full.initialise.begin import NO_PLANES_TEXT
+from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.association import gather
@@ -31,10 +33,9 @@ from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.round import associate, measure, problem_of, survey
 from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
-from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.planes.propose import propose_planes, scan_points
-from calib_core.full.planes.reference import NO_PLANES_TEXT, proposed
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
 from calib_core.geometry import log
@@ -142,8 +143,7 @@ def _look(
     require_length(recording, "a forecast")
     run = prepare(recording, settings, ignore_event, should_cancel)
     tell(0.3, "following the planes from scan to scan")
-    reference = proposed(proposals)
-    followed = follow(run, reference.planes, reference.scan, given=False)
+    followed = follow_planes(run, None, proposals)
     _require_motion(followed.motions)
     tell(0.6, "first values of the calibration")
     lidar, start = initialise(run, followed.motions, followed.planes, None)
@@ -157,7 +157,7 @@ def _look(
     said = tuple(advice(knowledge, turning, state.estimate.R_imu_lidar))
     tell(1.0, "")
     # In another reference scan's frame gravity says nothing of the proposals' planes.
-    gravity = start.linear.gravity if followed.reference == reference.scan else None
+    gravity = start.linear.gravity if followed.reference == proposals.reference_scans[0] else None
     covered_s = state.knots * data.readings.spacing_s
     range_std_m = state.lidar_noise.range_std_m
     return Outlook(proposals, gravity, knowledge, advice=said, covered_s=covered_s, range_std_m=range_std_m)

@@ -14,6 +14,7 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.events import LogEvent, OnEvent, ShouldCancel
 from calib_core.full.assess.observability import assess
+from calib_core.full.joint.begin import BEGINNING
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.paper.calibrate import calibrate_paper
 from calib_core.paper.records import PaperSolution
@@ -21,8 +22,6 @@ from calib_core.result import Message, PlaneQuality
 from calib_core.settings import CalibrateSettings
 from calib_core.types import InitialGuess, Plane, Recording
 
-#: The contract's standing prior: 1 rad, 10 m, 10 s.
-_STANDING_STD = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
 _ABOUT_STD = (
     "the standard deviations are those of the published cost, whose factor balance is not a noise model: "
     "use `--method full` for error bars"
@@ -51,8 +50,8 @@ def calibrate_published(
 
 def _answer(solution: PaperSolution) -> Answer:
     information = np.asarray(np.linalg.inv(solution.covariance), dtype=np.float64)
-    information = information + np.diag(1.0 / np.array(_STANDING_STD) ** 2)
-    rows = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(_STANDING_STD))
+    information = information + np.diag(1.0 / np.array(BEGINNING.standing_std) ** 2)
+    rows = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(BEGINNING.standing_std))
     knowledge = assess(information, Priors(solution.R_imu_lidar, rows, solution.gravity_m_s2, 0.0))
     findings = [Message(code=f.code, level=f.level, text=f.text) for f in solution.messages]
     return Answer(

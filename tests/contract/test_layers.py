@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,7 @@ APP_MAY_IMPORT = RECORDS | {"api", "doctor.report"}
 HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "tuspyserver", "websockets"}
 
 
+@lru_cache
 def imports_of(path):
     """Dotted names a module imports, with whether each import is inside a function."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -209,6 +211,7 @@ def module_name(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@lru_cache
 def import_graph(package):
     """Modules of a package, and which of its modules each of them imports, by statement or by name in a string."""
     known = {module_name(path): path for path in sources(package)}

@@ -32,8 +32,11 @@ class Confidence:
     found: tuple[Disagreement, ...]
 
 
-def confidence(run: Run, solved: Solved) -> Confidence:
-    """Of a solved recording; says where its parts disagree. Raises NotPositiveDefinite."""
+def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
+    """Of a solved recording; says where its parts disagree. at_least: the factor on all standard deviations.
+
+    Raises NotPositiveDefinite.
+    """
     assert solved.minimum.solution is not None
     information = solved.minimum.solution.information
     frozen = not run.settings.estimate_time_offset
@@ -52,6 +55,7 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     knowledge = assess(
         information,
         priors,
+        inflation=at_least,
         frozen_offset=frozen,
         offset_std_s=run.clocks.jitter_mean_std_s,
         added=added + beyond,

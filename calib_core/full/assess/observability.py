@@ -13,16 +13,11 @@ import numpy as np
 
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION
-from calib_core.full.joint.undetermined import LIMITS, STANDING, UNITS, data_information, is_open, undetermined
+from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import WeakDirection
 from calib_core.types import FloatArray
 
 _LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
-_NAMES = (
-    "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
-    "translation along the IMU's x axis", "translation along the IMU's y axis", "translation along the IMU's z axis",
-    "time offset",
-)  # fmt: skip
 _SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
 #: A direction with so much of its length in one kind of parameter is of that kind.
 _ONE_KIND = 0.99
@@ -98,7 +93,7 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
     alone = bool(abs(vector[largest]) > 0.95)
-    what = _NAMES[largest] if alone else _mixture(vector)
+    what = NAMES[largest] if alone else _mixture(vector)
     if undetermined:
         text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
     else:
@@ -136,7 +131,7 @@ def named_direction(covariance: FloatArray) -> str:
     vector = np.linalg.eigh(covariance)[1][:, -1]
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
-    return _NAMES[largest] if abs(vector[largest]) > 0.95 else _mixture(vector)
+    return NAMES[largest] if abs(vector[largest]) > 0.95 else _mixture(vector)
 
 
 def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[str]:

@@ -24,8 +24,11 @@ _WORST_CHI2 = 4.0
 _FEWEST_POINTS = 1000
 
 
-def weigh(run: Run, solved: Solved) -> Confidence:
-    """What is known of the calibration. Raises Refused where the answer cannot be true, or determines no rotation."""
+def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
+    """What is known of the calibration. at_least: the factor on all standard deviations.
+
+    Raises Refused where the answer cannot be true, or determines no rotation.
+    """
     minimum = solved.minimum
     if minimum.solution is None or minimum.outcome is Outcome.SINGULAR or not np.isfinite(minimum.cost):
         raise Refused(
@@ -42,7 +45,7 @@ def weigh(run: Run, solved: Solved) -> Confidence:
     wrong = implausible(run, solved)
     if wrong is not None:
         raise Refused("solve.inconsistent", wrong)
-    trust = confidence(run, solved)
+    trust = confidence(run, solved, at_least=at_least)
     require_rotation(trust.knowledge)
     return trust
 

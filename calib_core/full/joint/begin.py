@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,17 +23,29 @@ from calib_core.presets import random_walks
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import FloatArray, InitialGuess, Plane
 
-#: Between the nodes of the biases: closer in a short recording, where it costs nothing.
-_NODES_S = 5.0
-_CLOSEST_NODES_S, _FEW_NODES = 2.5, 14
-#: The standing prior of the contract: 1 rad, 10 m, 10 s.
-_STANDING_STD = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
-#: With fewer tracked knots there is nothing to hold a calibration against.
-_FEWEST_KNOTS = 20
-#: Of a lidar of which nothing is known yet; measured in the rounds.
-_UNKNOWN_LIDAR = LidarNoise(range_std_m=0.02, surface_std_m=0.005)
-#: Knots beyond the tracked sweeps' end, so that the last points have one on either side.
-_OVERHANG_KNOTS = 2
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """Knots, bias nodes and standing priors."""
+
+    #: Between the nodes of the biases: MEMS biases wander over tens of seconds,
+    nodes_s: float = 5.0
+    #: closer in a short recording, where it costs nothing,
+    closest_nodes_s: float = 2.5
+    #: which is one with fewer nodes than this.
+    few_nodes: int = 14
+    #: The contract's standing prior, so wide that it tells nothing a rig could contradict: 1 rad, 10 m, 10 s.
+    standing_std: tuple[float, ...] = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
+    #: With fewer tracked knots (0.2 s) there is nothing to hold a calibration against.
+    fewest_knots: int = 20
+    #: Knots beyond the tracked sweeps' end, so that the last points have one on either side.
+    overhang_knots: int = 2
+    #: Of a lidar of which nothing is known yet, as data sheets have them; measured in the rounds.
+    unknown_range_std_m: float = 0.02
+    unknown_surface_std_m: float = 0.005
+
+
+BEGINNING = Beginning()
 
 
 def begin(
@@ -45,7 +58,7 @@ def begin(
     *,
     every: int = 1,
     most_s: float | None = None,
-    beyond: int = _OVERHANG_KNOTS,
+    beyond: int = BEGINNING.overhang_knots,
 ) -> tuple[JointData, Estimation, float]:
     """The data of the joint problem, what is known at first, and the share of the recording that is gone after.
 
@@ -58,7 +71,7 @@ def begin(
     whole = knots_over(clocks.imu_s, tracked_from, float(clocks.scan_s[-1] + clocks.sweep_s[-1]), offset_s)[::every]
     overhang_s = beyond * knot_spacing_s(clocks.imu_s)
     inside = int(np.searchsorted(whole, tracked_to - offset_s + overhang_s))
-    if inside < _FEWEST_KNOTS:
+    if inside < BEGINNING.fewest_knots:
         raise Refused(
             "start.too_short",
             f"the lidar's planes and the IMU share only {max(tracked_to - tracked_from, 0.0):.1f} s; "
@@ -78,7 +91,7 @@ def begin(
         priors=standing_priors(run, estimate, guess),
         planes=tuple(MapPlane(plane.name, plane.outline_m) for plane in planes),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
-        lidar_noise=_UNKNOWN_LIDAR,
+        lidar_noise=LidarNoise(BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m),
     )
     spacing_s = readings.spacing_s
     most_rounds = schedule.most_rounds(inside * spacing_s, len(whole) * spacing_s, run.settings.max_rounds)
@@ -130,8 +143,8 @@ def bias_nodes(knots_s: FloatArray) -> BiasNodes:
 
     Between nodes a walk strays from the straight line by half of what it walks in that time.
     """
-    few = float(knots_s[-1] - knots_s[0]) / (_FEW_NODES - 1)
-    return BiasNodes.spread(knots_s, float(np.clip(few, _CLOSEST_NODES_S, _NODES_S)))
+    few = float(knots_s[-1] - knots_s[0]) / (BEGINNING.few_nodes - 1)
+    return BiasNodes.spread(knots_s, float(np.clip(few, BEGINNING.closest_nodes_s, BEGINNING.nodes_s)))
 
 
 def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Priors:
@@ -139,7 +152,9 @@ def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Pr
     settings = run.settings
     means = np.zeros(CALIBRATION)
     means[-1] = start.time_offset_s
-    rows = [PriorRow(i, float(mean), std) for i, (mean, std) in enumerate(zip(means, _STANDING_STD, strict=True))]
+    rows = [
+        PriorRow(i, float(mean), std) for i, (mean, std) in enumerate(zip(means, BEGINNING.standing_std, strict=True))
+    ]
     for prior in settings.priors:
         column = COVARIANCE_ORDER.index(prior.axis)
         value = prior.value

@@ -10,14 +10,10 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.joint.undetermined import NAMES
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
-_NAMES = (
-    "the rotation about the lidar's x axis", "the rotation about the lidar's y axis",
-    "the rotation about the lidar's z axis", "the lever arm along the IMU's x axis",
-    "the lever arm along the IMU's y axis", "the lever arm along the IMU's z axis", "the time offset",
-)  # fmt: skip
 _CURE = "some planes are not flat or do not stand still: leave out what can move or bend"
 
 
@@ -74,7 +70,7 @@ def _refuse(before: Estimation, after: Estimation, what: str) -> None:
     worst = int(np.argmax(sigmas))
     raise Refused(
         "solve.unsettled",
-        f"{what}: {_NAMES[worst]} still moved by {_amount(float(moved[worst]), worst)}, {sigmas[worst]:.1f} times its "
+        f"{what}: the {NAMES[worst]} still moved by {_amount(float(moved[worst]), worst)}, {sigmas[worst]:.1f} times its "
         f"standard deviation, in the last one; {_CURE}",
     )
 

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.full.joint.association import gather
+from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import present_view, problem_of
 from calib_core.full.joint.schedule import PlaneSet
 from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.standing import LEAST_M
 from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
@@ -81,12 +83,13 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     if settled:
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
         badness = np.maximum(badness, wandering / rules.worst_wandering)
+    doubt = plane_doubts(problem, state.estimate, LEAST_M if settled else rules.rough_m)
+    badness = np.maximum(badness, doubt.max(axis=1))
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:
         return state
     dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
-    text = f"left out, because their points do not fit the motion: {', '.join(dropped)}"
-    data.run.say("warning", "planes.dropped", text)
+    say_left_out(data.run, dropped, doubt[~keep])
     return only_planes(state, keep)
 
 

@@ -117,6 +117,10 @@ class PlaneSet:
     #: A plane is none that scatters so many times as much as others, or whose averages wander so: walls stay below three.
     worst_scatter: float = 5.0
     worst_wandering: float = 4.0
+    #: While the motion is rough a plane may be that far off from place to place and be none the worse.
+    rough_m: float = 0.008
+    #: What bends the motion hides what bends less: planes are left out in so many turns at the most.
+    turns: int = 3
     #: Fewer planes do not hold a pose.
     fewest: int = 3
     #: New ones are looked for among so many points of so many scans that lie this far from every plane.
@@ -206,7 +210,7 @@ class Schedule:
         if self.planes is not None:
             rounds += 1
         if self.settling is not None:
-            rounds += self.settling.rounds * (2 if self.planes is not None else 1)
+            rounds += self.settling.rounds * (1 if self.planes is None else 1 + self.planes.turns)
             rounds += self.settling.descents(most_fixed_point)
         return rounds
 

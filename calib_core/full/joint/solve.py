@@ -12,7 +12,7 @@ from calib_core.full.joint.plane_set import add_planes, drop_planes
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
-from calib_core.full.joint.schedule import Schedule
+from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settling
 from calib_core.full.joint.settle import alternate, settle
 
 #: How far along the estimation is, as a share of its usual time: where the motion is known (and of that, where the coarse
@@ -36,10 +36,21 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule) -> 
         state = drop_planes(data, state, rules)
     state = settle(data.portion(_MOTION, _SETTLED), state, settling, sampling)
     if rules is not None:
-        left = drop_planes(data, state, rules, settled=True)
-        state = state if left is state else settle(data.portion(_SETTLED, _SETTLED), left, settling, sampling)
+        state = settle_without_doubtful(data.portion(_SETTLED, _SETTLED), state, rules, settling, sampling)
     state, problem = alternate(data.portion(_SETTLED, 1.0), state, settling, sampling)
     return finished(data, state, problem)
+
+
+def settle_without_doubtful(
+    data: JointData, state: Estimation, rules: PlaneSet, settling: Settling, sampling: Sampling
+) -> Estimation:
+    """Settled again without what turns out to be no plane, in as many turns as there are."""
+    for _ in range(rules.turns):
+        left = drop_planes(data, state, rules, settled=True)
+        if left is state:
+            break
+        state = settle(data, left, settling, sampling)
+    return state
 
 
 def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:

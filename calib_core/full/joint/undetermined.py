@@ -16,6 +16,12 @@ from calib_core.full.joint.state import CALIBRATION
 from calib_core.solver.information import marginal
 from calib_core.types import BoolArray, FloatArray
 
+#: The calibration to a person, in the order of its columns.
+NAMES = (
+    "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
+    "translation along the IMU's x axis", "translation along the IMU's y axis", "translation along the IMU's z axis",
+    "time offset",
+)  # fmt: skip
 #: One unit of each parameter: 1 deg, 10 mm, 1 ms.
 UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
 #: A direction is weak where its spread along any parameter exceeds 0.5 deg, 20 mm or 2 ms.

@@ -36,7 +36,7 @@ def test_a_misread_imu_is_named(
 ) -> None:
     """Mutation: take the lag of the rotation for the reflection's; name patterns without `np.prod(signs) < 0`;
 
-    compare the ratio of rates with 100 in place of _OTHER_UNIT.
+    correlate rates without bringing them to one size first (57 times slower is below the floor of a variance).
     """
     recording, _ = noisy
     imu = replace(

@@ -88,6 +88,7 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     monkeypatch.setattr(plane_set, "gather", lambda *_: None)
     monkeypatch.setattr(plane_set, "problem_of", lambda *_: Problem())
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.array([1.0, 90.0, 1.1, 0.9]), np.full(4, 100.0)))
+    monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: np.zeros((4, 3)))
     said: list[str] = []
     data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what[-1])))
     left = drop_planes(data, state, PlaneSet())
@@ -97,7 +98,7 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     np.testing.assert_array_equal(left.estimate.offsets_m, [0.0, 2.0, 3.0])
     assert left.observations is None
     assert len(state.planes) == 4  # what was known before is as it was
-    assert said == ["left out, because their points do not fit the motion: b"]
+    assert said == ["b does not fit the motion that the others share: left out"]
     assert drop_planes(data, state, PlaneSet(worst_scatter=100.0)) is state
 
 

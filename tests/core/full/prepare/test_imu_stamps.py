@@ -128,7 +128,8 @@ def test_what_is_said_is_what_was_found(beta: float, std: float, in_rows: float,
 
 
 def test_jitter_costs_the_answer_its_mean_and_no_more(noisy: tuple[Recording, Truth]) -> None:
-    """Ideal sensors, so that nothing else may take it up. Against the answer of the same readings with true stamps: fast motion, where 1.2 ms is 20 times the gyroscope's noise.
+    """Ideal sensors, so that nothing else takes it up, against the answer of the same readings with true stamps: fast motion,
+    where 1.2 ms is 20 times the gyroscope's noise.
 
     Mutations: solve with the stamps as they are; leave the mean's variance out of the time offset's.
     """
