@@ -10,7 +10,7 @@
     monte-carlo SCENARIO... [--seeds]   one row a run in bench/results/monte_carlo.csv; goes on where it was stopped
     monte-carlo SCENARIO... --faults FAULTS [--duration-s] [--set]
                                         the same on sensors as they are: fault_runs.csv, fault_parameters.csv
-    report-faults                       bench/results/fault_runs.md from these, with NEES and the test of the mean error
+    report-faults                       bench/results/faults.md from these and the bounds: NEES, the test of the mean error
     starts [--seeds] [--kinds]          from any start the same answer: bench/results/starts.csv; goes on, too
     report                              bench/results/accuracy.md from these three
 
