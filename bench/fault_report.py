@@ -112,8 +112,11 @@ def write_report(folder: Path = RESULTS) -> Path:
         f"largest of the seven mean errors in its own sigmas; beyond {BIAS_SIGMAS:.1f} it is one. Parameters: rms error over",
         "stated sigma by block (part of the prior's sigma that is left).",
         "",
-        "| " + " | ".join(_HEAD) + " |",
-        "| --- | --- |" + " ---: |" * 8 + " --- | --- | --- |",
+        *(
+            ["| " + " | ".join(_HEAD) + " |", "| --- | --- |" + " ---: |" * 8 + " --- | --- | --- |"]
+            if groups
+            else ["Not run yet."]
+        ),
     ]
     for campaign in latest.values():
         some = groups[campaign]
