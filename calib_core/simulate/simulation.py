@@ -27,6 +27,7 @@ from calib_core.simulate.imu import ImuMessages
 from calib_core.simulate.layouts import Cloud, encode, scan_of
 from calib_core.simulate.lidar import Sweep
 from calib_core.simulate.motion import seconds
+from calib_core.simulate.patterns import Spinning
 from calib_core.simulate.scenario import Mounting, Scenario
 from calib_core.simulate.sensors import HeaderAt, Imu
 from calib_core.simulate.truth import Truth
@@ -201,6 +202,7 @@ def prepare(
         len(lidar.pattern.ring),
         find_imu_prior(imu.topic, imu.frame_id),
         find_lidar_prior(lidar.topic, lidar.frame_id, lidar.layout),
+        isinstance(lidar.pattern, Spinning),
     )
     scene, motion = world(changed.scene, changed.motion, faults, draws, plain.home_m)
     return replace(plain, scenario=replace(changed, scene=scene, motion=motion), faults=draw(faults, draws))
