@@ -10,7 +10,9 @@
     monte-carlo SCENARIO... [--seeds]   one row a run in bench/results/monte_carlo.csv; goes on where it was stopped
     monte-carlo SCENARIO... --faults FAULTS [--duration-s] [--set]
                                         the same on sensors as they are: fault_runs.csv, fault_parameters.csv
-    report-faults                       bench/results/fault_runs.md from these, with NEES and the test of the mean error
+    fault-table [--seeds] [--duration-s] [--set]
+                                        a campaign for each fault that was ever measured, each in its scenario
+    report-faults                       bench/results/faults.md from these and the bounds: NEES, the test of the mean error
     starts [--seeds] [--kinds]          from any start the same answer: bench/results/starts.csv; goes on, too
     report                              bench/results/accuracy.md from these three
 
@@ -43,6 +45,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             fault_bounds.compute(chosen.scenario, rows, duration_s=chosen.duration_s, folder=chosen.folder)
         case "monte-carlo":
             _monte_carlo(chosen)
+        case "fault-table":
+            label = chosen.label or campaign.version_label()
+            campaigns = [
+                fault_runs.Campaign(name, faults, chosen.duration_s, chosen.set, label)
+                for name, faults in fault_runs.TABLE
+            ]
+            fault_runs.monte_carlo(campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder)
         case "report-faults":
             sys.stdout.write(f"{fault_report.write_report(chosen.folder)}\n")
         case "starts":
@@ -87,7 +96,9 @@ def _monte_carlo(chosen: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m bench", description="Measure, judge, bless.")
+    parser = argparse.ArgumentParser(
+        prog="python -m bench", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name in ("list", "readme"):
         commands.add_parser(name)
@@ -111,7 +122,12 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--duration-s", type=float, default=30.0, metavar="S", help="of the recording (%(default)s)")
     _add_folder(command)
     command = commands.add_parser("monte-carlo")
-    command.add_argument("names", nargs="+", metavar="SCENARIO")
+    command.add_argument(
+        "names",
+        nargs="+",
+        metavar="SCENARIO",
+        help="with --faults also behind another lidar: handheld+xt32, +os1, +livox",
+    )
     command.add_argument(
         "--faults",
         action="append",
@@ -140,6 +156,9 @@ def _parser() -> argparse.ArgumentParser:
         "--kinds", nargs="+", choices=starts.KINDS, default=["any"], help="how the clocks differ (%(default)s)"
     )
     _add_campaign(command, "1-200")
+    command = commands.add_parser("fault-table")
+    _add_faulty(command)
+    _add_campaign(command, "1")
     command = commands.add_parser("report-faults")
     _add_folder(command)
     command = commands.add_parser("report")
@@ -163,6 +182,15 @@ def _add_campaign(command: argparse.ArgumentParser, seeds: str) -> None:
     command.add_argument("--label", help="of the program's version; default: the commit")
     _add_jobs(command)
     _add_folder(command)
+
+
+def _add_faulty(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--duration-s", type=float, default=30.0, metavar="S", help="of recordings with faults (%(default)s)"
+    )
+    command.add_argument(
+        "--set", default="", metavar="NAME=VALUE,...", help="settings of the solve with faults, such as intrinsics=off"
+    )
 
 
 def _workloads(command: str, names: Sequence[str], jobs: int) -> int:

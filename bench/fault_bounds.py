@@ -15,6 +15,7 @@ import numpy as np
 
 from bench.bound import Assumptions, Blocks, with_parameters
 from bench.bound.model import CALIBRATION, FloatArray
+from bench.fault_runs import scenario_of
 from bench.store import RESULTS
 from bench.tables import append_row, read_rows
 from calib_core.simulate import Fault, parse_faults, prepare
@@ -52,7 +53,8 @@ _BLOCKS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class FaultBoundRow:
-    """One set of faults. rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; ignoring_: root mean square
+    """One set of faults. rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; gyroscope_rotation_deg: the
+    same for the rotation into the gyroscope's mean axes.   ignoring_: root mean square
     error, over faults drawn from these sizes, of the efficient estimator for ideal sensors.   left: of each block's prior
     sigma, the part that remains, smallest to largest."""
 
@@ -61,6 +63,7 @@ class FaultBoundRow:
     rotation_deg: float
     translation_mm: float
     offset_ms: float
+    gyroscope_rotation_deg: float
     ignoring_rotation_deg: float
     ignoring_translation_mm: float
     ignoring_offset_ms: float
@@ -78,10 +81,10 @@ def priors_of(faults: Sequence[Fault], blocks: Blocks) -> FloatArray:
     return stds
 
 
-def marginal(triangle: FloatArray, stds: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Covariances with the parameters as unknowns of these prior stds: (7, 7) of the calibration, (size,) stds left.
+def joint(triangle: FloatArray, stds: FloatArray) -> FloatArray:
+    """(size + 7, size + 7) covariance with the parameters as unknowns of these prior stds; 0 for those of std 0, known ones.
 
-    triangle: of `with_parameters`; parameters of std 0 are known.
+    triangle: of `with_parameters`.
     """
     size = len(stds)
     free = np.flatnonzero(stds)
@@ -89,10 +92,24 @@ def marginal(triangle: FloatArray, stds: FloatArray) -> tuple[FloatArray, FloatA
     information = np.vstack([triangle[:, free] * stds[free], np.eye(len(free))])
     rows = np.hstack([information, np.vstack([triangle[:, size:], np.zeros((len(free), CALIBRATION))])])
     root = np.linalg.inv(np.linalg.qr(rows, mode="r"))
-    covariance = root @ root.T
-    left = np.zeros(size)
-    left[free] = np.sqrt(np.diag(covariance)[: len(free)])
-    return covariance[len(free) :, len(free) :], left
+    root[: len(free)] *= stds[free, None]
+    covariance = np.zeros((size + CALIBRATION, size + CALIBRATION))
+    places = np.array([*free, *range(size, size + CALIBRATION)])
+    covariance[np.ix_(places, places)] = root @ root.T
+    return covariance
+
+
+def in_the_gyroscopes_axes(covariance: FloatArray, blocks: Blocks, R_imu_lidar: FloatArray) -> FloatArray:
+    """(3, 3) of the rotation into the gyroscope's mean axes instead of the accelerometer's. covariance: of `joint`.
+
+    (I + N) Exp(r) with N = symmetric + [a]x turns into them by r + a; R_c Exp(phi) becomes R_c Exp(phi + R_c^T (r + a)).
+    """
+    half = 0.5 * np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+    turn = np.zeros((3, len(covariance)))
+    turn[:, blocks.size : blocks.size + 3] = np.eye(3)
+    turn[:, blocks.places["gyroscope_rotation"]] = R_imu_lidar.T
+    turn[:, blocks.places["gyroscope_axes"]] = R_imu_lidar.T @ half
+    return np.asarray(turn @ covariance @ turn.T)
 
 
 def ignored(triangle: FloatArray, stds: FloatArray) -> FloatArray:
@@ -105,11 +122,12 @@ def ignored(triangle: FloatArray, stds: FloatArray) -> FloatArray:
 
 def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: Path = RESULTS) -> None:
     """The rows of one scenario, shown and written; rows of other scenarios stay."""
-    triangle, blocks = with_parameters(prepare(scenario, seed=1, duration_s=duration_s), Assumptions(every=7))
-    made = [_row(scenario, "ideal sensors", np.zeros(blocks.size), triangle, blocks)]
-    made += [
-        _row(scenario, name, priors_of(parse_faults(text), blocks), triangle, blocks) for name, text in rows.items()
-    ]
+    simulation = prepare(scenario_of(scenario), seed=1, duration_s=duration_s)
+    triangle, blocks = with_parameters(simulation, Assumptions(every=7))
+    stds = {"ideal sensors": np.zeros(blocks.size)}
+    stds |= {name: priors_of(parse_faults(text), blocks) for name, text in rows.items()}
+    R = simulation.truth.R_imu_lidar
+    made = [_row(scenario, name, some, triangle, blocks, R) for name, some in stds.items()]
     path = folder / FAULT_BOUNDS
     kept = [row for row in read_rows(path, FaultBoundRow, ()) if row.scenario != scenario]
     path.unlink(missing_ok=True)
@@ -117,20 +135,31 @@ def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: P
         append_row(path, row, ())
     for row in made:
         sys.stdout.write(
-            f"{row.faults:34}{row.rotation_deg:8.4f} deg{row.translation_mm:7.3f} mm{row.offset_ms:8.4f} ms  ignored: "
+            f"{row.faults:34}{row.rotation_deg:8.4f} deg{row.translation_mm:7.3f} mm{row.offset_ms:8.4f} ms  "
+            f"gyroscope's axes: {row.gyroscope_rotation_deg:.4f} deg  ignored: "
             f"{row.ignoring_rotation_deg:7.4f}{row.ignoring_translation_mm:8.3f}{row.ignoring_offset_ms:8.4f}  {row.left}\n"
         )
 
 
-def _row(scenario: str, name: str, stds: FloatArray, triangle: FloatArray, blocks: Blocks) -> FaultBoundRow:
-    covariance, left = marginal(triangle, stds)
-    error = ignored(triangle, stds)
+def _row(
+    scenario: str, name: str, stds: FloatArray, triangle: FloatArray, blocks: Blocks, R_imu_lidar: FloatArray
+) -> FaultBoundRow:
+    covariance = joint(triangle, stds)
+    gyroscope = in_the_gyroscopes_axes(covariance, blocks, R_imu_lidar)
+    left = np.sqrt(np.diag(covariance)[: blocks.size]) / np.where(stds > 0.0, stds, 1.0)
     parts = [
         f"{block} {left[place].min():.2f}-{left[place].max():.2f}"
         for block, place in blocks.places.items()
         if stds[place].any()
     ]
-    return FaultBoundRow(scenario, name, *_norms(covariance), *_norms(error), "; ".join(parts))
+    return FaultBoundRow(
+        scenario,
+        name,
+        *_norms(covariance[blocks.size :, blocks.size :]),
+        float(np.degrees(np.sqrt(np.trace(gyroscope)))),
+        *_norms(ignored(triangle, stds)),
+        "; ".join(parts),
+    )
 
 
 def _norms(covariance: FloatArray) -> tuple[float, float, float]:

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from calib_core.errors import SettingsError
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.simulate.faults import Fault, parse_faults
-from calib_core.simulate.generate import Simulation, generate, prepare, run
+from calib_core.simulate.generate import generate, run
 from calib_core.simulate.scenario import Mounting, Scenario
 from calib_core.simulate.scenarios import SCENARIOS
 from calib_core.simulate.sensors import HeaderAt
+from calib_core.simulate.simulation import Simulation, prepare
 from calib_core.simulate.truth import Truth, TruthFile
 
 if TYPE_CHECKING:

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bench.bound.blocks import Blocks, add_to_steps
 from bench.bound.lidar import faces_of, returns_of, rows_of
 from bench.bound.model import Columns
 from bench.bound.motion import steps_back
-from bench.fault_bounds import ROWS, FaultBoundRow, compute, ignored, marginal, priors_of
+from bench.fault_bounds import ROWS, FaultBoundRow, compute, ignored, in_the_gyroscopes_axes, joint, priors_of
 from bench.tables import read_rows
 from calib_core.simulate import SCENARIOS, Simulation, parse_faults, prepare
 
@@ -144,9 +145,9 @@ def test_priors_marginals_and_shifts_are_those_of_a_dense_solve() -> None:
     chosen = [*free, *range(blocks.size, blocks.size + 7)]
     prior = np.diag([*(1.0 / stds[free] ** 2), *np.zeros(7)])
     covariance = np.linalg.inv(triangle[:, chosen].T @ triangle[:, chosen] + prior)
-    mine, left = marginal(triangle, stds)
-    np.testing.assert_allclose(mine, covariance[-7:, -7:], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(left[free], np.sqrt(np.diag(covariance)[: len(free)]) / stds[free], rtol=1e-9)
+    mine = joint(triangle, stds)
+    np.testing.assert_allclose(mine[np.ix_(chosen, chosen)], covariance, rtol=1e-9, atol=1e-12)
+    assert not mine[blocks.places["incidence"]].any()
     # Drawn: noise of unit variance and parameters of these stds, solved for the calibration alone.
     J = triangle[:, -7:]
     errors = []
@@ -175,3 +176,23 @@ def test_the_table_is_written_and_a_size_is_asked_for(tmp_path: object, monkeypa
     assert offsets.left.startswith("laser_range_offset 0.")
     with pytest.raises(ValueError, match="needs a size"):
         priors_of(parse_faults("laser-offsets"), BLOCKS)
+
+
+def test_the_gyroscopes_frame_is_where_its_readings_turn() -> None:
+    """Gyroscopes drawn with axes off square and turned: the polar factor of each one's own matrix times the rotation, against
+    the linear rule. Mutations: R_c in place of its transpose; the axes' half left out; a sign."""
+    rng = np.random.default_rng(8)
+    R_c = Rotation.from_rotvec([0.7, -1.1, 0.4]).as_matrix()
+    stds = 1e-4 * rng.uniform(0.5, 2.0, BLOCKS.size + 7)
+    turns = []
+    for _ in range(3000):
+        z = stds * rng.standard_normal(len(stds))
+        yx, zx, zy = z[BLOCKS.places["gyroscope_axes"]]
+        matrix = np.array([[1.0, 0.0, 0.0], [yx, 1.0, 0.0], [zx, zy, 1.0]])
+        matrix = matrix @ Rotation.from_rotvec(z[BLOCKS.places["gyroscope_rotation"]]).as_matrix()
+        left, _, right = np.linalg.svd(matrix)
+        mean_axes = left @ right @ R_c @ Rotation.from_rotvec(z[BLOCKS.size : BLOCKS.size + 3]).as_matrix()
+        turns.append(Rotation.from_matrix(R_c.T @ mean_axes).as_rotvec())
+    expected = in_the_gyroscopes_axes(np.diag(stds**2), BLOCKS, R_c)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs((np.cov(np.array(turns).T) - expected) / scale).max() < 0.1

@@ -12,11 +12,21 @@ import pytest
 from bench import fault_runs
 from bench.__main__ import main
 from bench.fault_report import parameters_text, summary, write_report
-from bench.fault_runs import Campaign, FaultParameter, FaultRun, parameters_of, read_fault_runs, run_of, settings_from
+from bench.fault_runs import (
+    TABLE,
+    Campaign,
+    FaultParameter,
+    FaultRun,
+    parameters_of,
+    read_fault_runs,
+    run_of,
+    scenario_of,
+    settings_from,
+)
 from bench.statistics import BIAS_SIGMAS, bias_text
 from bench.tables import append_row
 from calib_core.result import CalibrationResult
-from calib_core.simulate import Truth, parse_faults, prepare
+from calib_core.simulate import SCENARIOS, Scenario, Truth, parse_faults, prepare
 
 CAMPAIGN = Campaign("handheld", "industrial", 30.0, "", "test")
 ORDER = ["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
@@ -122,7 +132,7 @@ def test_a_campaign_runs_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     left out."""
     asked: list[tuple[str, str]] = []
 
-    def generate(scenario: str, *, seed: int, duration_s: float, faults: object, salt: str) -> tuple[None, Truth]:
+    def generate(scenario: Scenario, *, seed: int, duration_s: float, faults: object, salt: str) -> tuple[None, Truth]:
         asked.append((str(faults), salt))
         return None, prepare(scenario, seed=seed, duration_s=duration_s).truth
 
@@ -148,3 +158,18 @@ def test_a_campaign_runs_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     assert asked[0] == (str(parse_faults("accel-scale=0.005")), "static accel-scale=0.005")
     assert asked[1] == ("()", "static none")
     assert settings_from("method=paper").method == "paper"
+
+
+def test_the_table_and_the_lidars_are_known() -> None:
+    """Every row of the table can be made. Mutations: a fault's name misspelt in it; the lidar left as it was."""
+    for name, faults in TABLE:
+        assert scenario_of(name) is SCENARIOS[name]
+        assert faults == fault_runs.NONE or parse_faults(faults)
+    behind = scenario_of("handheld+xt32")
+    assert (behind.lidar.frame_id, behind.imu, behind.slug) == (
+        "PandarXT-32",
+        SCENARIOS["handheld"].imu,
+        "handheld+xt32",
+    )
+    with pytest.raises(ValueError, match=r"\+vlp16, \+xt32"):
+        scenario_of("handheld+vlp")

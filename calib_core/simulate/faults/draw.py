@@ -59,12 +59,14 @@ class Draws:
     """The random numbers of a recording's faults: each fault has its own, whatever else is asked for.
 
     seeds: of the recording.   channels: of the lidar.   imu_prior, lidar_prior: what is usual for these sensors.
+    spins: the lidar has a rotor, and with it an encoder.
     """
 
     seeds: tuple[int, ...]
     channels: int
     imu_prior: ImuPrior
     lidar_prior: LidarPrior
+    spins: bool = True
 
     def rng(self, name: str) -> np.random.Generator:
         """The fault's own."""
@@ -139,6 +141,8 @@ def _lidar(found: LidarDeviations, fault: Fault, draws: Draws) -> LidarDeviation
 
 
 def _eccentric(found: LidarDeviations, size_rad: float, draws: Draws) -> LidarDeviations:
+    if not draws.spins:
+        return found
     phase = float(draws.rng("eccentricity phase").uniform(0.0, 2.0 * np.pi))
     return replace(found, eccentricity_rad=size_rad, eccentricity_phase_rad=phase)
 

@@ -321,11 +321,12 @@ def test_without_a_size_a_fault_is_as_large_as_the_sensors_prior() -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("slug", ["handheld", "ouster", "outdoor", "livox"])
 def test_profiles_fit_every_lidar(profile: str, slug: str) -> None:
-    """Mutation: lasers counted from the VLP-16."""
+    """Mutations: lasers counted from the VLP-16; an encoder in a rosette."""
     simulation = made(profile, SCENARIOS[slug], duration_s=1.0)
     lasers = len(simulation.scenario.lidar.pattern.ring)
     for block in ("laser_range_offset", "laser_elevation", "laser_azimuth"):
         assert set(truth_of(simulation, block)) == {str(number) for number in range(lasers)}
+    assert bool(truth_of(simulation, "eccentricity")) == (slug != "livox")
     assert simulation.sweep(2).valid.any()
 
 
