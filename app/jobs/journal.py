@@ -10,6 +10,9 @@ from typing import Generic, TypeVar
 
 Entry = TypeVar("Entry")
 
+#: A follower's "I have read up to number N" of more digits than this is no number of ours; Python reads 4300 at most.
+NUMBER_DIGITS = 18
+
 
 class Journal(Generic[Entry]):
     """Entries numbered from `first`; the newest `limit` are kept. After `close` followers come to their end."""

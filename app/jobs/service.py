@@ -18,6 +18,7 @@ from typing import cast
 from fastapi.sse import ServerSentEvent
 from pydantic import TypeAdapter
 
+from app.jobs.journal import NUMBER_DIGITS
 from app.jobs.launch import Launcher, RunningJob
 from app.jobs.log import JobLogs
 from app.jobs.machine import FINAL, SENTENCES, IllegalTransition, Signal, may_start, transition
@@ -137,7 +138,8 @@ class JobService:
         """The job's messages after `last_event_id`, as server-sent events, until its final state."""
         with self._lock:  # so that the job cannot end between the look and the subscription
             journal = self.logs.journal(job_id, live=self.get(job_id).state not in FINAL)
-        start = int(last_event_id) + 1 if last_event_id and last_event_id.isdecimal() else 0
+        known = last_event_id if last_event_id and len(last_event_id) <= NUMBER_DIGITS else ""
+        start = int(known) + 1 if known.isdecimal() else 0
         async for number, line in journal.follow(start):
             # Already JSON: FastAPI passes a ServerSentEvent on as it is; the annotation documents its data.
             yield cast(JobMessage, ServerSentEvent(raw_data=line, id=str(number)))

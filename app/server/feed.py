@@ -9,7 +9,7 @@ from typing import cast
 
 from fastapi.sse import ServerSentEvent
 
-from app.jobs.journal import Journal
+from app.jobs.journal import NUMBER_DIGITS, Journal
 from app.schemas.view import (
     ClickRefused,
     JobChanged,
@@ -80,7 +80,7 @@ class RecordingFeed:
         if not last_event_id:
             return journal.end
         boot, _, number = last_event_id.partition("-")
-        if boot != self._boot or not number.isdecimal():
+        if boot != self._boot or len(number) > NUMBER_DIGITS or not number.isdecimal():
             return None
         start = int(number) + 1
         return start if journal.oldest <= start <= journal.end else None

@@ -12,7 +12,6 @@ from fastapi import FastAPI
 
 from app.api import jobs, planes, recordings, results, scene, server, uploads, view
 from app.jobs.launch import Launcher
-from app.recordings.uploads import TusHeaders, make_tus_router
 from app.server.client import CompressText, install_client
 from app.server.errors import install_error_handler
 from app.server.openapi import document, operation_id
@@ -57,10 +56,9 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
     install_error_handler(app)
     for module in (server, recordings, uploads, jobs, planes, results, view, scene):
         app.include_router(module.router)
-    app.include_router(make_tus_router(settings))
+    app.include_router(uploads.tus)
     install_client(app)
     # The last one added is the first to see a request.
-    app.add_middleware(TusHeaders)
     app.add_middleware(CompressText)
     app.add_middleware(Gatekeeper, settings=settings)
     return app

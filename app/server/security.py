@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -26,8 +27,8 @@ COOKIE_AGE_S = 30 * 24 * 3600
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 #: Asked by machines that watch over the server; they tell nothing.
 OPEN_PATHS = frozenset({"/healthz", "/readyz"})
-#: Bodies of any size the upload's own limit allows.
-UPLOAD_PATHS = ("/api/uploads/", "/api/recordings/upload")
+#: Requests whose body is a recording or a part of one: their own limits hold (app/uploads). Anything else is bounded.
+UPLOADS = re.compile(r"POST /api/uploads|PATCH /api/uploads/[0-9a-f]{32}|PUT /api/recordings/upload", re.ASCII)
 
 
 class Gatekeeper:
@@ -50,7 +51,7 @@ class Gatekeeper:
         if scope["type"] == "http" and (redirect := self._cookie_redirect(scope)) is not None:
             await redirect(scope, receive, send)
             return
-        if scope["type"] == "http" and not scope["path"].startswith(UPLOAD_PATHS):
+        if scope["type"] == "http" and not _is_upload(scope):
             receive = self._bounded(receive)
         await self._app(scope, receive, send)
 
@@ -64,7 +65,7 @@ class Gatekeeper:
             self._check_origin(headers, required=scope["type"] == "websocket")
         announced = headers.get("content-length", "0")
         too_large = not announced.isdecimal() or int(announced) > self._settings.max_body_bytes
-        if scope["type"] == "http" and not scope["path"].startswith(UPLOAD_PATHS) and too_large:
+        if scope["type"] == "http" and not _is_upload(scope) and too_large:
             raise self._too_large()
 
     def _check_token(self, scope: Scope, headers: Headers) -> None:
@@ -160,6 +161,10 @@ def check_host(host: str) -> None:
         "host.foreign",
         f"This server answers on this machine's own names only, not as {host!r}; open http://127.0.0.1 with its port.",
     )
+
+
+def _is_upload(scope: Scope) -> bool:
+    return UPLOADS.fullmatch(f"{scope['method']} {scope['path']}") is not None
 
 
 def _cookie(headers: Headers) -> str:

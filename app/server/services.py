@@ -41,8 +41,11 @@ class Services:
         self.settings = settings
         self.files = DataFolder(settings)
         self.files.prepare()
-        url = settings.database_url or f"sqlite:///{settings.data_dir / 'unsweep.sqlite'}"
-        self._engine = open_database(url)
+        try:
+            self._engine = open_database(settings.store_url())
+        except BaseException:
+            self.files.release()
+            raise
         recording_store, documents = RecordingStore(self._engine), DocumentStore(self._engine)
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
@@ -89,6 +92,7 @@ class Services:
         self.jobs.close()
         self._launcher.close()
         self._engine.dispose()
+        self.files.release()
 
     def check_ready(self) -> None:
         """Raise Unavailable unless store and data directory can be used."""

@@ -45,6 +45,10 @@ class AppSettings(BaseSettings):
     displayed_points: int = Field(default=60_000, ge=1000, description="points of a cloud sent to the browser")
     upload_expiry_days: int = Field(default=5, ge=1, description="an upload that does not go on is removed after this")
 
+    def store_url(self) -> str:
+        """Where records are kept."""
+        return self.database_url or f"sqlite:///{self.data_dir / 'unsweep.sqlite'}"
+
     def is_loopback(self) -> bool:
         """Whether only programs on this machine can connect."""
         if self.host == "localhost":

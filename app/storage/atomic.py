@@ -47,3 +47,12 @@ def _umask() -> int:
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the names in the folder are on the disk: a file that is there may otherwise be lost with a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -7,10 +7,14 @@ from datetime import UTC, datetime, timedelta, timezone
 import pytest
 from sqlalchemy import create_engine, inspect, text
 
+from app.cli.serving import check_data_dir
 from app.server.errors import Unavailable
+from app.server.services import Services
 from app.storage.database import Migration, check_database, migrate, open_database
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
+from calib_core.errors import InputError
+from tests.app.support.live import serving
 
 
 def recording(number, created_at):
@@ -99,3 +103,15 @@ def test_an_unusable_store_is_one_sentence(tmp_path):
     with pytest.raises(Unavailable) as refused:
         open_database(f"sqlite:///{tmp_path / 'notdb.sqlite'}")
     assert "cannot be opened" in str(refused.value)
+
+
+def test_a_data_directory_has_one_server(tmp_path):
+    """Mutation: without the lock the second server declares the first one's jobs lost."""
+    with serving(tmp_path) as live:
+        live.start(live.upload("slow.bag"))
+        with pytest.raises(Unavailable, match="Another unsweep server"):
+            Services(live.settings)
+        with pytest.raises(InputError, match="Another unsweep server"):
+            check_data_dir(live.settings)
+    with serving(tmp_path):
+        pass
