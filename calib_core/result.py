@@ -16,7 +16,7 @@ Status = Literal["calibrated", "weak", "refused"]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Message(_Model):
@@ -111,7 +111,7 @@ class CalibrationResult(_Model):
     quality: Quality
     provenance: Provenance
 
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
 
     def to_json(self) -> str:
         """The document as indented JSON text, ending in a newline."""

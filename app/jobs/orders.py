@@ -5,16 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
+from app.storage.records import JobRecord
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.settings import CalibrateSettings, ReadSettings
 
 
 class _Parcel(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class OrderedPlane(_Parcel):
@@ -36,6 +37,14 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+
+
+def stored_request(record: JobRecord) -> StoredRequest | None:
+    """What the job was asked for; None where that cannot be read."""
+    try:
+        return StoredRequest.model_validate_json(record.request_json)
+    except ValidationError:
+        return None
 
 
 class Order(_Parcel):

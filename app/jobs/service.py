@@ -16,13 +16,23 @@ from datetime import UTC, datetime
 from typing import cast
 
 from fastapi.sse import ServerSentEvent
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from app.jobs.journal import NUMBER_DIGITS
 from app.jobs.launch import Launcher, RunningJob
 from app.jobs.log import JobLogs
 from app.jobs.machine import FINAL, SENTENCES, IllegalTransition, Signal, may_start, transition
-from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
+from app.jobs.orders import (
+    Failed,
+    Finished,
+    Happened,
+    Order,
+    OrderedPlane,
+    Parcel,
+    Stopped,
+    StoredRequest,
+    stored_request,
+)
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, Outcome, PlaneLook
 from app.server.errors import Conflict, NotFound, facts_of
@@ -31,6 +41,7 @@ from app.storage.files import DataFolder
 from app.storage.records import JobRecord
 from app.storage.store import JobStore
 from calib_core.events import IterationEvent, LogEvent, StageEvent
+from calib_core.settings import CalibrateSettings
 
 _LOG = logging.getLogger("unsweep")
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
@@ -39,6 +50,10 @@ STOPPED = ErrorFacts(code="job.stopped", text="The job stopped by itself; run it
 DIED = ErrorFacts(
     code="job.died",
     text="The job's process ended without a word, most likely for want of memory: choose a shorter time span.",
+)
+
+UNREADABLE = ErrorFacts(
+    code="job.unreadable", text="What was kept of this job cannot be read any more; start a new one."
 )
 
 #: How long a deleted recording's jobs have to go away.
@@ -114,7 +129,12 @@ class JobService:
         """The job as the wire carries it."""
         ended_well = record.state == "done"
         progress = self._progress.get(record.id, Progress(fraction=1.0 if ended_well else 0.0))
-        request = StoredRequest.model_validate_json(record.request_json)
+        request = stored_request(record)
+        try:
+            error = None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json)
+            result = None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json)
+        except ValidationError:
+            error, result = UNREADABLE, None
         return Job(
             id=record.id,
             recording_id=record.recording_id,
@@ -124,10 +144,10 @@ class JobService:
             stage=progress.stage,
             fraction=progress.fraction,
             text=progress.text,
-            error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
-            settings=request.settings,
-            planes=self.looks_of(record.recording_id, request.planes or ()),
-            result=None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json),
+            error=UNREADABLE if request is None else error,
+            settings=CalibrateSettings() if request is None else request.settings,
+            planes=[] if request is None else self.looks_of(record.recording_id, request.planes or ()),
+            result=result,
             retry_of=record.retry_of,
             created_at=record.created_at,
             started_at=record.started_at,

@@ -6,6 +6,8 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 
+from pydantic import ValidationError
+
 from app.arrays.proposals import has_proposals, read_proposals
 from app.jobs.functions import proposal_arrays
 from app.jobs.orders import OrderedPlane
@@ -55,8 +57,7 @@ class PlaneService:
         """Proposals and history; Conflict until there are some."""
         with self._own_lock(recording_id):
             key, proposals = self._load(recording_id)
-            text = self._documents.read(recording_id, DOCUMENT)
-            history = None if text is None else PlaneHistory.model_validate_json(text)
+            history = self._kept(recording_id)
             if history is None or history.cache_key != key:
                 revision = 0 if history is None else history.revision + 1
                 history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
@@ -104,9 +105,8 @@ class PlaneService:
         with self._own_lock(recording_id):
             today = self._names.get(recording_id)
             if today is None:
-                text = self._documents.read(recording_id, DOCUMENT)
-                current = PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
-                today = {patch.color: patch.name for patch in current.patches}
+                history = self._kept(recording_id)
+                today = {} if history is None else {patch.color: patch.name for patch in history.current.patches}
                 self._names[recording_id] = today
         return [
             PlaneLook(
@@ -129,6 +129,14 @@ class PlaneService:
     def _own_lock(self, recording_id: str) -> threading.RLock:
         with self._lock:
             return self._editing.setdefault(recording_id, threading.RLock())
+
+    def _kept(self, recording_id: str) -> PlaneHistory | None:
+        """The planes as they were left; None where they never were touched, or can no longer be read."""
+        text = self._documents.read(recording_id, DOCUMENT)
+        try:
+            return None if text is None else PlaneHistory.model_validate_json(text)
+        except ValidationError:
+            return None
 
     def _keep(self, recording_id: str, history: PlaneHistory) -> None:
         self._documents.write(recording_id, DOCUMENT, history.model_dump_json())

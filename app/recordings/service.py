@@ -38,6 +38,11 @@ from calib_core.settings import ReadSettings
 
 _LOG = logging.getLogger("unsweep")
 
+UNREADABLE = ErrorFacts(
+    code="recording.unreadable",
+    text="What was kept about this recording cannot be read any more; delete it here and open the file again.",
+)
+
 
 class RecordingService:
     """All recordings of the application.
@@ -85,7 +90,24 @@ class RecordingService:
         return [self.wire(replace(record, report_json=None)) for record in self._store.all_newest_first()]
 
     def wire(self, record: RecordingRecord) -> Recording:
-        """The recording as the wire carries it."""
+        """The recording as the wire carries it; one whose record cannot be read is shown as broken, and can be deleted."""
+        try:
+            return self._wire(record)
+        except ValidationError:
+            return Recording(
+                id=record.id,
+                name=str(record.name),
+                size_bytes=0,
+                received_bytes=0,
+                origin=record.origin,
+                state="failed",
+                error=UNREADABLE,
+                read_settings=ReadSettings(),
+                has_planes=False,
+                created_at=record.created_at,
+            )
+
+    def _wire(self, record: RecordingRecord) -> Recording:
         return Recording(
             id=record.id,
             name=record.name,
@@ -262,8 +284,8 @@ class RecordingService:
         wanted = change.model_dump(exclude_unset=True, exclude={"name"})
         if change.name is not None:
             record = self._store.save(replace(record, name=display_name(change.name)))
-        before = ReadSettings.model_validate_json(record.read_settings_json)
-        after = self._merged(before, wanted)
+        before = reading_of(record)
+        after = self._merged(before or ReadSettings(), wanted)
         if after != before:
             if record.state == "receiving":
                 raise Conflict("recording.receiving", "The recording is still arriving; change it when it is here.")
@@ -288,7 +310,7 @@ class RecordingService:
         folder = recording_arrays(self._files.cache(record))
         if not has_recording(folder):
             raise Conflict("recording.not_read", "The recording has not been read yet; wait for its planes.")
-        start_s = ReadSettings.model_validate_json(record.read_settings_json).start_s or 0.0
+        start_s = (reading_of(record) or ReadSettings()).start_s or 0.0
         return make_timeline(read_recording(folder), start_s=start_s)
 
     def check_size(self, size_bytes: int) -> None:
@@ -344,3 +366,11 @@ class RecordingService:
                 "recording.span", f"The time span starts at {after.start_s} s and ends at {after.end_s} s; swap them."
             )
         return after
+
+
+def reading_of(record: RecordingRecord) -> ReadSettings | None:
+    """How the recording is read; None where that cannot be read itself."""
+    try:
+        return ReadSettings.model_validate_json(record.read_settings_json)
+    except ValidationError:
+        return None

@@ -9,10 +9,10 @@ from dataclasses import replace
 from app.jobs.functions import PROPOSED
 from app.jobs.head import CLOUD
 from app.jobs.machine import FINAL
-from app.jobs.orders import Order, StoredRequest
-from app.jobs.service import JobService
+from app.jobs.orders import Order, StoredRequest, stored_request
+from app.jobs.service import UNREADABLE, JobService
 from app.planes.service import PlaneService
-from app.recordings.service import RecordingService
+from app.recordings.service import RecordingService, reading_of
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, NewJob
 from app.schemas.recordings import RecordingState
@@ -74,7 +74,7 @@ class Workflow:
         """The same again."""
         if job.state not in FINAL:
             raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
-        request = StoredRequest.model_validate_json(job.request_json)
+        request = self._request(job)
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
 
     def make_order(self, job: JobRecord) -> Order:
@@ -93,9 +93,16 @@ class Workflow:
             folder=self._files.job(job.id),
             unpacked=self._files.unpacked(record.id),
             scenario=record.scenario,
-            read_settings=ReadSettings.model_validate_json(record.read_settings_json),
-            request=StoredRequest.model_validate_json(job.request_json),
+            read_settings=reading_of(record) or ReadSettings(),
+            request=self._request(job),
         )
+
+    def _request(self, job: JobRecord) -> StoredRequest:
+        """What the job was asked for; Conflict where that cannot be read."""
+        request = stored_request(job)
+        if request is None:
+            raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        return request
 
     def job_changed(self, record: JobRecord, job: Job) -> None:
         """Draw the consequences of a job's new state, and tell those who look."""
