@@ -18,13 +18,13 @@ from typing import cast
 from fastapi.sse import ServerSentEvent
 from pydantic import TypeAdapter
 
+from app.errors import Conflict, NotFound, facts_of
 from app.jobs.launch import Launcher, RunningJob
 from app.jobs.log import JobLogs
 from app.jobs.machine import FINAL, SENTENCES, IllegalTransition, Signal, may_start, transition
 from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, Outcome, PlaneLook
-from app.server.errors import Conflict, NotFound, facts_of
 from app.server.settings import AppSettings
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord

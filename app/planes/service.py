@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 
 from app.arrays.proposals import has_proposals, read_proposals
+from app.errors import Conflict, NotFound
 from app.jobs.functions import proposal_arrays
 from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
@@ -16,7 +17,6 @@ from app.planes.wire import wire_planes
 from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
-from app.server.errors import Conflict, NotFound
 from app.storage.files import DataFolder
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api

@@ -14,6 +14,7 @@ from starlette.requests import ClientDisconnect
 
 from app.arrays.proposals import has_proposals
 from app.arrays.recording import has_recording, read_recording
+from app.errors import BadRequest, Conflict, NotFound, TooLarge
 from app.jobs.functions import proposal_arrays, recording_arrays
 from app.jobs.service import JobService
 from app.recordings.folder import RecordingsFolder
@@ -21,7 +22,6 @@ from app.recordings.timeline import make_timeline
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
 from app.schemas.report import Report
-from app.server.errors import BadRequest, Conflict, NotFound, TooLarge
 from app.server.settings import AppSettings
 from app.storage.files import DataFolder, display_name, suffix_of
 from app.storage.records import RecordingRecord

@@ -10,8 +10,8 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Receive, Scope, Send
 from tuspyserver import create_tus_router
 
+from app.errors import BadRequest
 from app.server.deps import ServicesDep
-from app.server.errors import BadRequest
 from app.server.settings import AppSettings
 
 UPLOADS_PATH = "/api/uploads"

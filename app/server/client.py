@@ -11,7 +11,7 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.server.errors import NotFound
+from app.errors import NotFound
 
 STATIC = Path(__file__).parent / "static"
 ASSETS = "/assets"

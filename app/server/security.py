@@ -18,7 +18,8 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.server.errors import ApiError, Refused, TooLarge, Unauthorised, error_response
+from app.errors import ApiError, Refused, TooLarge, Unauthorised
+from app.server.errors import error_response
 from app.server.settings import AppSettings
 
 COOKIE = "unsweep_token"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+from app.errors import Conflict, facts_of
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
@@ -16,7 +17,6 @@ from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.recordings import Sample, ServerFacts
 from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
-from app.server.errors import Conflict, facts_of
 from app.server.feed import RecordingFeed
 from app.server.settings import AppSettings
 from app.server.workflow import Workflow

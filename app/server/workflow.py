@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
+from app.errors import ApiError, Conflict
 from app.jobs.functions import PROPOSED
 from app.jobs.head import CLOUD
 from app.jobs.machine import FINAL
@@ -17,7 +18,6 @@ from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, NewJob
 from app.schemas.recordings import RecordingState
 from app.schemas.view import JobChanged, RecordingChanged
-from app.server.errors import ApiError, Conflict
 from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord

@@ -34,7 +34,7 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from app.server.errors import Unavailable
+from app.errors import Unavailable
 
 
 class UtcTime(TypeDecorator[datetime]):

@@ -14,7 +14,7 @@ import os
 import shutil
 from pathlib import Path
 
-from app.server.errors import BadRequest, DiskFull, NotFound, Unavailable
+from app.errors import BadRequest, DiskFull, NotFound, Unavailable
 from app.server.settings import AppSettings
 from app.storage.records import RecordingRecord
 from calib_core import api

@@ -28,7 +28,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
     """One scene's lock is held here as a slow scene would. Mutation: one lock for all recordings: the other never answers."""
     other = shared_live.upload("any.bag")
     hub = shared_live.services.scenes
-    hub.port(solved[0])
+    hub.dial(solved[0]).close()
     answers = []
     with hub._lock_of(solved[0]):
         asking = threading.Thread(
@@ -39,7 +39,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
         asking.start()
         asking.join(20)
         assert not asking.is_alive()
-        hub.port(other)
+        hub.dial(other).close()
     assert answers[0]["dark"] is True
     assert shared_live.http.get(f"/api/recordings/{solved[0]}/view").json()["dark"] is False
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import pytest
 from sqlalchemy import create_engine, inspect, text
 
-from app.server.errors import Unavailable
+from app.errors import Unavailable
 from app.storage.database import Migration, check_database, migrate, open_database
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore

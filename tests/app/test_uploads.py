@@ -6,7 +6,7 @@ import base64
 
 import pytest
 
-from app.server.errors import BadRequest
+from app.errors import BadRequest
 from app.storage.files import display_name, suffix_of
 from tests.app.support.live import serving
 
