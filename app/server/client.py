@@ -13,7 +13,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.errors import NotFound
 
-STATIC = Path(__file__).parent / "static"
+#: Beside the rooms, where the build puts it.
+STATIC = Path(__file__).parents[1] / "static"
 ASSETS = "/assets"
 ONE_YEAR = "public, max-age=31536000, immutable"
 
