@@ -13,7 +13,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from app.server.main import make_server
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from calib_core.errors import InputError
 
 

@@ -36,6 +36,7 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+    client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")
 
 
 class Order(_Parcel):

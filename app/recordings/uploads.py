@@ -12,7 +12,7 @@ from tuspyserver import create_tus_router
 
 from app.errors import BadRequest
 from app.server.deps import ServicesDep
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 
 UPLOADS_PATH = "/api/uploads"
 #: base64 of "application/octet-stream": tuspyserver insists on a file type, which says nothing about a bag.

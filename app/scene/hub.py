@@ -9,14 +9,16 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydantic import ValidationError
 
+from app.bus import Bus
 from app.errors import ApiError, BadRequest, NotFound
+from app.events import ClickWasRefused, ViewEdited
 from app.locks import NamedLocks
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene
@@ -26,7 +28,7 @@ from app.scene.throttle import Throttle
 from app.scene.wipe import Camera
 from app.schemas.planes import Grow, Restrict, Side, Toggle
 from app.schemas.view import ChangeView, View, ViewState
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core.types import Float32Array, FloatArray
@@ -59,10 +61,7 @@ class OpenScene:
 
 
 class SceneHub:
-    """Views and their scenes. Thread-safe.
-
-    on_view: called when a view has changed.   on_refused: called when what was clicked or drawn cannot be done.
-    """
+    """Views and their scenes. Thread-safe. Tells the bus of changed views, and of clicks that cannot be done."""
 
     def __init__(
         self,
@@ -70,6 +69,7 @@ class SceneHub:
         documents: DocumentStore,
         planes: PlaneService,
         composer: Composer,
+        bus: Bus,
         *,
         settings: AppSettings,
     ) -> None:
@@ -77,13 +77,12 @@ class SceneHub:
         self._documents = documents
         self._planes = planes
         self._composer = composer
+        self._bus = bus
         self._settings = settings
         self._registry = threading.Lock()
         self._locks = NamedLocks()
         self._open: dict[str, OpenScene] = {}
         self._closed = threading.Event()
-        self.on_view: Callable[[str, View], None] = lambda _, __: None
-        self.on_refused: Callable[[str, ApiError], None] = lambda _, __: None
 
     def start(self) -> None:
         """Begin closing idle scenes."""
@@ -109,7 +108,7 @@ class SceneHub:
             composed = self._compose(record)
             self._show(recording_id, composed)
         if state != before:
-            self.on_view(recording_id, composed.view)
+            self._bus.publish(ViewEdited(recording_id, composed.view))
         return composed.view
 
     def refresh(self, recording_id: str) -> None:
@@ -120,7 +119,7 @@ class SceneHub:
                 return
             composed = self._compose(record)
             self._show(recording_id, composed)
-        self.on_view(recording_id, composed.view)
+        self._bus.publish(ViewEdited(recording_id, composed.view))
 
     def refresh_live(self, recording_id: str) -> None:
         """The same for a running solve: only when somebody looks, and not too often."""
@@ -223,7 +222,7 @@ class SceneHub:
         seed_m = pick(scene.pickable_m, origin_m, direction)
         if seed_m is None:
             text = "The cloud has no point there; click on its points, or come nearer."
-            self.on_refused(recording_id, BadRequest("planes.no_point_there", text))
+            self._bus.publish(ClickWasRefused(recording_id, BadRequest("planes.no_point_there", text)))
             return
         self._edit(recording_id, Grow(op="grow", seed_m=seed_m.tolist()))
 
@@ -232,7 +231,7 @@ class SceneHub:
         try:
             self._planes.apply(recording_id, operation)
         except ApiError as error:
-            self.on_refused(recording_id, error)
+            self._bus.publish(ClickWasRefused(recording_id, error))
             return False
         return True
 

@@ -12,10 +12,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.arrays.recording import has_recording, read_recording
+from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.arrays.trajectory import read_trajectory
 from app.errors import ApiError
-from app.jobs.functions import recording_arrays
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
 from app.locks import NamedLocks

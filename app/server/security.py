@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.errors import ApiError, Refused, TooLarge, Unauthorised
 from app.server.errors import error_response
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 
 COOKIE = "unsweep_token"
 COOKIE_AGE_S = 30 * 24 * 3600

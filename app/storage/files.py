@@ -15,7 +15,7 @@ import shutil
 from pathlib import Path
 
 from app.errors import BadRequest, DiskFull, NotFound, Unavailable
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from app.storage.records import RecordingRecord
 from calib_core import api
 

@@ -7,10 +7,10 @@ import threading
 import numpy as np
 import pytest
 
-from app.jobs.functions import run_job
 from app.jobs.orders import Order
 from app.scene.throttle import Throttle
 from app.schemas.view import ViewState
+from app.work.functions import run_job
 from calib_core.errors import Cancelled
 from tests.app.support import world
 
