@@ -9,15 +9,15 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import APIRouter, Depends, Request, Response
 
+from app.api.tus import TusRoute
+from app.errors import NotFound
 from app.schemas.recordings import UploadTarget
 from app.server.deps import RecordingDep, ServicesDep
-from app.server.errors import NotFound
 from app.storage.records import RecordingRecord
 from app.uploads.protocol import (
     ALGORITHMS,
     EXTENSIONS,
     UPLOAD_ID,
-    TusRoute,
     announcement_of,
     check_body,
     checksum_of,

@@ -57,6 +57,11 @@ def write_proposals(folder: Path, proposals: PlaneProposals) -> None:
         (fresh / "patches.json").write_text(text.model_dump_json(), encoding="utf-8")
 
 
+def proposal_arrays(cache: Path) -> Path:
+    """Where the proposed planes are kept."""
+    return cache / "planes"
+
+
 def has_proposals(folder: Path) -> bool:
     """Whether proposals are there."""
     return folder.is_dir()

@@ -132,6 +132,11 @@ def write_recording(folder: Path, recording: Recording) -> None:
         (fresh / "recording.json").write_text(text.model_dump_json(), encoding="utf-8")
 
 
+def recording_arrays(cache: Path) -> Path:
+    """Where the decoded recording is kept."""
+    return cache / "recording"
+
+
 def has_recording(folder: Path) -> bool:
     """Whether a decoded recording is there."""
     return folder.is_dir()

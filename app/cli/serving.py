@@ -12,9 +12,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from app.server.errors import ApiError
+from app.errors import ApiError
 from app.server.main import make_server
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from app.storage.database import open_database
 from app.storage.files import DataFolder
 from calib_core.errors import InputError

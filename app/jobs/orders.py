@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
-from app.storage.records import JobRecord
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.settings import CalibrateSettings, ReadSettings
 
@@ -37,14 +36,7 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
-
-
-def stored_request(record: JobRecord) -> StoredRequest | None:
-    """What the job was asked for; None where that cannot be read."""
-    try:
-        return StoredRequest.model_validate_json(record.request_json)
-    except ValidationError:
-        return None
+    client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")
 
 
 class Order(_Parcel):

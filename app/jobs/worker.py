@@ -76,8 +76,10 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         raise
     except Exception:  # noqa: BLE001 - the boundary: a defect becomes a sentence, its traceback goes to the job's log
         traceback.print_exc()
-        log = order.folder / "worker.log"
-        text = f"The program itself failed in this job; the details are in {log}. Please report it."
+        text = (
+            f"The program itself failed in this job; the details are in jobs/{order.job_id}/worker.log of the server's "
+        )
+        text += "data directory. Please report it."
         return Failed(error=ErrorFacts(code="defect", text=text))
 
 
@@ -87,7 +89,9 @@ def _resolve(entry: str) -> JobFunction:
 
 
 def _stay_with_server() -> None:
-    """No Ctrl-C (the server decides), and an end when the server has ended."""
+    """No Ctrl-C (the server decides), a group of its own, by which its children end too, and an end with the server."""
+    if sys.platform != "win32":
+        os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
@@ -107,4 +111,6 @@ def _log_to_file(order: Order) -> None:
 def _leave_with_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(PARENT_POLL_S)
+    if sys.platform != "win32":
+        os.killpg(0, signal.SIGKILL)
     os._exit(1)

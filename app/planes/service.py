@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from pydantic import ValidationError
 
-from app.arrays.proposals import has_proposals, read_proposals
-from app.jobs.functions import proposal_arrays
+from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals
+from app.bus import Bus
+from app.errors import Conflict, NotFound
+from app.events import PlanesEdited
 from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
+from app.planes.palette import plane_hex
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
 from app.planes.wire import wire_planes
-from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
-from app.server.errors import Conflict, NotFound
 from app.storage.files import DataFolder
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
@@ -34,10 +35,11 @@ class PlaneService:
     """Reading and editing planes. Thread-safe: operations come from routes and from clicks in the scene.
 
     Each recording has a lock of its own, held while its clouds are read and fitted: who edits another does not wait for it.
-    on_changed: called with recording id and revision after each change.
+    Tells the bus of each change.
     """
 
-    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder) -> None:
+    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder, bus: Bus) -> None:
+        self._bus = bus
         self._recordings = recordings
         self._documents = documents
         self._files = files
@@ -45,7 +47,6 @@ class PlaneService:
         self._editing: dict[str, threading.RLock] = {}
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
-        self.on_changed: Callable[[str, int], None] = lambda _, __: None
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
@@ -79,13 +80,13 @@ class PlaneService:
                 return wire_planes(history, static=proposals.static)
             self._keep(recording_id, after)
             planes = wire_planes(after, static=proposals.static)
-        self.on_changed(recording_id, planes.revision)
+        self._bus.publish(PlanesEdited(recording_id, planes.revision))
         return planes
 
     def proposed(self, recording_id: str) -> None:
         """New proposals are there: tell those who look."""
         _, history = self.current(recording_id)
-        self.on_changed(recording_id, history.revision)
+        self._bus.publish(PlanesEdited(recording_id, history.revision))
 
     def confirmed(self, recording_id: str) -> tuple[OrderedPlane, ...] | None:
         """The planes a solve uses; None, which lets the solve find its own, where none have been proposed."""

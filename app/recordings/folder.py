@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from app.errors import NotFound, Refused
 from app.schemas.recordings import FolderEntry, FolderListing
-from app.server.errors import NotFound, Refused
 from app.storage.files import SUFFIXES
 from app.storage.sizes import tree_size
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 import uuid
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -15,17 +14,18 @@ from fastapi import Request
 from pydantic import ValidationError
 from starlette.types import Receive
 
-from app.arrays.proposals import has_proposals
-from app.arrays.recording import has_recording, read_recording
-from app.jobs.functions import proposal_arrays, recording_arrays
+from app.arrays.proposals import has_proposals, proposal_arrays
+from app.arrays.recording import has_recording, read_recording, recording_arrays
+from app.bus import Bus
+from app.errors import BadRequest, Conflict, DiskFull, NotFound, TooLarge
+from app.events import RecordingArrived, RecordingDeleted, RecordingEdited, SampleWanted
 from app.jobs.service import JobService
 from app.recordings.folder import RecordingsFolder
 from app.recordings.timeline import make_timeline
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
 from app.schemas.report import Report
-from app.server.errors import BadRequest, Conflict, DiskFull, NotFound, TooLarge
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from app.storage.atomic import sync_folder
 from app.storage.files import DataFolder, display_name, suffix_of
 from app.storage.records import RecordingRecord
@@ -47,8 +47,7 @@ UNREADABLE = ErrorFacts(
 class RecordingService:
     """All recordings of the application.
 
-    on_arrived: called when a recording can be inspected; on_wanted: when a sample is to be made; on_reread: when it is
-    to be read another way; on_changed, on_deleted: when browsers should look again.
+    Tells the bus when a recording can be inspected, when a sample is to be made, and when one was changed or deleted.
     """
 
     def __init__(
@@ -57,6 +56,7 @@ class RecordingService:
         files: DataFolder,
         folder: RecordingsFolder,
         jobs: JobService,
+        bus: Bus,
         *,
         settings: AppSettings,
     ) -> None:
@@ -64,13 +64,10 @@ class RecordingService:
         self._files = files
         self._folder = folder
         self._jobs = jobs
+        self._bus = bus
         self._settings = settings
         self._inbox = Inbox(files)
         self._announcing = threading.Lock()
-        self.on_arrived: Callable[[RecordingRecord], None] = lambda _: None
-        self.on_wanted: Callable[[RecordingRecord], None] = lambda _: None
-        self.on_changed: Callable[[str], None] = lambda _: None
-        self.on_deleted: Callable[[str], None] = lambda _: None
 
     def find(self, recording_id: str) -> RecordingRecord | None:
         """The recording, or None."""
@@ -141,7 +138,7 @@ class RecordingService:
             path = self._folder.recording(wish.folder_path)
             record = self._new(path.name, "folder", source=str(path), size_bytes=tree_size(path), state="inspecting")
             self._store.add(record)
-            self.on_arrived(record)
+            self._bus.publish(RecordingArrived(record))
             return self.wire(self.get(record.id))
         scenario = wish.sample or ""
         if scenario not in api.scenarios():
@@ -152,7 +149,7 @@ class RecordingService:
         record = self._new(f"{scenario}.bag", "sample", source="source.bag", size_bytes=0, state="receiving")
         record = replace(record, scenario=scenario)
         self._store.add(record)
-        self.on_wanted(record)
+        self._bus.publish(SampleWanted(record))
         return self.wire(self.get(record.id))
 
     def announce_upload(self, name: str, size_bytes: int, sha256: str | None = None) -> RecordingRecord:
@@ -199,7 +196,7 @@ class RecordingService:
                 sync_folder(folder)
         record = self._store.save(replace(record, state="inspecting", size_bytes=source.stat().st_size))
         partial.remove()
-        self.on_arrived(record)
+        self._bus.publish(RecordingArrived(record))
 
     async def receive(self, name: str, request: Request) -> Recording:
         """A recording from one request's body, written as it comes; nothing is kept of one that is cut short."""
@@ -293,8 +290,8 @@ class RecordingService:
             record = self._store.save(
                 replace(record, read_settings_json=after.model_dump_json(), state="inspecting", error_json=None)
             )
-            self.on_arrived(record)
-        self.on_changed(record.id)
+            self._bus.publish(RecordingArrived(record))
+        self._bus.publish(RecordingEdited(record.id))
         return self.wire(self.get(record.id))
 
     def delete(self, record: RecordingRecord) -> None:
@@ -303,7 +300,7 @@ class RecordingService:
         job_ids = [job.id for job in self._jobs.records_of(record.id)]
         self._store.remove(record.id)
         self._files.remove_recording(record.id, job_ids)
-        self.on_deleted(record.id)
+        self._bus.publish(RecordingDeleted(record.id))
 
     def timeline(self, record: RecordingRecord) -> Timeline:
         """The recording over time."""

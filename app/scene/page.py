@@ -7,7 +7,7 @@ from pathlib import Path
 
 import viser
 
-from app.server.errors import Unavailable
+from app.errors import Unavailable
 
 #: Same origin, so one line of CSS reaches it; the selector is pinned by a browser test.
 HIDE_PANEL = "<style>[data-testid^='floating-panel'],.mantine-Notifications-root{display:none!important}</style>"

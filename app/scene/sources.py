@@ -12,13 +12,13 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.arrays.recording import has_recording, read_recording
+from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.arrays.trajectory import read_trajectory
-from app.jobs.functions import recording_arrays
+from app.errors import ApiError
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
+from app.locks import NamedLocks
 from app.scene.build import Solved
-from app.server.errors import ApiError
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core.result import CalibrationResult
@@ -37,13 +37,11 @@ class Shelf(Generic[Kept]):
         self._most = kept
         self._lock = threading.Lock()
         self._kept: OrderedDict[str, Kept] = OrderedDict()
-        self._making: dict[str, threading.Lock] = {}
+        self._making = NamedLocks()
 
     def get(self, name: str, make: Callable[[], Kept]) -> Kept:
         """The thing of that name, made if it is not there."""
-        with self._lock:
-            making = self._making.setdefault(name, threading.Lock())
-        with making:
+        with self._making.hold(name):
             with self._lock:
                 if name in self._kept:
                     self._kept.move_to_end(name)
@@ -53,7 +51,6 @@ class Shelf(Generic[Kept]):
                 self._kept[name] = made
                 while len(self._kept) > self._most:
                     self._kept.popitem(last=False)
-                self._making.pop(name, None)
             return made
 
 

@@ -17,7 +17,7 @@ from app.server.errors import install_error_handler
 from app.server.openapi import document, operation_id
 from app.server.security import Gatekeeper
 from app.server.services import Services
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from calib_core import __version__
 
 #: The largest message a browser may send to the scene.

@@ -19,8 +19,9 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.server.errors import ApiError, Refused, TooLarge, Unauthorised, error_response
-from app.server.settings import AppSettings
+from app.errors import ApiError, Refused, TooLarge, Unauthorised
+from app.server.errors import error_response
+from app.settings import AppSettings
 
 COOKIE = "unsweep_token"
 COOKIE_AGE_S = 30 * 24 * 3600

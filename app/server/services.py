@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from app.bus import Bus
+from app.errors import Conflict, facts_of
+from app.events import (
+    ClickWasRefused,
+    JobStepped,
+    PlanesEdited,
+    QueueMoved,
+    RecordingDeleted,
+    RecordingEdited,
+    ShownChanged,
+    ViewEdited,
+)
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
@@ -14,12 +27,12 @@ from app.scene.compose import Composer
 from app.scene.hub import SceneHub
 from app.scene.share import shared_page
 from app.scene.sources import SceneSources
+from app.schemas.jobs import Job
 from app.schemas.recordings import Sample, ServerFacts
-from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
-from app.server.errors import Conflict, facts_of
+from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.feed import RecordingFeed
-from app.server.settings import AppSettings
-from app.server.workflow import Workflow
+from app.server.workflow import Orders, Workflow
+from app.settings import AppSettings
 from app.storage.database import check_database, open_database
 from app.storage.files import SUFFIXES, DataFolder
 from app.storage.records import JobRecord
@@ -49,18 +62,19 @@ class Services:
         recording_store, documents = RecordingStore(self._engine), DocumentStore(self._engine)
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
-        self.workflow = Workflow(recording_store, self.files, self.feed)
         self._launcher = launcher or ProcessLauncher(spare=settings.spare_worker)
+        bus = Bus()
+        self.planes = PlaneService(recording_store, documents, self.files, bus)
         self.jobs = JobService(
             JobStore(self._engine),
             self.files,
             settings=settings,
             launcher=self._launcher,
-            make_order=self.workflow.make_order,
-            on_change=self.workflow.job_changed,
+            bus=bus,
+            make_order=Orders(recording_store, self.files).of,
+            looks_of=self.planes.looks,
         )
-        self.planes = PlaneService(recording_store, documents, self.files)
-        self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, settings=settings)
+        self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, bus, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
         composer = Composer(
@@ -69,8 +83,9 @@ class Services:
             self.jobs,
             displayed_points=settings.displayed_points,
         )
-        self.scenes = SceneHub(recording_store, documents, self.planes, composer, settings=settings)
-        self._connect()
+        self.scenes = SceneHub(recording_store, documents, self.planes, composer, bus, settings=settings)
+        self.workflow = Workflow(recording_store, self.files, self.jobs, self.planes, self.feed, bus)
+        self._subscribe(bus)
 
     def start(self) -> None:
         """Take up what an earlier server left."""
@@ -119,27 +134,28 @@ class Services:
             raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
         return shared_page(recording, found.solved, limit=self.settings.displayed_points, dark=dark)
 
-    def _connect(self) -> None:
-        """Tie services together that do not know each other."""
-        self.jobs.looks_of = self.planes.looks
-        self.workflow.connect(self.jobs, self.recordings, self.planes)
-        self.workflow.on_shown_changed = self.scenes.refresh
-        self.jobs.on_step = self.scenes.refresh_live
-
-        def planes_changed(recording_id: str, revision: int) -> None:
-            self.feed.tell(recording_id, PlanesChanged(revision=revision))
-            self.scenes.refresh(recording_id)
-
-        def recording_deleted(recording_id: str) -> None:
-            self.scenes.close_scene(recording_id)
-            self.planes.forget(recording_id)
-            self.feed.tell(recording_id, RecordingChanged(deleted=True))
-            self.feed.forget(recording_id)
-
-        self.planes.on_changed = planes_changed
-        self.recordings.on_deleted = recording_deleted
-        self.recordings.on_changed = lambda recording_id: self.feed.tell(recording_id, RecordingChanged())
-        self.scenes.on_refused = lambda recording_id, error: self.feed.tell(
-            recording_id, ClickRefused(error=facts_of(error)[1])
+    def _subscribe(self, bus: Bus) -> None:
+        """Who hears of what, beside the workflow: scenes that show it, browsers that look."""
+        tell = self.feed.tell
+        bus.subscribe(JobStepped, lambda event: self.scenes.refresh_live(event.recording_id))
+        bus.subscribe(ShownChanged, lambda event: self.scenes.refresh(event.recording_id))
+        bus.subscribe(QueueMoved, lambda event: self._tell_places(event.jobs))
+        bus.subscribe(PlanesEdited, lambda event: tell(event.recording_id, PlanesChanged(revision=event.revision)))
+        bus.subscribe(PlanesEdited, lambda event: self.scenes.refresh(event.recording_id))
+        bus.subscribe(ViewEdited, lambda event: tell(event.recording_id, ViewChanged(view=event.view)))
+        bus.subscribe(RecordingEdited, lambda event: tell(event.recording_id, RecordingChanged()))
+        bus.subscribe(RecordingDeleted, lambda event: self._forget(event.recording_id))
+        bus.subscribe(
+            ClickWasRefused,
+            lambda event: tell(event.recording_id, ClickRefused(error=facts_of(event.error)[1])),
         )
-        self.scenes.on_view = lambda recording_id, view: self.feed.tell(recording_id, ViewChanged(view=view))
+
+    def _tell_places(self, jobs: Sequence[Job]) -> None:
+        for job in jobs:
+            self.feed.tell(job.recording_id, JobChanged(job=job))
+
+    def _forget(self, recording_id: str) -> None:
+        self.scenes.close_scene(recording_id)
+        self.planes.forget(recording_id)
+        self.feed.tell(recording_id, RecordingChanged(deleted=True))
+        self.feed.forget(recording_id)

@@ -34,7 +34,7 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from app.server.errors import Unavailable
+from app.errors import Unavailable
 
 
 class UtcTime(TypeDecorator[datetime]):
@@ -87,6 +87,7 @@ JOBS = Table(
     Column("created_at", UtcTime, nullable=False),
     Column("started_at", UtcTime),
     Column("ended_at", UtcTime),
+    Column("sequence", Integer, nullable=False, server_default="0"),
 )
 
 #: One JSON text per recording and name: the planes' history, the view.
@@ -109,9 +110,18 @@ class Migration:
     statements: Sequence[str]
 
 
-#: Version 1 is the first release: fresh databases only.
-MIGRATIONS: tuple[Migration, ...] = ()
-NEWEST_VERSION = 1
+#: Version 1 is the first release. 2: jobs have an order of their own, which no clock can turn around.
+MIGRATIONS: tuple[Migration, ...] = (
+    Migration(
+        2,
+        (
+            "ALTER TABLE jobs ADD COLUMN sequence INTEGER NOT NULL DEFAULT 0",
+            """UPDATE jobs SET sequence = (SELECT COUNT(*) FROM jobs AS earlier WHERE earlier.created_at < jobs.created_at
+            OR (earlier.created_at = jobs.created_at AND earlier.id <= jobs.id))""",
+        ),
+    ),
+)
+NEWEST_VERSION = 2
 
 
 def open_database(url: str) -> Engine:

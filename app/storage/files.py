@@ -16,8 +16,8 @@ from collections.abc import Collection
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from app.server.errors import BadRequest, DiskFull, NotFound, Unavailable
-from app.server.settings import AppSettings
+from app.errors import BadRequest, DiskFull, NotFound, Unavailable
+from app.settings import AppSettings
 from app.storage.lock import sole_use
 from app.storage.partial import PartialFile
 from app.storage.records import RecordingRecord

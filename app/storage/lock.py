@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from app.server.errors import Unavailable
+from app.errors import Unavailable
 
 LOCK_NAME = "server.lock"
 

@@ -14,7 +14,7 @@ import anyio
 from anyio import to_thread
 from starlette.types import Receive
 
-from app.server.errors import ApiError, BadRequest, Conflict, DiskFull, NotFound, TooLarge, Unavailable
+from app.errors import ApiError, BadRequest, Conflict, DiskFull, NotFound, TooLarge, Unavailable
 from app.storage.files import DataFolder
 from app.storage.partial import Appender
 from app.uploads.protocol import Checksum, TusError

@@ -1,4 +1,4 @@
-"""What tus 1.0 says in headers: versions, lengths, names, checksums. Pure, but for the class of its routes."""
+"""What tus 1.0 says in headers: lengths, names, checksums. Pure."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ import base64
 import binascii
 import hashlib
 import re
-from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
-from fastapi import Request, Response
-from fastapi.routing import APIRoute
 from starlette.datastructures import Headers
 
-from app.server.errors import ApiError, BadRequest, error_response
+from app.errors import ApiError, BadRequest
 
 VERSION = "1.0.0"
 EXTENSIONS = "creation,creation-with-upload,termination,expiration,checksum"
@@ -108,26 +105,3 @@ def _metadata(text: str) -> dict[str, str]:
                 "upload.metadata", f"Expected `name base64` pairs in Upload-Metadata, found {pair[:40]!r}; correct it."
             ) from None
     return pairs
-
-
-class TusRoute(APIRoute):
-    """A route that asks for the protocol's version and says it in every answer, refusals included."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[object, None, Response]]:
-        """The handler, wrapped."""
-        handle = super().get_route_handler()
-
-        async def answer(request: Request) -> Response:
-            try:
-                if request.method != "OPTIONS" and request.headers.get("tus-resumable") != VERSION:
-                    raise TusError(
-                        412, "upload.version", f"Uploads here speak tus {VERSION}; send Tus-Resumable: {VERSION}."
-                    )
-                response = await handle(request)
-            except ApiError as error:
-                response = error_response(error)
-            response.headers["Tus-Resumable"] = VERSION
-            response.headers["Tus-Version"] = VERSION
-            return response
-
-        return answer

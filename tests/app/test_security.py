@@ -8,7 +8,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from app.server.security import COOKIE, Gatekeeper, check_host
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from tests.app.support.live import serving
 
 TOKEN = "correct-horse-battery"

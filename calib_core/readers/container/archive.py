@@ -69,12 +69,18 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
         struct.error,
         ValueError,
     ) as error:
-        raise UnreadableRecording(
-            f"The archive {path.name} is damaged ({_first_line(error)}); copy or pack it again."
-        ) from error
+        raise _damaged(path, error) from error
+    except OSError as error:
+        if error.errno is not None:  # the disk's, not the archive's
+            raise
+        raise _damaged(path, error) from error
     if not found:
         raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
     return folder
+
+
+def _damaged(path: Path, error: Exception) -> UnreadableRecording:
+    return UnreadableRecording(f"The archive {path.name} is damaged ({_first_line(error)}); copy or pack it again.")
 
 
 def _first_line(error: Exception) -> str:

@@ -1,6 +1,7 @@
 """Job functions for tests of the machinery: quick, and told by the recording's name how to behave.
 
-- slow: works until it is asked to stop; stubborn: works and never looks
+- slow: works until it is asked to stop; stubborn: works and never looks; deaf: does not even hear SIGTERM
+- family: dies and leaves a child of its own behind that holds its pipes
 - crash: its process dies; defect: raises what nobody expects; broken: refuses the input
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
@@ -10,12 +11,12 @@ Planes are proposed for `room` only.
 from __future__ import annotations
 
 import os
+import signal
 import time
 
-from app.arrays.proposals import write_proposals
-from app.arrays.recording import write_recording
+from app.arrays.proposals import proposal_arrays, write_proposals
+from app.arrays.recording import recording_arrays, write_recording
 from app.arrays.trajectory import write_trajectory
-from app.jobs.functions import proposal_arrays, recording_arrays
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
@@ -52,11 +53,20 @@ def solve(order, on_event, should_cancel):
     name = order.recording_name
     if name.startswith("crash"):
         os._exit(7)
+    if name.startswith("deaf"):
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if name.startswith("family"):
+        child = os.fork()
+        if child == 0:
+            time.sleep(600)
+        on_event(LogEvent(level="info", code="fake.child", text=str(child)))
+        time.sleep(0.1)
+        os._exit(7)
     if name.startswith("defect"):
         raise ZeroDivisionError("secret internals")
     for step in range(5):
         on_event(iteration(step))
-    while name.startswith(("slow", "stubborn")):
+    while name.startswith(("slow", "stubborn", "deaf")):
         on_event(StageEvent(stage="solve", fraction=0.5, text="thinking"))
         time.sleep(0.02)
         if name.startswith("slow") and should_cancel():

@@ -20,7 +20,7 @@ PROGRAM = """
 import json, socket, sys
 from app.jobs.launch import ProcessLauncher
 from app.server.main import make_server
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 bound = socket.socket(fileno=int(sys.argv[1]))
 settings = AppSettings(min_free_bytes=0, spare_worker=False, cancel_grace_s=0.3, **json.loads(sys.argv[3]))
 make_server(settings.model_copy(update={"data_dir": __import__("pathlib").Path(sys.argv[2])}),

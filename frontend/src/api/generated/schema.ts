@@ -1459,6 +1459,11 @@ export interface components {
              */
             planes?: components["schemas"]["PlaneLook"][];
             /**
+             * Queue Place
+             * @description while it waits: 1 is next; jobs of all clients take turns
+             */
+            queue_place?: number | null;
+            /**
              * Recording Id
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */

@@ -9,6 +9,8 @@ from pathlib import Path
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from app.schemas.jobs import JobKind
+
 GIB = 1024**3
 
 
@@ -36,6 +38,13 @@ class AppSettings(BaseSettings):
     min_free_bytes: int = Field(default=GIB, ge=0, description="disk space that must stay free after an upload")
     max_body_bytes: int = Field(default=2**20, gt=0, description="the largest body of any other request")
     concurrent_jobs: int = Field(default=2, ge=1, description="jobs that run at once; more are queued")
+    max_waiting_jobs: int = Field(default=1000, ge=1, description="jobs that may wait; more are refused")
+    simulate_limit_s: float = Field(default=1800.0, gt=0, description="the longest a sample may take to be made")
+    inspect_limit_s: float = Field(default=3600.0, gt=0, description="the longest an inspection may take")
+    planes_limit_s: float = Field(
+        default=3600.0, gt=0, description="the longest that reading and finding planes may take"
+    )
+    solve_limit_s: float = Field(default=14400.0, gt=0, description="the longest a solve may take")
     spare_worker: bool = Field(
         default=True, description="keep a process ready for the next job: starts 2 s sooner, 150 MB"
     )
@@ -48,6 +57,16 @@ class AppSettings(BaseSettings):
     def store_url(self) -> str:
         """Where records are kept."""
         return self.database_url or f"sqlite:///{self.data_dir / 'unsweep.sqlite'}"
+
+    def limit_s(self, kind: JobKind) -> float:
+        """The longest a job of that kind may take."""
+        limits: dict[JobKind, float] = {
+            "simulate": self.simulate_limit_s,
+            "inspect": self.inspect_limit_s,
+            "planes": self.planes_limit_s,
+            "solve": self.solve_limit_s,
+        }
+        return limits[kind]
 
     def is_loopback(self) -> bool:
         """Whether only programs on this machine can connect."""

@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from app.arrays.proposals import has_proposals, read_proposals, write_proposals
-from app.arrays.recording import has_recording, read_recording, write_recording
+from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals, write_proposals
+from app.arrays.recording import has_recording, read_recording, recording_arrays, write_recording
 from app.arrays.trajectory import write_trajectory
-from app.jobs.head import propose_from_head
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
 from app.results.scans import measure_scans
@@ -27,6 +26,7 @@ from app.results.verdict import solve_outcome
 from app.schemas.jobs import InitialGuess as WireGuess
 from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
 from app.storage.sizes import tree_size
+from app.work.head import propose_from_head
 from calib_core import api
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
@@ -36,16 +36,6 @@ from calib_core.types import InitialGuess, Plane, Recording
 SAMPLE_SEED = 1
 #: What a job says once its planes can be looked at, while it goes on reading.
 PROPOSED = "planes.proposed"
-
-
-def recording_arrays(cache: Path) -> Path:
-    """Where the decoded recording is kept."""
-    return cache / "recording"
-
-
-def proposal_arrays(cache: Path) -> Path:
-    """Where the proposed planes are kept."""
-    return cache / "planes"
 
 
 def warm_up() -> None:
