@@ -245,6 +245,10 @@ class RecordingService:
         await self._inbox.stop(record.id)
         await to_thread.run_sync(self.delete, record)
 
+    async def stop_uploads(self) -> None:
+        """Keep what has come of the uploads under way, and end their requests: the server stops."""
+        await self._inbox.stop_all()
+
     def expires_at(self, record: RecordingRecord, now: datetime) -> datetime | None:
         """When the upload is removed unless it goes on; None where all of it is here."""
         if record.state != "receiving":

@@ -94,8 +94,14 @@ class Inbox:
     async def stop(self, upload_id: str) -> None:
         """End whatever writes into the upload."""
         turn = self._turns.get(upload_id)
-        if turn is None:
-            return
+        if turn is not None:
+            await self._end(turn)
+
+    async def stop_all(self) -> None:
+        """End all that writes: the server stops. What has come is kept."""
+        await asyncio.gather(*(self._end(turn) for turn in list(self._turns.values())))
+
+    async def _end(self, turn: _Turn) -> None:
         turn.stopped = True
         if turn.listening is not None:
             turn.listening.reschedule(asyncio.get_running_loop().time())

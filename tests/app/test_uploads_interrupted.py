@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import base64
 import random
+import socket
 import threading
 import time
+from contextlib import contextmanager
 
 import pytest
 
-from tests.app.support.killed import TUS, patch_begun, running, status_of
+from bench.victim import BODY, TUS, running, status_of
+from tests.app.support.live import FAKE_JOBS
 
 MIB = 2**20
 
 
-def announce(victim, size, name="room.bag", **metadata):
+@contextmanager
+def serving(data_dir):
+    """A server process whose jobs do next to nothing."""
+    with running(data_dir, entry=FAKE_JOBS) as victim:
+        yield victim
+
+
+def announce(victim, size):
     """A new upload; its path and its recording's id."""
-    pairs = {"filename": name, **metadata}
-    told = ",".join(f"{key} {base64.b64encode(value.encode()).decode()}" for key, value in pairs.items())
-    made = victim.http.post("/api/uploads", headers={**TUS, "Upload-Length": str(size), "Upload-Metadata": told})
-    assert made.status_code == 201, made.text
-    recording_id = made.headers["x-recording-id"]
-    return f"/api/uploads/{recording_id}", recording_id
-
-
-def send_rest(victim, where, content):
-    """The upload taken up where the server says it is."""
-    offset = victim.offset(where)
-    headers = {**TUS, "Upload-Offset": str(offset), "Content-Type": "application/offset+octet-stream"}
-    answer = victim.http.patch(where, headers=headers, content=content[offset:])
-    assert answer.status_code == 204, answer.text
-    return answer
+    told = {**TUS, "Upload-Length": str(size), "Upload-Metadata": f"filename {base64.b64encode(b'room.bag').decode()}"}
+    made = victim.ask("POST", "/api/uploads", headers=told)
+    assert made.status == 201, made.body
+    return made.headers["location"], made.headers["x-recording-id"]
 
 
 def stored(data_dir, recording_id):
@@ -43,38 +42,33 @@ def test_a_kill_within_a_patch_leaves_the_bytes_that_were_sent(tmp_path, seed):
     """Oracle: the file that was sent. Mutation: an offset saved at the PATCH's end while bytes are appended as they come."""
     chance = random.Random(seed)
     content = chance.randbytes(24 * MIB)
-    with running(tmp_path) as victim:
+    with serving(tmp_path) as victim:
         where, recording_id = announce(victim, len(content))
         first = chance.randrange(len(content) // 4)
-        assert status_of_patch(victim, where, 0, content[:first]) == 204
+        assert victim.patch(where, 0, content[:first]).status == 204
         acknowledged = victim.offset(where)
-        with patch_begun(victim.port, where, first, len(content) - first) as sock:
+        with victim.patch_begun(where, first, len(content) - first) as sock:
             sock.sendall(content[first : chance.randrange(first, len(content))])
             time.sleep(chance.uniform(0.0, 0.05))
             victim.kill()
-    with running(tmp_path) as victim:
+    with serving(tmp_path) as victim:
         assert victim.offset(where) >= acknowledged == first
-        send_rest(victim, where, content)
+        offset = victim.offset(where)
+        assert victim.patch(where, offset, content[offset:]).status == 204
         assert stored(tmp_path, recording_id) == content
-
-
-def status_of_patch(victim, where, offset, chunk):
-    """The status of one whole PATCH."""
-    headers = {**TUS, "Upload-Offset": str(offset), "Content-Type": "application/offset+octet-stream"}
-    return victim.http.patch(where, headers=headers, content=chunk).status_code
 
 
 def test_a_second_patch_is_refused_at_once_and_the_server_answers_others_meanwhile(tmp_path):
     """Mutation: waiting for the first one's lock on the event loop leaves the health check unanswered."""
-    with running(tmp_path) as victim:
+    with serving(tmp_path) as victim:
         where, _ = announce(victim, MIB)
-        with patch_begun(victim.port, where, 0, MIB) as first:
+        with victim.patch_begun(where, 0, MIB) as first:
             first.sendall(b"x" * 1000)
             time.sleep(0.2)
-            with patch_begun(victim.port, where, 0, MIB) as second:
+            with victim.patch_begun(where, 0, MIB) as second:
                 second.sendall(b"y" * 1000)
                 health = []
-                asking = threading.Thread(target=lambda: health.append(victim.http.get("/healthz").status_code))
+                asking = threading.Thread(target=lambda: health.append(victim.ask("GET", "/healthz").status))
                 asking.start()
                 assert status_of(second) == 423
                 asking.join(5)
@@ -85,12 +79,14 @@ def test_a_second_patch_is_refused_at_once_and_the_server_answers_others_meanwhi
 
 def test_a_body_longer_than_declared_is_refused_and_nothing_of_it_kept(tmp_path):
     """Mutation: appending what comes stores 81 MB of 51."""
-    with running(tmp_path) as victim:
+    with serving(tmp_path) as victim:
         where, _ = announce(victim, 1000)
-        assert status_of_patch(victim, where, 0, b"a" * 400) == 204
-        assert status_of_patch(victim, where, 400, b"b" * 601) == 413
-        headers = {**TUS, "Upload-Offset": "400", "Content-Type": "application/offset+octet-stream"}
-        chunked = victim.http.patch(where, headers=headers, content=(b"c" * 300 for _ in range(3)))
-        assert chunked.status_code == 413
+        assert victim.patch(where, 0, b"a" * 400).status == 204
+        assert victim.patch(where, 400, b"b" * 601).status == 413
+        headers = "".join(f"{name}: {value}\r\n" for name, value in {**BODY, "Upload-Offset": "400"}.items())
+        with socket.create_connection(("127.0.0.1", victim.port)) as sock:  # of a length that is not told before
+            begin = f"PATCH {where} HTTP/1.1\r\nHost: 127.0.0.1:{victim.port}\r\nTransfer-Encoding: chunked\r\n{headers}\r\n"
+            sock.sendall(begin.encode() + b"12c\r\n" + b"c" * 300 + b"\r\n12d\r\n" + b"c" * 301 + b"\r\n0\r\n\r\n")
+            assert status_of(sock) == 413
         assert victim.offset(where) == 400
         assert [path.stat().st_size for path in (tmp_path / "uploads").iterdir() if path.suffix == ""] == [400]
