@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from app.limits import LEAST_MEMORY_BYTES, JobLimits, fair_memory_bytes
 from app.schemas.jobs import JobKind
 
 GIB = 1024**3
@@ -45,6 +46,10 @@ class AppSettings(BaseSettings):
         default=3600.0, gt=0, description="the longest that reading and finding planes may take"
     )
     solve_limit_s: float = Field(default=14400.0, gt=0, description="the longest a solve may take")
+    job_memory_bytes: int | None = Field(
+        default=None, ge=LEAST_MEMORY_BYTES, description="memory of one job; None: its share of the machine's"
+    )
+    job_file_bytes: int = Field(default=256 * GIB, gt=0, description="the largest file that a job may write")
     spare_worker: bool = Field(
         default=True, description="keep a process ready for the next job: starts 2 s sooner, 150 MB"
     )
@@ -57,6 +62,11 @@ class AppSettings(BaseSettings):
     def store_url(self) -> str:
         """Where records are kept."""
         return self.database_url or f"sqlite:///{self.data_dir / 'unsweep.sqlite'}"
+
+    def job_limits(self) -> JobLimits:
+        """What one job may take of the machine."""
+        memory_bytes = self.job_memory_bytes or fair_memory_bytes(self.concurrent_jobs)
+        return JobLimits(memory_bytes=memory_bytes, file_bytes=self.job_file_bytes)
 
     def limit_s(self, kind: JobKind) -> float:
         """The longest a job of that kind may take."""

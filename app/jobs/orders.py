@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from app.limits import JobLimits
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
 from calib_core.events import IterationEvent, LogEvent, StageEvent
@@ -54,6 +55,7 @@ class Order(_Parcel):
     scenario: str = ""
     read_settings: ReadSettings = ReadSettings()
     request: StoredRequest = StoredRequest()
+    limits: JobLimits | None = Field(default=None, description="None: as much as there is")
 
 
 class Happened(_Parcel):

@@ -302,8 +302,8 @@ class RecordingService:
         """Stop its jobs and remove all that is ours of it."""
         self._jobs.stop_all_of(record.id)
         job_ids = [job.id for job in self._jobs.records_of(record.id)]
+        self._files.remove_recording(record.id, job_ids)  # first: on a full disk this makes room for the rest
         self._store.remove(record.id)
-        self._files.remove_recording(record.id, job_ids)
         self._bus.publish(RecordingDeleted(record.id))
 
     def timeline(self, record: RecordingRecord) -> Timeline:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from sqlalchemy import event
+
 from app.bus import Bus
 from app.errors import Conflict, facts_of
 from app.events import (
@@ -59,6 +61,7 @@ class Services:
         except BaseException:
             self.files.release()
             raise
+        event.listen(self._engine, "begin", lambda _: self.files.keep_reserve())
         recording_store, documents = RecordingStore(self._engine), DocumentStore(self._engine)
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
@@ -71,7 +74,7 @@ class Services:
             settings=settings,
             launcher=self._launcher,
             bus=bus,
-            make_order=Orders(recording_store, self.files).of,
+            make_order=Orders(recording_store, self.files, settings.job_limits()).of,
             looks_of=self.planes.looks,
         )
         self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, bus, settings=settings)

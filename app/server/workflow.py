@@ -12,6 +12,7 @@ from app.jobs.kept import UNREADABLE, readable_request
 from app.jobs.machine import FINAL
 from app.jobs.orders import Order, StoredRequest
 from app.jobs.service import JobService
+from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of
 from app.schemas.common import ErrorFacts
@@ -46,9 +47,10 @@ def state_after(job: Job, before: RecordingState) -> RecordingState:
 class Orders:
     """What workers are told."""
 
-    def __init__(self, recordings: RecordingStore, files: DataFolder) -> None:
+    def __init__(self, recordings: RecordingStore, files: DataFolder, limits: JobLimits) -> None:
         self._recordings = recordings
         self._files = files
+        self._limits = limits
 
     def of(self, job: JobRecord) -> Order:
         """What the job's worker is told; Conflict where it can no longer be done."""
@@ -70,6 +72,7 @@ class Orders:
             scenario=record.scenario,
             read_settings=reading_of(record) or ReadSettings(),
             request=request,
+            limits=self._limits,
         )
 
 

@@ -30,6 +30,9 @@ SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
 #: What is written to see whether anything can be: one block of any file system.
 PROBE_BYTES = 4096
 PROBE_NAME = ".probe"
+#: Room for the store's transactions when the disk is full: a deletion writes a few pages of 4 KiB.
+RESERVE_BYTES = 8 * 2**20
+RESERVE_NAME = "reserve"
 
 
 def suffix_of(name: str) -> str:
@@ -71,10 +74,27 @@ class DataFolder:
                 f"The data directory {self.root} cannot be made ({error.strerror}): name another with --data-dir.",
             ) from error
         self._held.enter_context(sole_use(self.root))
+        self.keep_reserve()
 
     def release(self) -> None:
         """Let another server use the folders."""
         self._held.close()
+
+    def keep_reserve(self) -> None:
+        """Hold back some room, or give it away where there is none left: deleting and failing need a few pages too.
+
+        Called before every transaction of the store; looking costs microseconds.
+        """
+        reserve = self.root / RESERVE_NAME
+        try:
+            free = shutil.disk_usage(self.root).free
+            if free < RESERVE_BYTES:
+                reserve.unlink(missing_ok=True)
+            elif free > 4 * RESERVE_BYTES and not reserve.exists():
+                with reserve.open("wb") as file:
+                    os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
+        except OSError:
+            return  # another program was faster; the next look decides anew
 
     def remove_all_unpacked(self) -> None:
         """Delete what jobs had unpacked that a server's end has cut off."""

@@ -125,6 +125,7 @@ def test_every_part_of_the_library_is_in_the_table():
 APP_ROOMS = (
     "schemas",
     "errors",
+    "limits",
     "locks",
     "settings",
     "storage",

@@ -3,6 +3,7 @@
 - slow: works until it is asked to stop; stubborn: works and never looks; deaf: does not even hear SIGTERM
 - family: dies and leaves a child of its own behind that holds its pipes
 - crash: its process dies; defect: raises what nobody expects; broken: refuses the input
+- greedy: asks for 64 GB of memory; filling: writes a file of 8 MB
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
 Planes are proposed for `room` only.
@@ -62,6 +63,7 @@ def solve(order, on_event, should_cancel):
         on_event(LogEvent(level="info", code="fake.child", text=str(child)))
         time.sleep(0.1)
         os._exit(7)
+    take_too_much(name, order.folder)
     if name.startswith("defect"):
         raise ZeroDivisionError("secret internals")
     for step in range(5):
@@ -85,6 +87,14 @@ def solve(order, on_event, should_cancel):
         (order.folder / "scans.json").write_text(scans.model_dump_json())
     (order.folder / "result.json").write_text(result.to_json())
     return solve_outcome(result)
+
+
+def take_too_much(name, folder):
+    """Memory or disk, as the recording's name says."""
+    if name.startswith("greedy"):
+        bytearray(64 * 2**30)
+    if name.startswith("filling"):
+        (folder / "big").write_bytes(bytes(8 * 2**20))
 
 
 def iteration(step):
