@@ -26,5 +26,8 @@ def read_first_cloud(path: Path) -> PointArray | None:
     """The points as they were written; None where there are none."""
     if not path.is_file():
         return None
-    points: PointArray = np.load(path, allow_pickle=False)
+    try:
+        points: PointArray = np.load(path, allow_pickle=False)
+    except (OSError, ValueError):  # half of one: the whole recording is shown when it is read
+        return None
     return points if len(points) > 0 else None

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 
 from pydantic import ValidationError
 
+from app.arrays.folder import DamagedArrays, discard
 from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals
 from app.bus import Bus
 from app.errors import Conflict, NotFound
-from app.events import PlanesEdited
+from app.events import PlanesEdited, RecordingArrived
 from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
@@ -161,15 +162,20 @@ class PlaneService:
             raise NotFound("recording.not_found", "The recording has been deleted.")
         key = self._files.cache_key(record)
         folder = proposal_arrays(self._files.cache(record))
-        if not has_proposals(folder):
-            raise Conflict(
-                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
-            )
         cached = f"{recording_id}/{key}"
         with self._lock:
             proposals = self._proposals.pop(cached, None)
-        if proposals is None:
-            proposals = read_proposals(folder)
+        try:
+            if not has_proposals(folder):
+                raise DamagedArrays
+            if proposals is None:
+                proposals = read_proposals(folder)
+        except DamagedArrays:
+            if discard(folder):  # there was something, and it was not whole: it is found again
+                self._bus.publish(RecordingArrived(record))
+            raise Conflict(
+                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
+            ) from None
         with self._lock:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:

@@ -14,6 +14,7 @@ from fastapi import Request
 from pydantic import ValidationError
 from starlette.types import Receive
 
+from app.arrays.folder import DamagedArrays, discard
 from app.arrays.proposals import has_proposals, proposal_arrays
 from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.bus import Bus
@@ -309,10 +310,15 @@ class RecordingService:
     def timeline(self, record: RecordingRecord) -> Timeline:
         """The recording over time."""
         folder = recording_arrays(self._files.cache(record))
-        if not has_recording(folder):
-            raise Conflict("recording.not_read", "The recording has not been read yet; wait for its planes.")
         start_s = (reading_of(record) or ReadSettings()).start_s or 0.0
-        return make_timeline(read_recording(folder), start_s=start_s)
+        try:
+            if not has_recording(folder):
+                raise DamagedArrays
+            return make_timeline(read_recording(folder), start_s=start_s)
+        except DamagedArrays:
+            if discard(folder):  # there was something, and it was not whole: the recording is read again
+                self._bus.publish(RecordingArrived(record))
+            raise Conflict("recording.not_read", "The recording has not been read yet; wait for its planes.") from None
 
     def check_size(self, size_bytes: int) -> None:
         """Raise TooLarge for more than is accepted."""
