@@ -98,10 +98,13 @@ def until(holds: Callable[[], bool]) -> None:
 
 
 @contextmanager
-def running(data_dir: Path, *, entry: str = "app.work.functions:run_job", **settings: object) -> Iterator[Victim]:
-    """A server process over a data directory, up when this begins and gone when it ends."""
+def running(
+    data_dir: Path, *, entry: str = "app.work.functions:run_job", port: int = 0, **settings: object
+) -> Iterator[Victim]:
+    """A server process over a data directory, up when this begins and gone when it ends.   port: 0 is any free one."""
     with socket.socket() as bound:
-        bound.bind(("127.0.0.1", 0))
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(("127.0.0.1", port))
         bound.listen(128)
         process = subprocess.Popen(
             [sys.executable, "-c", PROGRAM, str(bound.fileno()), str(data_dir), entry, json.dumps(settings)],

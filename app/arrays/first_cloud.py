@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.storage.atomic import put_in_place
 from calib_core.types import PointArray
 
 
@@ -19,7 +20,7 @@ def write_first_cloud(path: Path, points: PointArray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_suffix(".part.npy")
     np.save(fresh, points, allow_pickle=False)
-    fresh.rename(path)
+    put_in_place(fresh, path)
 
 
 def read_first_cloud(path: Path) -> PointArray | None:

@@ -1,6 +1,6 @@
 """Folders that are either whole or absent: written beside, hashed, on the disk, then renamed into place.
 
-checksums.json    size and BLAKE2b of every other file, written last
+checksums.json    size and SHA-256 of every other file, written last
 
 A folder counts as there when every file has its size, which a look at the folder tells; its bytes are hashed when they
 are first read by a process. Half a file, an overwritten one and a folder of an earlier version are absent, and made again.
@@ -34,7 +34,7 @@ class DamagedArrays(Exception):
 class _File(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     size_bytes: int
-    blake2b: str
+    sha256: str
 
 
 class _Checksums(BaseModel):
@@ -83,7 +83,7 @@ def verify(path: Path) -> None:
         written_ns = tuple((path / name).stat().st_mtime_ns for name in (CHECKSUMS, *checksums.files))
         if _VERIFIED.get(path) == written_ns:
             return
-        damaged = [name for name, file in checksums.files.items() if _hashed(path / name) != file.blake2b]
+        damaged = [name for name, file in checksums.files.items() if _hashed(path / name) != file.sha256]
     except OSError as error:
         raise DamagedArrays(f"a file of {path} cannot be read") from error
     if damaged:
@@ -112,11 +112,11 @@ def _read(path: Path) -> _Checksums | None:
 
 def _summed(file: Path) -> _File:
     _sync_file(file)
-    return _File(size_bytes=file.stat().st_size, blake2b=_hashed(file))
+    return _File(size_bytes=file.stat().st_size, sha256=_hashed(file))
 
 
 def _hashed(file: Path) -> str:
-    hasher = hashlib.blake2b(digest_size=16)
+    hasher = hashlib.sha256()
     with file.open("rb") as source:
         while block := source.read(_BLOCK):
             hasher.update(block)

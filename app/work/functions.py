@@ -26,6 +26,7 @@ from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import InitialGuess as WireGuess
 from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
+from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from calib_core import api
@@ -173,4 +174,4 @@ def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_name(path.name + ".part")
     fresh.write_text(text, encoding="utf-8")
-    fresh.rename(path)
+    put_in_place(fresh, path)
