@@ -26,6 +26,7 @@ class JobLogs:
         self._files = files
         self._lock = threading.Lock()
         self._journals: dict[str, Journal[str]] = {}
+        self._unwritten: set[str] = set()  # jobs whose log has a hole, said once
 
     def write(self, job_id: str, message: AnyMessage) -> None:
         """Add a message to the job's log, in memory and on disk."""
@@ -37,7 +38,9 @@ class JobLogs:
             with path.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
         except OSError as error:  # on a full disk those who look are told all the same, and the job can end
-            _LOG.warning("the log of job %s could not be written: %s", job_id, error.strerror)
+            if job_id not in self._unwritten:
+                self._unwritten.add(job_id)
+                _LOG.warning("the log of job %s could not be written: %s", job_id, error.strerror)
         journal.append(line)
 
     def end(self, job: Job) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import shutil
 import threading
+import time
 import uuid
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from anyio import to_thread
 from fastapi.sse import ServerSentEvent
 
 from app.bus import Bus
-from app.errors import Conflict, NotFound, TooMany, facts_of
+from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
 from app.events import JobMoved, JobSaid, JobStepped, QueueMoved
 from app.jobs.client import ASKING
 from app.jobs.journal import Journal, number_of
@@ -47,6 +48,8 @@ DIED = ErrorFacts(
 #: So many of those that wait are told when their place has changed; who is farther back sees it at the next look.
 TOLD_PLACES = 50
 
+#: How often a job that has ended looks whether the disk has room for its state.
+FULL_DISK_POLL_S = 1.0
 #: How long a deleted recording's jobs have to go away.
 STOP_WAIT_S = 10.0
 
@@ -277,7 +280,7 @@ class JobService:
                 _LOG.exception("job %s could not be run", record.id)
             ending = Failed(error=facts)
         try:
-            self._end(record.id, ending)
+            self._end_when_there_is_room(record.id, ending)
         except NotFound:
             shutil.rmtree(self._files.job(record.id), ignore_errors=True)  # its recording was deleted meanwhile
         finally:
@@ -288,6 +291,18 @@ class JobService:
                 self._progress.pop(record.id, None)
                 self._overdue.discard(record.id)
             self.start_queued()
+
+    def _end_when_there_is_room(self, job_id: str, ending: Parcel | None) -> None:
+        """End the job; on a full disk once its state can be kept."""
+        while True:
+            try:
+                self._end(job_id, ending)
+            except DiskFull:
+                if self._closing:
+                    return  # found interrupted at the next start
+                time.sleep(FULL_DISK_POLL_S)
+            else:
+                return
 
     def _run(self, record: JobRecord) -> Parcel | None:
         """Run the job to its end: its last parcel, or None where the process died without a word."""

@@ -6,6 +6,7 @@ each in its own transaction. A newer one is refused: an old program must not wri
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -30,11 +31,11 @@ from sqlalchemy import (
     text,
     update,
 )
-from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.engine.interfaces import DBAPIConnection, ExceptionContext
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from app.errors import Unavailable
+from app.errors import DiskFull, Unavailable
 
 
 class UtcTime(TypeDecorator[datetime]):
@@ -144,6 +145,7 @@ def open_database(url: str) -> Engine:
         ) from error
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "handle_error", _tell_full_disk)
     try:
         migrate(engine, MIGRATIONS, newest=NEWEST_VERSION)
     except SQLAlchemyError as error:
@@ -192,6 +194,16 @@ def _shortly(error: ArgumentError | NoSuchModuleError) -> str:
 
 def _cause(error: SQLAlchemyError) -> str:
     return str(getattr(error, "orig", None) or error).splitlines()[0]
+
+
+def _tell_full_disk(context: ExceptionContext) -> None:
+    """A full disk as the sentence it is, wherever a transaction meets it."""
+    error = context.original_exception
+    if isinstance(error, sqlite3.OperationalError) and error.sqlite_errorname == "SQLITE_FULL":
+        raise DiskFull(
+            "store.disk_full",
+            "The data directory's disk is full, nothing was changed: free some space, then try again.",
+        ) from error
 
 
 def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:

@@ -7,10 +7,14 @@ import os
 from types import SimpleNamespace
 
 import pytest
+from sqlalchemy import event
 
 from app.limits import JobLimits, fair_memory_bytes, full_disk
 from app.storage.files import RESERVE_BYTES, RESERVE_NAME
 from tests.app.support.live import serving
+
+#: More than the free space within the pages that the store has.
+LONG_JOB = {"kind": "solve", "initial_guess": {"matrix": [[0.5] * 4000] * 4}}
 
 
 @pytest.mark.parametrize(
@@ -72,5 +76,25 @@ def test_a_job_ends_though_its_log_cannot_be_written(tmp_path):
         log = tmp_path / "jobs" / job_id / "events.jsonl"
         log.unlink()
         log.mkdir()
+        live.http.post(f"/api/jobs/{job_id}/cancel")
+        assert live.finish(job_id)["state"] == "cancelled"
+
+
+def test_a_store_without_a_page_left_says_so(tmp_path):
+    """SQLite's own refusal, by a bound on its pages. Mutation: without the engine's translation it is a 500."""
+    with serving(tmp_path) as live:
+        recording_id = live.upload("slow.bag")
+        job_id = live.start(recording_id)
+        live.wait(lambda: live.job(job_id)["stage"] == "solve")
+        engine = live.services._engine
+
+        def bound(pages):
+            engine.dispose()
+            event.listen(engine, "connect", lambda connection, _: connection.execute(f"PRAGMA max_page_count={pages}"))
+
+        bound(1)
+        refused = live.http.post(f"/api/recordings/{recording_id}/jobs", json=LONG_JOB)
+        assert (refused.status_code, refused.json()["error"]["code"]) == (507, "store.disk_full")
+        bound(2**30)
         live.http.post(f"/api/jobs/{job_id}/cancel")
         assert live.finish(job_id)["state"] == "cancelled"
