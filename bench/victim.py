@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Long enough for the busiest machine; nothing is judged by it.
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 TUS = {"Tus-Resumable": "1.0.0"}
 BODY = {**TUS, "Content-Type": "application/offset+octet-stream"}
 
