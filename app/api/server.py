@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, cast
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
 
 from app.schemas.recordings import FolderListing, Health, ServerFacts
 from app.server.apidocs import render
 from app.server.deps import ServicesDep
+from app.server.sessions import COOKIE, Sessions
 
 router = APIRouter(tags=["server"])
 
@@ -26,6 +27,17 @@ def list_folder(
 ) -> FolderListing:
     """A folder of the server's own recordings, which open without an upload."""
     return services.folder.listing(path)
+
+
+@router.delete("/api/session", status_code=204)
+def end_session(request: Request) -> Response:
+    """End the session of this browser; it has to show the token again. Nothing happens where there is none."""
+    kept = cast("Sessions | None", request.app.state.sessions)
+    if kept is not None:
+        kept.end(request.cookies.get(COOKIE, ""))
+    response = Response(status_code=204)
+    response.delete_cookie(COOKIE)
+    return response
 
 
 @router.get("/api/docs", include_in_schema=False)

@@ -10,7 +10,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from app.errors import ApiError, facts_of
+from app.errors import ApiError, TooMany, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from calib_core.errors import UnsweepError
 
@@ -51,6 +51,8 @@ def error_response(error: Exception) -> JSONResponse:
     """Any exception as the one error body."""
     status, facts = facts_of_request(error)
     headers = dict(error.headers) if isinstance(error, HTTPException) and error.headers else None
+    if isinstance(error, TooMany):
+        headers = {"Retry-After": str(error.retry_after_s)}
     return JSONResponse(body_of(facts), status_code=status, headers=headers)
 
 

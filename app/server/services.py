@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 from app.bus import Bus
 from app.errors import Conflict, facts_of
@@ -28,14 +28,15 @@ from app.scene.hub import SceneHub
 from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.jobs import Job
-from app.schemas.recordings import Sample, ServerFacts
+from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink
 from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.feed import RecordingFeed
+from app.server.share import ShareLinks
 from app.server.workflow import Orders, Workflow
 from app.settings import AppSettings
 from app.storage.database import check_database, open_database
 from app.storage.files import SUFFIXES, DataFolder
-from app.storage.records import JobRecord
+from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from calib_core import __version__, api
 
@@ -121,6 +122,17 @@ class Services:
             export_formats=list(api.export_names()),
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
+
+    def share(self, recording: RecordingRecord, wish: NewShareLink) -> ShareLink:
+        """A link that shows the recording; Conflict on a server that everybody may use anyway."""
+        if self.settings.token is None:
+            raise Conflict(
+                "share.open_server",
+                "This server has no token, so whoever reaches it sees everything; send its address.",
+            )
+        until = datetime.now(UTC) + timedelta(hours=wish.hours)
+        link = ShareLinks(self.settings.token).make(recording.id, until.timestamp())
+        return ShareLink(path=f"/r/{recording.id}/recording?share={link}", until=until)
 
     def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
         """A solve's answer as one 3D page; Conflict where it has none."""
