@@ -27,8 +27,13 @@ def serve_until_stopped(
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
-        with suppress(KeyboardInterrupt):
-            make_server(settings).run(sockets=[listening])
+        server = make_server(settings)
+        try:
+            with suppress(KeyboardInterrupt):
+                server.run(sockets=[listening])
+        finally:
+            if server.startup_error is not None:
+                raise InputError(str(server.startup_error), code=server.startup_error.code) from None
 
 
 def server_settings(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from socket import socket
@@ -11,6 +12,7 @@ from anyio import to_thread
 from fastapi import FastAPI
 
 from app.api import jobs, planes, recordings, results, scene, server, uploads, view
+from app.errors import ApiError
 from app.jobs.launch import Launcher
 from app.recordings.uploads import TusHeaders, make_tus_router
 from app.server.client import CompressText, install_client
@@ -40,9 +42,13 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        services = await to_thread.run_sync(Services, settings, launcher)
-        app.state.services = services
-        await to_thread.run_sync(services.start)
+        try:
+            services = await to_thread.run_sync(Services, settings, launcher)
+            app.state.services = services
+            await to_thread.run_sync(services.start)
+        except ApiError as error:
+            app.state.startup_error = error
+            raise
         try:
             yield
         finally:
@@ -87,6 +93,12 @@ class Server(uvicorn.Server):
     def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
         super().__init__(config)
         self._app = app
+        logging.getLogger("uvicorn.error").addFilter(lambda _: self.startup_error is None)
+
+    @property
+    def startup_error(self) -> ApiError | None:
+        """Why the server did not start, in a sentence, which is told instead of a traceback."""
+        return getattr(self._app.state, "startup_error", None)
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Stop."""
