@@ -37,6 +37,7 @@ class AppSettings(BaseSettings):
         default=(), description="addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed"
     )
     max_connections: int = Field(default=800, ge=10, description="open connections; more are answered 503")
+    log_json: bool = Field(default=False, description="the log as one JSON object a line, for machines")
     database_url: str | None = Field(default=None, description="SQLAlchemy URL; None: SQLite in the data directory")
     allowed_origins: tuple[str, ...] = Field(
         default=(), description="origins accepted besides the server's own, as https://calib.example.org behind a proxy"

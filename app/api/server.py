@@ -10,6 +10,7 @@ from fastapi.responses import HTMLResponse
 from app.schemas.recordings import FolderListing, Health, ServerFacts
 from app.server.apidocs import render
 from app.server.deps import ServicesDep
+from app.server.metrics import Metrics
 from app.server.sessions import COOKIE, Sessions
 
 router = APIRouter(tags=["server"])
@@ -52,8 +53,16 @@ def read_alive() -> Health:
     return Health()
 
 
+@router.get("/metrics", include_in_schema=False)
+def read_metrics(request: Request) -> Response:
+    """Figures for whoever watches over the server; wants the token like everything else."""
+    return Response(
+        cast(Metrics, request.app.state.metrics).text(), media_type="text/plain; version=0.0.4; charset=utf-8"
+    )
+
+
 @router.get("/readyz")
 def read_ready(services: ServicesDep) -> Health:
-    """Ready: the store answers and the data directory can be written."""
+    """Ready: a file was just written to the data directory, and a row to the store."""
     services.check_ready()
     return Health()

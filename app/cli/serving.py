@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from app.logs import log_to_stderr
 from app.server.main import make_server
 from app.settings import AppSettings
 from calib_core.errors import InputError
@@ -27,6 +28,7 @@ def serve_until_stopped(
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
+        log_to_stderr(as_json=settings.log_json)
         server = make_server(settings)
         try:
             with suppress(KeyboardInterrupt):

@@ -18,6 +18,7 @@ from app.recordings.uploads import TusHeaders, make_tus_router
 from app.server.client import CompressText, install_client
 from app.server.errors import install_error_handler
 from app.server.headers import SecurityHeaders
+from app.server.metrics import CountRequests, Metrics
 from app.server.openapi import document, operation_id
 from app.server.patience import PatientH11
 from app.server.security import Gatekeeper
@@ -45,6 +46,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
         try:
             services = await to_thread.run_sync(Services, settings, launcher)
             app.state.services = services
+            app.state.metrics.watch(services.jobs, services.scenes, services.files)
             await to_thread.run_sync(services.start)
         except ApiError as error:
             app.state.startup_error = error
@@ -65,6 +67,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
         generate_unique_id_function=operation_id,
     )
     app.state.settings = settings
+    app.state.metrics = Metrics()
     app.state.sessions = make_sessions(settings)
     app.openapi = lambda: document(app)  # type: ignore[method-assign]
     install_error_handler(app)
@@ -77,6 +80,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
     app.add_middleware(CompressText)
     app.add_middleware(Gatekeeper, settings=settings, sessions=app.state.sessions)
     app.add_middleware(SecurityHeaders)
+    app.add_middleware(CountRequests, metrics=app.state.metrics)
     return app
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
@@ -34,7 +36,7 @@ from app.server.feed import RecordingFeed
 from app.server.share import ShareLinks
 from app.server.workflow import Orders, Workflow
 from app.settings import AppSettings
-from app.storage.database import check_database, open_database
+from app.storage.database import open_database, touch_database
 from app.storage.files import SUFFIXES, DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
@@ -48,11 +50,17 @@ SAMPLES = {
 }
 
 
+#: So long an answer of readyz holds: whoever may ask it may ask it as often as he likes.
+READY_FOR_S = 1.0
+
+
 class Services:
     """Everything a route may call. Made at the start of the application's life, closed at its end."""
 
     def __init__(self, settings: AppSettings, launcher: Launcher | None = None) -> None:
         self.settings = settings
+        self._checking = threading.Lock()
+        self._ready_at_s = float("-inf")
         self.files = DataFolder(settings)
         self.files.prepare()
         url = settings.database_url or f"sqlite:///{settings.data_dir / 'unsweep.sqlite'}"
@@ -107,9 +115,12 @@ class Services:
         self._engine.dispose()
 
     def check_ready(self) -> None:
-        """Raise Unavailable unless store and data directory can be used."""
-        check_database(self._engine)
-        self.files.check_writable()
+        """Raise Unavailable or DiskFull unless store and data directory can be written. Asked often, tried seldom."""
+        with self._checking:
+            if time.monotonic() - self._ready_at_s > READY_FOR_S:
+                touch_database(self._engine)
+                self.files.check_writable()
+                self._ready_at_s = time.monotonic()
 
     def server_facts(self) -> ServerFacts:
         """What a client needs to know before anything else."""

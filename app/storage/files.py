@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import tempfile
 from pathlib import Path
 
 from app.errors import BadRequest, DiskFull, NotFound, Unavailable
@@ -68,11 +69,17 @@ class DataFolder:
             api.discard_archives(folder)
 
     def check_writable(self) -> None:
-        """Raise Unavailable unless files can be made."""
-        if not os.access(self.uploads, os.W_OK):
+        """Raise Unavailable unless a file can be made, filled and removed: rights, space and the disk itself."""
+        try:
+            with tempfile.TemporaryFile(dir=self.uploads) as file:
+                file.write(b"0" * 4096)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
             raise Unavailable(
-                "data_dir.unusable", f"The data directory {self.root} cannot be written: check its rights."
-            )
+                "data_dir.unusable",
+                f"The data directory {self.root} cannot be written ({error.strerror}): check its rights and its disk.",
+            ) from error
 
     @property
     def uploads(self) -> Path:

@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy import create_engine, inspect, text
 
 from app.errors import Unavailable
-from app.storage.database import NEWEST_VERSION, Migration, check_database, migrate, open_database
+from app.storage.database import NEWEST_VERSION, Migration, migrate, open_database, touch_database
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 
@@ -37,7 +37,7 @@ def test_a_fresh_store_is_whole_uses_wal_and_opens_again(tmp_path, engine):
     with engine.connect() as connection:
         assert connection.execute(text("PRAGMA journal_mode")).scalar_one() == "wal"
     again = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
-    check_database(again)
+    touch_database(again)
     again.dispose()
 
 

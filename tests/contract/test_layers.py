@@ -126,6 +126,7 @@ APP_ROOMS = (
     "schemas",
     "errors",
     "locks",
+    "logs",
     "settings",
     "storage",
     "events",

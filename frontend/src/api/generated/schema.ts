@@ -617,7 +617,7 @@ export interface paths {
         };
         /**
          * Read Ready
-         * @description Ready: the store answers and the data directory can be written.
+         * @description Ready: a file was just written to the data directory, and a row to the store.
          */
         get: operations["read_ready"];
         put?: never;
