@@ -74,6 +74,10 @@ class TooMany(ApiError):
 
     status = 429
 
+    def __init__(self, code: str, text: str, *, retry_after_s: int = 60) -> None:
+        super().__init__(code, text)
+        self.retry_after_s = retry_after_s
+
 
 class DiskFull(ApiError):
     """Not enough space left."""

@@ -31,6 +31,14 @@ class AppSettings(BaseSettings):
     data_dir: Path = Field(default_factory=default_data_dir, description="records, uploads, caches and results")
     recordings_dir: Path | None = Field(default=None, description="the server's own recordings, opened in place")
     token: str | None = Field(default=None, min_length=8, description="what every request shows; None: loopback only")
+    session_hours: float = Field(
+        default=168.0, gt=0, description="how long a browser that has shown the token may stay"
+    )
+    trusted_proxies: tuple[str, ...] = Field(
+        default=(), description="addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed"
+    )
+    max_connections: int = Field(default=800, ge=10, description="open connections; more are answered 503")
+    log_json: bool = Field(default=False, description="the log as one JSON object a line, for machines")
     database_url: str | None = Field(default=None, description="SQLAlchemy URL; None: SQLite in the data directory")
     allowed_origins: tuple[str, ...] = Field(
         default=(), description="origins accepted besides the server's own, as https://calib.example.org behind a proxy"

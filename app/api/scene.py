@@ -30,7 +30,8 @@ TRY_AGAIN = 1013
 @router.get("/scene/{recording_id}/", dependencies=[Depends(get_recording)])
 def read_scene_page() -> Response:
     """The scene's page. Never cached: it must be of the very version of viser that serves the websocket."""
-    return HTMLResponse(scene_page(), headers={"Cache-Control": "no-cache"})
+    html, policy = scene_page()
+    return HTMLResponse(html, headers={"Cache-Control": "no-cache", "Content-Security-Policy": policy})
 
 
 @router.get("/api/recordings/{recording_id}/scene.html", include_in_schema=True, tags=["view"])

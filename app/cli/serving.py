@@ -12,11 +12,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from app.errors import ApiError
+from app.logs import log_to_stderr
 from app.server.main import make_server
 from app.settings import AppSettings
-from app.storage.database import open_database
-from app.storage.files import DataFolder
 from calib_core.errors import InputError
 
 
@@ -25,26 +23,19 @@ def serve_until_stopped(
 ) -> None:
     """Serve the web application until Ctrl-C or SIGTERM. Prints one line with the address, token included."""
     settings = server_settings(host=host, port=port, data_dir=data_dir, recordings_dir=recordings_dir, token=token)
-    check_data_dir(settings)
     listening = listen(settings.host, settings.port)
     with listening:
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
-        with suppress(KeyboardInterrupt):
-            make_server(settings).run(sockets=[listening])
-
-
-def check_data_dir(settings: AppSettings) -> None:
-    """Raise one sentence where records and files cannot be used: by nobody, or by another server just now."""
-    files = DataFolder(settings)
-    try:
-        files.prepare()
-        open_database(settings.store_url()).dispose()
-    except ApiError as error:
-        raise InputError(str(error)) from error
-    finally:
-        files.release()
+        log_to_stderr(as_json=settings.log_json)
+        server = make_server(settings)
+        try:
+            with suppress(KeyboardInterrupt):
+                server.run(sockets=[listening])
+        finally:
+            if server.startup_error is not None:
+                raise InputError(str(server.startup_error), code=server.startup_error.code) from None
 
 
 def server_settings(

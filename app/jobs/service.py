@@ -11,6 +11,7 @@ import shutil
 import threading
 import time
 import uuid
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -30,6 +31,7 @@ from app.jobs.log import JobLogs
 from app.jobs.machine import FINAL, IllegalTransition, Signal, may_start, sentence_of, transition
 from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
 from app.jobs.queue import Ticket, Turns
+from app.logs import about
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, PlaneLook
 from app.settings import AppSettings
@@ -184,6 +186,10 @@ class JobService:
         self.start_queued()
         return self.wire(self.get(record.id))
 
+    def count_under_way(self) -> Counter[JobState]:
+        """How many jobs wait, run, or are being stopped."""
+        return Counter(record.state for record in self._store.in_states(["queued", "running", "cancelling"]))
+
     def check_room(self) -> None:
         """Raise TooMany where no more jobs may wait."""
         if len(self._store.in_states(["queued"])) >= self._settings.max_waiting_jobs:
@@ -270,6 +276,10 @@ class JobService:
         thread.start()
 
     def _supervise(self, record: JobRecord) -> None:
+        with about(recording_id=record.recording_id, job_id=record.id):
+            self._see_through(record)
+
+    def _see_through(self, record: JobRecord) -> None:
         ASKING.set(self._tickets[record.id].client)  # what follows from the job is asked for by the same
         try:
             self._tell(record)
@@ -277,10 +287,11 @@ class JobService:
         except Exception as error:  # noqa: BLE001 - whatever went wrong, the job must not stay "running" for ever
             status, facts = facts_of(error)
             if status >= 500:
-                _LOG.exception("job %s could not be run", record.id)
+                _LOG.exception("the job could not be run")
             ending = Failed(error=facts)
         try:
             self._end_when_there_is_room(record.id, ending)
+            _LOG.info("%s is %s", record.kind, self.get(record.id).state)
         except NotFound:
             shutil.rmtree(self._files.job(record.id), ignore_errors=True)  # its recording was deleted meanwhile
         finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from app.errors import NotFound, Refused
@@ -56,6 +57,7 @@ class RecordingsFolder:
             raise NotFound("folder.not_offered", "This server offers no folder; start it with --recordings DIR.")
         try:
             found = (self._root / path).resolve()
+            found.exists()  # a name that no file system holds is an error here and in no later place
         except (OSError, ValueError, RuntimeError):
             raise NotFound("folder.not_found", f"{path[:80]!r} is no path in the recordings folder.") from None
         if not found.is_relative_to(self._root):
@@ -73,13 +75,22 @@ def is_recording_folder(path: Path) -> bool:
     return path.is_dir() and (path / "metadata.yaml").is_file()
 
 
+def is_text(path: Path) -> bool:
+    """Whether the path can be written down: file systems keep bytes, and not all bytes are text."""
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _entry(child: Path, root: Path) -> FolderEntry | None:
     """What is shown of a child; None for hidden things and for links that lead out."""
     if child.name.startswith(".") or not child.resolve().is_relative_to(root):
         return None
-    if not child.name.isprintable():  # bytes that are no text, or control characters: shown, and not to be opened
-        shown = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in child.name)
-        return FolderEntry(name=shown, path="", kind="file", size_bytes=0)
+    if not is_text(child):  # nobody could ask for it by a name that is none
+        name = os.fsencode(child.name).decode("utf-8", "replace")
+        return FolderEntry(name=name, path=name, kind="file", size_bytes=0)
     if is_recording_file(child):
         return FolderEntry(name=child.name, path=_below(child, root), kind="recording", size_bytes=child.stat().st_size)
     if is_recording_folder(child):

@@ -166,6 +166,11 @@ class SceneHub:
         scene = self._open.get(recording_id)
         return 0 if scene is None else scene.watchers
 
+    def count(self) -> tuple[int, int]:
+        """Scenes that are open, and browsers connected to them."""
+        with self._registry:
+            return len(self._open), sum(scene.watchers for scene in self._open.values())
+
     def export_html(self, recording_id: str) -> str:
         """The scene as one self-contained page to share."""
         with self._opened(recording_id) as scene:

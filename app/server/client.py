@@ -24,7 +24,7 @@ NOT_BUILT = (
 )
 
 #: Everything below these is the server's, never a page of the client.
-SERVER_PATHS = ("api", "scene", "healthz", "readyz")
+SERVER_PATHS = ("api", "scene", "healthz", "readyz", "metrics")
 
 
 class HashedFiles(StaticFiles):

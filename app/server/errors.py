@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import http
 import logging
+import os
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
-from app.errors import ApiError, facts_of
+from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
+from app.settings import AppSettings
 from calib_core.errors import UnsweepError
+
+#: The disk is full, or the share of it that this user may have.
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 _LOG = logging.getLogger("unsweep")
 
@@ -23,7 +30,30 @@ def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
         return 422, _invalid_request(error)
     if isinstance(error, HTTPException):
         return error.status_code, _http_facts(error)
+    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in FULL):
+        error = storage_error(error)
     return facts_of(error)
+
+
+def storage_error(error: SQLAlchemyError | OSError) -> ApiError:
+    """What the store's or the disk's own complaint means to a person: no defect of the program."""
+    cause = str(getattr(error, "orig", None) or error)
+    if isinstance(error, OSError) or "disk is full" in cause:
+        return DiskFull(
+            "disk.full", "The server's disk is full: delete recordings that are not needed, then try again."
+        )
+    return Unavailable(
+        "store.unusable",
+        "The server's record store cannot be read or written just now; whoever runs it finds the cause in its log.",
+    )
+
+
+def without_paths(text: str, settings: AppSettings) -> str:
+    """The sentence without where the server keeps things: names below its folders stay, the way there does not."""
+    for folder, name in ((settings.recordings_dir, "the recordings folder"), (settings.data_dir, "of the server")):
+        for shown in () if folder is None else {str(folder), str(folder.resolve())}:
+            text = text.replace(f"{shown}{os.sep}", "").replace(shown, name)
+    return text
 
 
 def _invalid_request(error: RequestValidationError) -> ErrorFacts:
@@ -47,20 +77,26 @@ def body_of(facts: ErrorFacts) -> dict[str, object]:
     return ErrorBody(error=facts).model_dump(mode="json")
 
 
-def error_response(error: Exception) -> JSONResponse:
-    """Any exception as the one error body."""
+def error_response(error: Exception, settings: AppSettings | None = None) -> JSONResponse:
+    """Any exception as the one error body.   settings: of the server, whose folders are not told."""
     status, facts = facts_of_request(error)
+    if settings is not None:
+        facts = facts.model_copy(update={"text": without_paths(facts.text, settings)})
     headers = dict(error.headers) if isinstance(error, HTTPException) and error.headers else None
+    if isinstance(error, TooMany):
+        headers = {"Retry-After": str(error.retry_after_s)}
     return JSONResponse(body_of(facts), status_code=status, headers=headers)
 
 
 async def _handle(request: Request, error: Exception) -> JSONResponse:
-    if facts_of_request(error)[0] >= 500 and not isinstance(error, ApiError):
-        _LOG.error("defect in %s %s", request.method, request.url.path, exc_info=error)
-    return error_response(error)
+    status, facts = facts_of_request(error)
+    if status >= 500 and not isinstance(error, ApiError):
+        what = "defect" if facts.code == "defect" else facts.code
+        _LOG.error("%s in %s %s", what, request.method, request.url.path, exc_info=error)
+    return error_response(error, getattr(request.app.state, "settings", None))
 
 
 def install_error_handler(app: FastAPI) -> None:
     """Send every exception of the application through the one handler."""
-    for kind in (ApiError, UnsweepError, RequestValidationError, HTTPException, Exception):
+    for kind in (ApiError, UnsweepError, RequestValidationError, HTTPException, SQLAlchemyError, OSError, Exception):
         app.add_exception_handler(kind, _handle)

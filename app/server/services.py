@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import event
 
@@ -30,14 +32,15 @@ from app.scene.hub import SceneHub
 from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.jobs import Job
-from app.schemas.recordings import Sample, ServerFacts
+from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink
 from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.feed import RecordingFeed
+from app.server.share import ShareLinks
 from app.server.workflow import Orders, Workflow
 from app.settings import AppSettings
-from app.storage.database import check_database, open_database
+from app.storage.database import open_database, touch_database
 from app.storage.files import SUFFIXES, DataFolder
-from app.storage.records import JobRecord
+from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from calib_core import __version__, api
 
@@ -49,11 +52,17 @@ SAMPLES = {
 }
 
 
+#: So long an answer of readyz holds: whoever may ask it may ask it as often as he likes.
+READY_FOR_S = 1.0
+
+
 class Services:
     """Everything a route may call. Made at the start of the application's life, closed at its end."""
 
     def __init__(self, settings: AppSettings, launcher: Launcher | None = None) -> None:
         self.settings = settings
+        self._checking = threading.Lock()
+        self._ready_at_s = float("-inf")
         self.files = DataFolder(settings)
         self.files.prepare()
         try:
@@ -113,9 +122,12 @@ class Services:
         self.files.release()
 
     def check_ready(self) -> None:
-        """Raise Unavailable unless store and data directory can be used."""
-        check_database(self._engine)
-        self.files.check_writable()
+        """Raise Unavailable or DiskFull unless store and data directory can be written. Asked often, tried seldom."""
+        with self._checking:
+            if time.monotonic() - self._ready_at_s > READY_FOR_S:
+                touch_database(self._engine)
+                self.files.check_writable()
+                self._ready_at_s = time.monotonic()
 
     def server_facts(self) -> ServerFacts:
         """What a client needs to know before anything else."""
@@ -128,6 +140,17 @@ class Services:
             export_formats=list(api.export_names()),
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
+
+    def share(self, recording: RecordingRecord, wish: NewShareLink) -> ShareLink:
+        """A link that shows the recording; Conflict on a server that everybody may use anyway."""
+        if self.settings.token is None:
+            raise Conflict(
+                "share.open_server",
+                "This server has no token, so whoever reaches it sees everything; send its address.",
+            )
+        until = datetime.now(UTC) + timedelta(hours=wish.hours)
+        link = ShareLinks(self.settings.token).make(recording.id, until.timestamp())
+        return ShareLink(path=f"/r/{recording.id}/recording?share={link}", until=until)
 
     def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
         """A solve's answer as one 3D page; Conflict where it has none."""

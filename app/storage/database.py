@@ -178,13 +178,13 @@ def migrate(engine: Engine, migrations: Sequence[Migration], *, newest: int) -> 
                 connection.execute(update(SCHEMA_VERSION).values(version=step.version))
 
 
-def check_database(engine: Engine) -> None:
-    """Raise Unavailable unless the store answers."""
+def touch_database(engine: Engine) -> None:
+    """Raise Unavailable unless the store can be written."""
     try:
-        with engine.connect() as connection:
-            connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
+        with engine.begin() as connection:
+            connection.execute(update(SCHEMA_VERSION).values(version=SCHEMA_VERSION.c.version))
     except SQLAlchemyError as error:
-        raise Unavailable("store.unusable", f"The record store does not answer: {_cause(error)}.") from error
+        raise Unavailable("store.unusable", f"The record store cannot be written: {_cause(error)}.") from error
 
 
 def _shortly(error: ArgumentError | NoSuchModuleError) -> str:

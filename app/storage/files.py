@@ -12,8 +12,9 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import tempfile
 from collections.abc import Collection
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 
 from app.errors import BadRequest, DiskFull, NotFound, Unavailable
@@ -27,9 +28,6 @@ from calib_core import api
 SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
 
 
-#: What is written to see whether anything can be: one block of any file system.
-PROBE_BYTES = 4096
-PROBE_NAME = ".probe"
 #: Room for the store's transactions when the disk is full: a deletion writes a few pages of 4 KiB.
 RESERVE_BYTES = 8 * 2**20
 RESERVE_NAME = "reserve"
@@ -102,21 +100,17 @@ class DataFolder:
             api.discard_archives(folder)
 
     def check_writable(self) -> None:
-        """Raise Unavailable unless files can be made and hold what is written into them."""
-        probe = self.root / PROBE_NAME
+        """Raise Unavailable unless a file can be made, filled and removed: rights, space and the disk itself."""
         try:
-            with probe.open("wb") as file:
-                file.write(bytes(PROBE_BYTES))
+            with tempfile.TemporaryFile(dir=self.uploads) as file:
+                file.write(b"0" * 4096)
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
             raise Unavailable(
                 "data_dir.unusable",
-                f"Nothing can be written in the data directory ({error.strerror}): free some space, or check its rights.",
+                f"The data directory {self.root} cannot be written ({error.strerror}): check its rights and its disk.",
             ) from error
-        finally:
-            with suppress(OSError):
-                probe.unlink(missing_ok=True)
 
     @property
     def uploads(self) -> Path:

@@ -8,13 +8,11 @@ from datetime import UTC, datetime, timedelta, timezone
 import pytest
 from sqlalchemy import create_engine, inspect, text
 
-from app.cli.serving import check_data_dir
 from app.errors import Unavailable
 from app.server.services import Services
-from app.storage.database import NEWEST_VERSION, Migration, check_database, migrate, open_database
+from app.storage.database import NEWEST_VERSION, Migration, migrate, open_database, touch_database
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
-from calib_core.errors import InputError
 from tests.app.support.live import serving
 
 
@@ -41,7 +39,7 @@ def test_a_fresh_store_is_whole_uses_wal_and_opens_again(tmp_path, engine):
     with engine.connect() as connection:
         assert connection.execute(text("PRAGMA journal_mode")).scalar_one() == "wal"
     again = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
-    check_database(again)
+    touch_database(again)
     again.dispose()
 
 
@@ -133,7 +131,5 @@ def test_a_data_directory_has_one_server(tmp_path):
         live.start(live.upload("slow.bag"))
         with pytest.raises(Unavailable, match="Another unsweep server"):
             Services(live.settings)
-        with pytest.raises(InputError, match="Another unsweep server"):
-            check_data_dir(live.settings)
     with serving(tmp_path):
         pass

@@ -127,6 +127,7 @@ APP_ROOMS = (
     "errors",
     "limits",
     "locks",
+    "logs",
     "settings",
     "storage",
     "events",
