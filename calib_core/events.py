@@ -25,7 +25,7 @@ PLANNED: dict[Literal["full", "paper"], tuple[Stage, ...]] = {
 
 
 class _Event(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class StageEvent(_Event):

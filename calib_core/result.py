@@ -16,7 +16,7 @@ Status = Literal["calibrated", "weak", "refused"]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Message(_Model):
@@ -134,7 +134,7 @@ class CalibrationResult(_Model):
     )
     imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
 
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
 
     def to_json(self) -> str:
         """The document as indented JSON text, ending in a newline."""

@@ -19,8 +19,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from app.errors import BadRequest
 from app.schemas.view import OldExtrinsic
-from app.server.errors import BadRequest
 from calib_core.types import FloatArray
 
 Direction = Literal["imu_lidar", "lidar_imu"]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from fastapi import Response
 
+from app.errors import BadRequest, Conflict
 from app.jobs.machine import SENTENCES
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
@@ -14,7 +15,6 @@ from app.results.command import command_of
 from app.results.report import report_page
 from app.schemas.jobs import Job, SolveOutcome
 from app.schemas.results import AnswerDifference, Command, Run, Runs, ScanQuality, Thickness
-from app.server.errors import BadRequest, Conflict
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core import api

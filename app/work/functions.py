@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from app.arrays.proposals import has_proposals, read_proposals, write_proposals
-from app.arrays.recording import has_recording, read_recording, write_recording
+from app.arrays.folder import DamagedArrays, discard
+from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals, write_proposals
+from app.arrays.recording import has_recording, read_recording, recording_arrays, write_recording
 from app.arrays.trajectory import write_trajectory
-from app.jobs.head import propose_from_head
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
 from app.results.scans import measure_scans
@@ -26,26 +26,18 @@ from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import InitialGuess as WireGuess
 from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
+from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
+from app.work.head import propose_from_head
 from calib_core import api
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
-from calib_core.types import InitialGuess, Plane, Recording
+from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
 
 #: A sample is the same recording for everybody.
 SAMPLE_SEED = 1
 #: What a job says once its planes can be looked at, while it goes on reading.
 PROPOSED = "planes.proposed"
-
-
-def recording_arrays(cache: Path) -> Path:
-    """Where the decoded recording is kept."""
-    return cache / "recording"
-
-
-def proposal_arrays(cache: Path) -> Path:
-    """Where the proposed planes are kept."""
-    return cache / "planes"
 
 
 def warm_up() -> None:
@@ -96,7 +88,7 @@ def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> 
             write_proposals(folder, early)
             on_event(LogEvent(level="info", code=PROPOSED, text=f"{len(early.patches)} planes can be looked at."))
     recording = decoded(order, on_event, should_cancel)
-    if not has_proposals(folder):
+    if not kept_proposals(folder):
         proposals = api.propose_planes(
             recording, order.request.settings, on_event=on_event, should_cancel=should_cancel
         )
@@ -135,10 +127,23 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
 def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Recording:
     """The recording from its array file, which is made first where it is missing."""
     folder = recording_arrays(order.cache)
-    if not has_recording(folder):
-        recording = api.load(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
-        write_recording(folder, replace(recording, name=order.recording_name))
+    try:
+        if has_recording(folder):
+            return replace(read_recording(folder), name=order.recording_name)
+    except DamagedArrays:
+        discard(folder)
+    recording = api.load(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
+    write_recording(folder, replace(recording, name=order.recording_name))
     return replace(read_recording(folder), name=order.recording_name)
+
+
+def kept_proposals(folder: Path) -> PlaneProposals | None:
+    """The proposals that are kept; None where there are none, or damaged ones, which go."""
+    try:
+        return read_proposals(folder) if has_proposals(folder) else None
+    except DamagedArrays:
+        discard(folder)
+        return None
 
 
 def _plane(plane: OrderedPlane) -> Plane:
@@ -169,4 +174,4 @@ def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_name(path.name + ".part")
     fresh.write_text(text, encoding="utf-8")
-    fresh.rename(path)
+    put_in_place(fresh, path)
