@@ -209,6 +209,8 @@ def test_a_link_runs_out_and_ends_with_the_token():
         ("/api/docs", False),
         (f"/scene/{ONE}/", False),
         ("/metrics", False),
+        ("/api/information", False),
+        (f"/api/jobs/{OTHER}0", False),
         (f"/api/jobs/{OTHER}", True),  # whose job it is, is looked at where it is loaded
     ],
 )

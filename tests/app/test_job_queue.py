@@ -36,6 +36,14 @@ def test_who_was_just_served_is_not_served_again_while_another_waits():
     assert turns.order([second, third], []) == [third, second]
 
 
+def test_a_client_is_no_other_for_having_another_recording():
+    """Mutation: turns by recording alone: twenty recordings are twenty turns."""
+    first, second, third = tickets([("a", "x"), ("a", "y"), ("b", "x")])
+    turns = Turns()
+    turns.serve(first)
+    assert turns.order([second, third], []) == [third, second]
+
+
 def test_a_clients_own_recordings_take_turns_too():
     """Mutation: one line a client."""
     waiting = tickets([("a", "x"), ("a", "x"), ("a", "x"), ("a", "y")])
