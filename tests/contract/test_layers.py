@@ -55,17 +55,7 @@ UP_THE_STAIRS = {("planes", "odometry")}
 #: Circles of folders that are still to be cut: what is in them may leave, nothing may join.
 LEFT_CIRCLES = (
     {"calib_core.full.planes", "calib_core.full.odometry"},
-    {
-        "app.api",
-        "app.cli",
-        "app.jobs",
-        "app.planes",
-        "app.recordings",
-        "app.results",
-        "app.scene",
-        "app.server",
-        "app.storage",
-    },
+    {"app.api", "app.cli", "app.results", "app.scene", "app.server", "app.work"},
     {"app.server.main", "app.server.openapi"},
 )
 
