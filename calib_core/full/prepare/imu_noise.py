@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from calib_core.full.prepare.noise_floor import Floor, noise_floor, slow_density
 from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
 from calib_core.imu.preintegration import NoiseDensity
@@ -12,6 +15,16 @@ from calib_core.types import FloatArray
 #: Below these no MEMS or fibre-optic sensor has been: what a noise-free or coarsely quantised recording is held to.
 GYRO_FLOOR_RAD_S_SQRT_HZ = 1e-6
 ACCEL_FLOOR_M_S2_SQRT_HZ = 1e-5
+#: A shorter standstill tells less than the rest of the recording.
+_LEAST_STILL_S = 2.0
+#: Hands, legs and machines move a sensor up to here; in a standstill only drift does.
+_MOTION_HZ, _DRIFT_HZ = 8.0, 1.0
+#: Noise of all frequencies and of low ones agree within so many standard deviations of the latter: then it is white.
+_SIGMAS = 3.0
+#: So late may a standstill's end be noticed where an engine runs.
+_ONSET_S = 0.5
+#: An engine runs where all frequencies together have so many times the density of low ones.
+_SHAKEN = 2.0
 
 
 def resolution(values: FloatArray) -> FloatArray:
@@ -30,23 +43,68 @@ def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray,
     """The noise of one IMU.
 
     stamps_s: (Q,).   gyro, accel: (Q, 3).   still: samples of the longest standstill, or None.
+
+    A reading's standard deviation is what no smooth motion explains, an engine's shaking included: interpolation need not
+    follow that. The density is that of low frequencies, which is what integrates: the same number where noise is white.
     """
     values = np.hstack([gyro, accel])
     period = float(np.median(np.diff(stamps_s)))
-    everywhere = high_frequency_noise(stamps_s, values)
-    std, source = everywhere, "the part of the moving readings that no motion explains"
-    if still is not None and (still.stop - still.start) * period >= 2.0:
+    std, source = high_frequency_noise(stamps_s, values), "the part of the moving readings that no motion explains"
+    if still is not None and (still.stop - still.start) * period < _LEAST_STILL_S:
+        still = None
+    floors = [noise_floor(stamps_s, values, lowest_hz=_MOTION_HZ)]
+    if still is not None:
         quiet = values[still]
         # Slow drift in a standstill (thermal, a hand that is not quite still) is not white noise: differences are blind to it.
         steps = np.diff(quiet, axis=0)
         std = np.sqrt(np.mean(steps**2, axis=0) / 2.0)
         source = f"{(still.stop - still.start) * period:.1f} s of standstill"
+        floors.insert(0, noise_floor(stamps_s[still], quiet, lowest_hz=_DRIFT_HZ))
     floor = np.repeat([GYRO_FLOOR_RAD_S_SQRT_HZ, ACCEL_FLOOR_M_S2_SQRT_HZ], 3) / np.sqrt(period)
-    std = np.maximum(std, np.maximum(resolution(values) / np.sqrt(12.0), floor))
-    density = std * np.sqrt(period)
+    least = np.maximum(resolution(values) / np.sqrt(12.0), floor)
+    std = np.maximum(std, least)
     # One level for the three axes of a triad, the root mean square: a single chip, and three times the data.
-    pooled = np.repeat(np.sqrt(np.mean(density.reshape(2, 3) ** 2, axis=1)), 3)
-    return ImuNoiseLevel(NoiseDensity(pooled[:3], pooled[3:]), pooled / np.sqrt(period), source)
+    white, least = _of_triads(std * np.sqrt(period)), _of_triads(least * np.sqrt(period))
+    density = np.array([_at_low_frequencies(white[k], floors, slice(3 * k, 3 * k + 3)) for k in (0, 1)])
+    if still is not None:
+        # An engine's lines fold about the sampling rate: one near it comes out as slow as the motion, and only here it shows.
+        inner = _without_ends(still, len(values), round(_ONSET_S / period))
+        slow = _of_triads(slow_density(stamps_s[inner], values[inner]))
+        density = np.where((white > _SHAKEN * density) & (slow > _SHAKEN * density), slow, density)
+    density = np.maximum(density, least)
+    if not np.allclose(density, white, rtol=1e-9, atol=0.0):
+        source = "their spectrum at low frequencies, between the motion and what else shakes the sensor"
+    gyro_density, accel_density = np.repeat(density, 3).reshape(2, 3)
+    return ImuNoiseLevel(NoiseDensity(gyro_density, accel_density), np.repeat(white, 3) / np.sqrt(period), source)
+
+
+def _of_triads(channels: FloatArray) -> FloatArray:
+    """(2,) root mean squares of (6,)."""
+    return np.asarray(np.sqrt(np.mean(channels.reshape(2, 3) ** 2, axis=1)))
+
+
+def _without_ends(still: slice, readings: int, margin: int) -> slice:
+    """A standstill without the ends from which motion may reach into it. readings: of the whole recording."""
+    return slice(still.start + margin * (still.start > 0), still.stop - margin * (still.stop < readings - margin))
+
+
+def _at_low_frequencies(white: float, floors: Sequence[Floor], triad: slice) -> float:
+    """A triad's density: that of all frequencies where the first floor agrees with it, else the lowest floor there is.
+
+    Whatever else moves a sensor adds to a floor, and nothing takes from it at the frequencies where it is looked for.
+    """
+    found: list[float] = []
+    for floor in floors:
+        density, std = floor.density[triad], floor.relative_std[triad]
+        flat = np.isfinite(density)
+        if not flat.any():
+            continue
+        level = float(np.sqrt(np.mean(density[flat] ** 2)))
+        chance = float(np.sqrt(np.mean(std[flat] ** 2) / flat.sum()))
+        if not found and abs(np.log(level / white)) < _SIGMAS * chance:
+            return white
+        found.append(level)
+    return min(found, default=white)
 
 
 def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> slice | None:

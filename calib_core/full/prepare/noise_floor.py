@@ -1,0 +1,160 @@
+"""White noise's density from the readings' own spectrum: the lowest band that is flat, above the motion and between lines.
+
+Integrated over 0.1 to 10 s, a sensor's noise counts by its density at low frequencies. An engine shakes the readings in
+lines from 25 Hz on, a sensor's own filter takes noise away towards its end, and motion fills the lowest hertz. So the
+spectrum is looked at in stretches of ten hertz from below. In each its lower parts are noise and what rises above them is
+lines: the mean of those that chi-square's law allows, truncated where the lines begin. The first stretch that goes on as low
+as it begins is the floor; one that falls is still motion.
+
+Slepian tapers of six half bandwidths keep a line's or the motion's power (seventy decibels above the noise) to its own place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import detrend, windows
+from scipy.special import gammainc, gammaincinv
+
+from calib_core.types import BoolArray, FloatArray
+
+#: Half bandwidths and tapers: the last of four still keeps all but 1e-9 of a line's power within the bandwidth.
+_HALF_BANDWIDTHS, _TAPERS = 6.0, 4
+#: Longer segments part lines better, shorter ones average more: three quarters of a hertz to each side.
+_SEGMENT_S = 8.0
+_STRETCH_HZ = 10.0
+#: Steps from stretch to stretch.
+_STEP_HZ = 1.0
+#: The part of a stretch that is noise alone at the least: a rigid body with an engine on has a dozen lines in fifty hertz.
+_LEAST_NOISE = 0.25
+#: Beyond this quantile of the law of noise a value belongs to a line.
+_LINE = 0.99
+#: What goes on as low as it begins: its power falls by less than a fifth from one half to the other beyond chance.
+_FALL = 1.2
+#: Where a lidar's poses and integrals of a usual IMU are about equally good.
+_SLOW_HZ = 2.5
+_SIGMAS = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """density: continuous-time, per channel (C,), in the values' unit per root hertz; NaN where no stretch is flat.
+
+    relative_std: (C,) of it, by chance.
+    """
+
+    density: FloatArray
+    relative_std: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Spectrum:
+    """hz: (F,).   power: (F, C) two-sided density: white noise's variance times the period.
+
+    freedom: of chi-square, of one value.   seconds: that the average over many of them is worth.
+    """
+
+    hz: FloatArray
+    power: FloatArray
+    freedom: float
+    seconds: float
+
+    def freedom_of(self, values: int) -> float:
+        """Of the mean of so many values."""
+        return max(self.freedom, 2.0 * self.seconds * values * float(self.hz[1]))
+
+
+def noise_floor(stamps_s: FloatArray, values: FloatArray, *, lowest_hz: float) -> Floor:
+    """The floor of each channel's spectrum. stamps_s: (Q,) increasing.   values: (Q, C).   lowest_hz: motion ends here."""
+    nothing = np.full(values.shape[1], np.nan)
+    period = float(np.median(np.diff(stamps_s)))
+    even = _evenly(stamps_s, values, period)
+    size = min(len(even), round(_SEGMENT_S / period))
+    half_width_hz = _HALF_BANDWIDTHS / (size * period)
+    first_hz, last_hz = max(lowest_hz, half_width_hz), 0.5 / period - half_width_hz
+    if size < 32 or last_hz - first_hz < _STRETCH_HZ:
+        return Floor(nothing, nothing)
+    spectrum = _spectrum(even, size, period)
+    hz = spectrum.hz
+    density, std = nothing.copy(), nothing.copy()
+    for channel in range(values.shape[1]):
+        for low_hz in np.arange(first_hz, last_hz - _STRETCH_HZ + 1e-9, _STEP_HZ):
+            stretch = spectrum.power[(hz >= low_hz) & (hz < low_hz + _STRETCH_HZ), channel]
+            level, noise = _level(stretch, spectrum.freedom)
+            halves = list(zip(np.array_split(stretch, 2), np.array_split(noise, 2), strict=True))
+            if level <= 0.0 or noise.mean() < _LEAST_NOISE or not all(kept.any() for _, kept in halves):
+                continue
+            lower, upper = (float(part[kept].mean()) for part, kept in halves)
+            chance = np.sqrt(sum(2.0 / spectrum.freedom_of(int(kept.sum())) for _, kept in halves))
+            if np.log(lower / upper) < np.log(_FALL) + _SIGMAS * chance:
+                density[channel] = np.sqrt(level)
+                std[channel] = np.sqrt(0.5 / spectrum.freedom_of(int(noise.sum())))
+                break
+    return Floor(density, std)
+
+
+def _evenly(stamps_s: FloatArray, values: FloatArray, period: float) -> FloatArray:
+    """The readings one period apart, (N, C): those that are missing lie on the line between their neighbours."""
+    at = np.concatenate([[0], np.cumsum(np.maximum(np.round(np.diff(stamps_s) / period), 1.0))])
+    every = np.arange(at[-1] + 1)
+    return np.stack([np.interp(every, at, channel) for channel in values.T], axis=1)
+
+
+def _spectrum(even: FloatArray, size: int, period: float) -> _Spectrum:
+    """Of readings (N, C) one period apart, in segments of so many that overlap by three quarters."""
+    tapers = np.asarray(windows.dpss(size, _HALF_BANDWIDTHS, _TAPERS))
+    count = 1 + int(np.ceil(4.0 * (len(even) / size - 1.0)))
+    starts = np.linspace(0, len(even) - size, count).astype(int)
+    total = np.zeros((size // 2 + 1, even.shape[1]))
+    looked_at = np.zeros(len(even))
+    for start in starts:
+        piece = detrend(even[start : start + size], axis=0)
+        total += np.mean(np.abs(np.fft.rfft(tapers[:, :, None] * piece, axis=1)) ** 2, axis=0)
+        looked_at[start : start + size] += np.sum(tapers**2, axis=0)
+    # Two numbers, sine and cosine, for each taper; those of segments that overlap tell partly the same.
+    shared = 0.0
+    for apart in np.abs(starts[:, None] - starts).ravel():
+        if apart < size:
+            shared += float(np.sum((tapers[:, apart:] @ tapers[:, : size - apart].T) ** 2))
+    return _Spectrum(
+        np.asarray(np.fft.rfftfreq(size, period), np.float64),
+        total / count * period,
+        2.0 * (count * _TAPERS) ** 2 / shared,
+        float(looked_at.sum() ** 2 / np.sum(looked_at**2)) * period,
+    )
+
+
+def _level(power: FloatArray, freedom: float) -> tuple[float, BoolArray]:
+    """The noise's mean power in a stretch (F,) and which values are noise, (F,) bool.
+
+    From the lower quarter up: a value counts below the quantile of the law that the level so far gives it, and the mean of
+    what is cut off there is less than the level by a known factor.
+    """
+    half = 0.5 * freedom
+    quarter = 0.5 * _LEAST_NOISE
+    level = float(np.quantile(power, quarter)) * half / float(gammaincinv(half, quarter))
+    cut = float(gammaincinv(half, _LINE)) / half
+    kept_mean = float(gammainc(half + 1.0, half * cut)) / _LINE
+    noise = np.zeros(power.shape, np.bool_)
+    for _ in range(20):
+        inside = power <= cut * level
+        if not inside.any() or np.array_equal(inside, noise):
+            break
+        noise = inside
+        level = float(power[noise].mean()) / kept_mean
+    return level, noise
+
+
+def slow_density(stamps_s: FloatArray, quiet: FloatArray) -> FloatArray:
+    """Root of the mean power density up to 2.5 Hz of readings in a standstill, drift apart, lines included: (C,).
+
+    stamps_s: (Q,).   quiet: (Q, C).   Below that a lidar knows the motion better than the integral of the readings, which
+    then has to give way: a line there is an error for all that it is no noise.
+    """
+    period = float(np.median(np.diff(stamps_s)))
+    even = detrend(_evenly(stamps_s, quiet, period), axis=0)
+    tapers = np.asarray(windows.dpss(len(even), 3.0, 2))
+    power = np.mean(np.abs(np.fft.rfft(tapers[:, :, None] * even, axis=1)) ** 2, axis=0) * period
+    hz = np.fft.rfftfreq(len(even), period)
+    return np.asarray(np.sqrt(np.mean(power[(hz > 0.0) & (hz <= _SLOW_HZ)], axis=0)))
