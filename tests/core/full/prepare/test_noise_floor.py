@@ -33,8 +33,7 @@ def _motion(t: FloatArray) -> FloatArray:
 def test_the_density_is_what_was_drawn_within_its_own_law(what: str, seconds: float) -> None:
     """Six channels of unit noise at 200 Hz: the squares of what the densities are off by, in their own sigmas, are chi-square.
 
-    Mutations: average all frequencies (lines and filter count); leave out what truncation takes (densities 1 % low are
-    nothing, sixty seeds are not: the law's variance is tested too); count every value of the spectrum as one of its own.
+    Mutations: weigh the segments' overlap wrongly; count every value of the spectrum as one of its own.
     """
     rate_hz, seeds = 200.0, 10
     t = np.arange(int(seconds * rate_hz)) / rate_hz
@@ -56,7 +55,7 @@ def test_the_density_is_what_was_drawn_within_its_own_law(what: str, seconds: fl
 
 
 def test_a_sensor_too_slow_to_tell_has_no_floor() -> None:
-    """Mutation: take what there is between 8 Hz and 12.5 Hz for a stretch of ten."""
+    """Mutation: look in stretches of two hertz."""
     t = np.arange(500) / 25.0
     found = noise_floor(t, np.random.default_rng(0).normal(size=(500, 2)), lowest_hz=8.0)
     assert np.isnan(found.density).all()
