@@ -31,6 +31,7 @@ from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.full.run import Clocks, Context, NoStart, read_clocks
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.preintegration import NoiseDensity
+from calib_core.maps.crispness import crispness_of
 from calib_core.presets import find_imu_preset
 from calib_core.result import (
     CalibrationResult,
@@ -93,10 +94,12 @@ def calibrate(
         if settings.method == "paper":
             from calib_core.paper.document import calibrate_published
 
-            return calibrate_published(
+            done = calibrate_published(
                 recording, settings, planes, initial_guess, listen, should_cancel, log_of, started
             )
-        return _calibrate_full(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
+        else:
+            done = _calibrate_full(recording, settings, planes, initial_guess, listen, should_cancel, log_of, started)
+        return with_crispness(done, recording, settings)
 
 
 def _check_reference(
@@ -190,6 +193,15 @@ def _calibrate_full(  # noqa: PLR0911  each refusal is a way out
         )
     result = _document(ctx, solved, knowledge, messages, time.monotonic() - started)
     return Calibration(result, trajectory_of(ctx.clocks, solved))
+
+
+def with_crispness(done: Calibration, recording: Recording, settings: CalibrateSettings) -> Calibration:
+    """The calibration with the crispness of its room in it, where that is asked for and can be measured."""
+    if done.trajectory is None or not settings.crispness:
+        return done
+    measured = crispness_of(recording.scans, done.trajectory)
+    quality = done.result.quality.model_copy(update={"crispness": measured})
+    return replace(done, result=done.result.model_copy(update={"quality": quality}))
 
 
 def make_context(

@@ -76,10 +76,29 @@ def deskew(chosen: argparse.Namespace) -> None:
     result, manner = api.read_result(chosen.calibration), _manner(chosen)
     if chosen.output.exists() and not (chosen.output.is_dir() and not any(chosen.output.iterdir())):
         raise InputError(f"The output {chosen.output} exists already; remove it or choose another name.")
+    if chosen.map is not None:
+        _check_map(chosen.map)
     with listener(manner) as on_event:
-        count = api.deskew(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+        count = api.deskew(
+            chosen.recording,
+            result,
+            chosen.output,
+            _read_settings(chosen),
+            cloud_format=chosen.cloud_format,
+            map_out=chosen.map,
+            on_event=on_event,
+        )
     if manner in {Manner.live, Manner.plain}:
         sys.stderr.write(f"Wrote {count} scans without their motion to {chosen.output}\n")
+
+
+def _check_map(path: Path) -> None:
+    """Before anything is read: a name that says .ply or .pcd, in a folder that can be written to."""
+    if path.suffix not in {".ply", ".pcd"}:
+        raise InputError(
+            f"Expected a name that ends in .ply or .pcd for --map, but found {path.name}; change the name."
+        )
+    check_writable(path)
 
 
 def export(chosen: argparse.Namespace) -> None:

@@ -89,7 +89,13 @@ def _add_deskew(commands: Commands[Parser]) -> None:
         "--calibration", type=Path, required=True, metavar="RESULT", help="a result of `unsweep calibrate`"
     )
     command.add_argument(
-        "--output", type=Path, required=True, metavar="OUT", help="a folder for .ply files, or a bag of the same kind"
+        "--output", type=Path, required=True, metavar="OUT", help="a folder for clouds, or a bag of the same kind"
+    )
+    command.add_argument(
+        "--cloud-format", choices=("ply", "pcd"), default="ply", help="of the files in a folder (%(default)s)"
+    )
+    command.add_argument(
+        "--map", type=Path, metavar="FILE", help="write the accumulated map too, voxels of 5 cm: .ply or .pcd"
     )
     _add_reading(command)
     _add_manner(command)

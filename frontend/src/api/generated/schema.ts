@@ -614,6 +614,12 @@ export interface components {
              */
             bias_model: "constant" | "random-walk";
             /**
+             * Crispness
+             * @description measure how crisp the room is, before and after
+             * @default true
+             */
+            crispness: boolean;
+            /**
              * Estimate Planes
              * @default true
              */
@@ -891,6 +897,16 @@ export interface components {
              * @enum {string}
              */
             op: "confirm";
+        };
+        /**
+         * Crispness
+         * @description The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means.
+         */
+        Crispness: {
+            after: components["schemas"]["RoomCrispness"];
+            before: components["schemas"]["RoomCrispness"];
+            /** Text */
+            text: string;
         };
         /**
          * Determinacy
@@ -1623,6 +1639,7 @@ export interface components {
             /**
              * @default {
              *       "bias_model": "random-walk",
+             *       "crispness": true,
              *       "estimate_planes": true,
              *       "estimate_time_offset": true,
              *       "excluded_spans_s": [],
@@ -2017,6 +2034,8 @@ export interface components {
         };
         /** Quality */
         Quality: {
+            /** @description of the accumulated room, knowing no planes; absent where it was not measured */
+            crispness?: components["schemas"]["Crispness"] | null;
             /** Duration S */
             duration_s: number;
             /** Iterations */
@@ -2335,6 +2354,26 @@ export interface components {
              * @enum {string}
              */
             event: "resync";
+        };
+        /**
+         * RoomCrispness
+         * @description How crisp one map of the room is, measured without planes over small cubes; lower is crisper.
+         */
+        RoomCrispness: {
+            /** Cubes */
+            cubes: number;
+            /**
+             * Mean Entropy Nat
+             * @description mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube
+             */
+            mean_entropy_nat: number;
+            /** Points */
+            points: number;
+            /**
+             * Thickness Std M
+             * @description root of the mean smallest eigenvalue of S
+             */
+            thickness_std_m: number;
         };
         /**
          * Run
