@@ -35,6 +35,9 @@ from calib_core.types import (
 )
 
 if TYPE_CHECKING:
+    from calib_core.audit.given import Direction, GivenExtrinsic
+    from calib_core.audit.limits import Limits
+    from calib_core.audit.report import AuditReport
     from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport
     from calib_core.maps.files import StructArray
@@ -45,6 +48,7 @@ if TYPE_CHECKING:
     from calib_core.simulate.sensors import HeaderAt
 
 __all__ = [
+    "audit",
     "calibrate",
     "deskew",
     "deskew_points",
@@ -56,10 +60,13 @@ __all__ = [
     "inspect",
     "load",
     "map_points",
+    "parse_extrinsic",
     "propose_planes",
     "read_cloud",
+    "read_extrinsic",
     "read_imu_noise",
     "read_initial_guess",
+    "read_limits",
     "read_planes",
     "read_result",
     "room_map",
@@ -152,6 +159,55 @@ def calibrate(
         on_event=on_event,
         should_cancel=should_cancel,
     )
+
+
+def audit(
+    recording: Recording,
+    given: GivenExtrinsic,
+    *,
+    limits: Limits | None = None,
+    settings: CalibrateSettings | None = None,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> AuditReport:
+    """A given extrinsic held against what the recording says by itself: difference, sigmas and verdict per axis."""
+    from calib_core.audit import run
+    from calib_core.audit.limits import Limits as AllLimits
+
+    return run.audit(
+        recording,
+        given,
+        limits or AllLimits(),
+        settings or CalibrateSettings(),
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+
+
+def read_extrinsic(
+    path: Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
+) -> GivenExtrinsic:
+    """The extrinsic in another program's file.
+
+    direction: of bare numbers.   frames: the IMU's and the lidar's, to find them in a URDF.
+    """
+    from calib_core.audit import given
+
+    return given.read_extrinsic(path, direction=direction, frames=frames)
+
+
+def parse_extrinsic(text: str, *, direction: Direction = "imu_lidar") -> GivenExtrinsic:
+    """The same from a text."""
+    from calib_core.audit import given
+
+    return given.parse_extrinsic(text, direction=direction)
+
+
+def read_limits(path: Path) -> Limits:
+    """Limits of one's own for an audit."""
+    from calib_core.audit import limits
+
+    return limits.read_limits(path)
 
 
 def deskew(

@@ -14,6 +14,7 @@ from app.cli import options
 from app.cli.terminal import Manner, choose_manner, listener
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
+from calib_core.audit.given import GivenExtrinsic
 from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -23,6 +24,12 @@ class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
     code = "calibration.refused"
+
+
+class AuditFailed(Exception):
+    """The audited extrinsic is off; str() says where and by how much."""
+
+    code = "audit.failed"
 
 
 def serve(chosen: argparse.Namespace) -> None:
@@ -101,6 +108,38 @@ def _check_map(path: Path) -> None:
     check_writable(path)
 
 
+def _extrinsic_without_frames(chosen: argparse.Namespace) -> GivenExtrinsic | None:
+    """What is wrong with the file is said before the recording is read; a URDF needs its frames."""
+    if chosen.extrinsic.suffix.lower() in {".urdf", ".xml"}:
+        return None
+    return api.read_extrinsic(chosen.extrinsic, direction=chosen.matrix_direction)
+
+
+def audit(chosen: argparse.Namespace) -> None:
+    """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
+    from app.cli.audit_report import audit_block
+    from app.cli.choosing import load_asking
+
+    limits = None if chosen.limits is None else api.read_limits(chosen.limits)
+    reading, manner = _read_settings(chosen), _manner(chosen)
+    given = _extrinsic_without_frames(chosen)
+    api.get_ready()
+    recording = load_asking(chosen.recording, reading, manner)
+    if given is None:
+        given = api.read_extrinsic(chosen.extrinsic, frames=(recording.imu.frame_id, recording.lidar.frame_id))
+    with listener(manner) as on_event:
+        report = api.audit(recording, given, limits=limits, on_event=on_event)
+    if chosen.json:
+        sys.stdout.write(report.to_json())
+    else:
+        Console(highlight=False).print(audit_block(report, chosen.extrinsic.name))
+    sys.stdout.flush()
+    if report.verdict == "failed":
+        raise AuditFailed(report.text)
+    if report.verdict == "unknown":
+        raise Refused(report.text)
+
+
 def export(chosen: argparse.Namespace) -> None:
     """Print the extrinsic as another program wants it."""
     sys.stdout.write(api.export(api.read_result(chosen.result), chosen.format))
@@ -130,6 +169,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "inspect": inspect,
     "calibrate": calibrate,
     "deskew": deskew,
+    "audit": audit,
     "export": export,
     "simulate": simulate,
 }

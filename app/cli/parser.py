@@ -15,6 +15,12 @@ EPILOG = (
 )
 
 
+AUDIT_EPILOG = (
+    "Exit codes: 0 passed, 1 failed, 2 the call or the input is at fault, 3 the recording cannot tell, 4 a defect, 130 "
+    "interrupted."
+)
+
+
 class UsageError(Exception):
     """The words do not fit; str() is one sentence."""
 
@@ -37,7 +43,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"unsweep {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (_add_serve, _add_inspect, _add_calibrate, _add_deskew, _add_export, _add_simulate):
+    for add in (_add_serve, _add_inspect, _add_calibrate, _add_deskew, _add_audit, _add_export, _add_simulate):
         add(commands)
     return parser
 
@@ -96,6 +102,34 @@ def _add_deskew(commands: Commands[Parser]) -> None:
     )
     command.add_argument(
         "--map", type=Path, metavar="FILE", help="write the accumulated map too, voxels of 5 cm: .ply or .pcd"
+    )
+    _add_reading(command)
+    _add_manner(command)
+
+
+def _add_audit(commands: Commands[Parser]) -> None:
+    text = "Hold an extrinsic that is in use against a recording: is it still right, and would an error have shown."
+    command = commands.add_parser("audit", help=text, description=text, epilog=AUDIT_EPILOG, allow_abbrev=False)
+    _add_recording(command)
+    command.add_argument(
+        "--extrinsic",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="a result, a URDF, settings of FAST-LIO or LIO-SAM (YAML), or a 4x4 matrix as text",
+    )
+    command.add_argument("--json", action="store_true", help="the report as JSON")
+    command.add_argument(
+        "--limits",
+        type=Path,
+        metavar="FILE",
+        help='JSON, e.g. {"rotation_deg": 0.5, "translation_mm": [20, 20, 40], "time_offset_ms": null}',
+    )
+    command.add_argument(
+        "--matrix-direction",
+        choices=("imu_lidar", "lidar_imu"),
+        default="imu_lidar",
+        help="of a bare matrix; imu_lidar takes lidar coordinates to the IMU's (%(default)s)",
     )
     _add_reading(command)
     _add_manner(command)

@@ -100,10 +100,15 @@ def held_calibration(result: CalibrationResult) -> tuple[InitialGuess, tuple[Pri
             f"Expected a calibration to take the motion out with, but the result of {result.provenance.recording.name} "
             f"has the status `{result.status}` and holds none; calibrate a recording with more motion first."
         )
-    T = np.array(result.T_imu_lidar.matrix)
-    guess = InitialGuess(R_imu_lidar=T[:3, :3], p_imu_lidar=T[:3, 3], time_offset_ns=result.time_offset_ns)
-    x, y, z = (float(value) for value in T[:3, 3])
+    return held(np.array(result.T_imu_lidar.matrix), result.time_offset_ns)
+
+
+def held(T_imu_lidar: FloatArray, time_offset_ns: int) -> tuple[InitialGuess, tuple[Prior, ...]]:
+    """A calibration as a start, and priors that keep it there. T_imu_lidar: (4, 4)."""
+    R_imu_lidar, p_imu_lidar = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
+    guess = InitialGuess(R_imu_lidar=R_imu_lidar, p_imu_lidar=p_imu_lidar, time_offset_ns=time_offset_ns)
+    x, y, z = (float(value) for value in p_imu_lidar)
     turns = (Prior(axis="rx", value=0.0, std=HELD_STD), Prior(axis="ry", value=0.0, std=HELD_STD))
     places = (Prior(axis="tx", value=x, std=HELD_STD), Prior(axis="ty", value=y, std=HELD_STD))
-    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=result.time_offset_ns * 1e-9, std=HELD_STD))
+    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=time_offset_ns * 1e-9, std=HELD_STD))
     return guess, (*turns, Prior(axis="rz", value=0.0, std=HELD_STD), *places, *last)

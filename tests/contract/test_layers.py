@@ -31,11 +31,12 @@ MAY_IMPORT = {
     "paper": {"geometry", "gp", "imu", "planes", "factors", "solver", "full", "calibrate"},
     "calibrate": {"geometry", "gp", "imu", "full", "paper", "solver", "maps"},
     "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors"},
-    "api": {"readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor", "maps"},
+    "audit": {"geometry", "maps", "full", "calibrate"},
+    "api": {"audit", "readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor", "maps"},
 }
 
 #: What the application sees of the library.
-APP_MAY_IMPORT = RECORDS | {"api", "doctor.report"}
+APP_MAY_IMPORT = RECORDS | {"api", "doctor.report", "audit.report", "audit.given"}
 #: Third parties by part; anything else in these lists' parts is refused.
 HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "tuspyserver", "websockets"}
 
