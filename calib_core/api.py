@@ -196,11 +196,13 @@ def read_extrinsic(
     return given.read_extrinsic(path, direction=direction, frames=frames)
 
 
-def parse_extrinsic(text: str, *, direction: Direction = "imu_lidar") -> GivenExtrinsic:
+def parse_extrinsic(
+    text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] | None = None
+) -> GivenExtrinsic:
     """The same from a text."""
     from calib_core.audit import given
 
-    return given.parse_extrinsic(text, direction=direction)
+    return given.parse_extrinsic(text, direction=direction, frames=frames or ("", ""))
 
 
 def read_limits(path: Path) -> Limits:

@@ -3,6 +3,7 @@
 simulate   a sample recording            -> the recording's source
 inspect    the doctor's report           -> {job}/report.json
 planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
+audit      compare an extrinsic          -> {job}/audit.json
 solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json
 """
 
@@ -24,8 +25,8 @@ from app.jobs.orders import Order, OrderedPlane
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
+from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
-from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
 from app.storage.sizes import tree_size
 from calib_core import api
 from calib_core.errors import Cancelled, SettingsError
@@ -70,6 +71,8 @@ def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcom
             return run_planes(order, on_event, should_cancel)
         case "solve":
             return run_solve(order, on_event, should_cancel)
+        case "audit":
+            return run_audit(order, on_event, should_cancel)
 
 
 def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> SimulateOutcome:
@@ -130,6 +133,19 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())
     _write(order.folder / "result.json", document_by_name(order, calibration.result.to_json()))
     return solve_outcome(calibration.result)
+
+
+def run_audit(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> AuditOutcome:
+    """Hold the given extrinsic against the recording and write the report."""
+    wish = order.request.audit
+    if wish is None:
+        raise ValueError("an audit was ordered without an extrinsic")
+    recording = decoded(order, on_event, should_cancel)
+    frames = (recording.imu.frame_id, recording.lidar.frame_id)
+    given = api.parse_extrinsic(wish.extrinsic, direction=wish.direction, frames=frames)
+    report = api.audit(recording, given, limits=wish.limits, on_event=on_event, should_cancel=should_cancel)
+    _write(order.folder / "audit.json", document_by_name(order, report.to_json()))
+    return AuditOutcome(verdict=report.verdict, text=report.text)
 
 
 def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Recording:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from app.schemas.audits import NewAudit
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
 from calib_core.events import IterationEvent, LogEvent, StageEvent
@@ -36,6 +37,7 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+    audit: NewAudit | None = None
 
 
 class Order(_Parcel):

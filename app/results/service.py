@@ -18,6 +18,7 @@ from app.server.errors import BadRequest, Conflict
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core import api
+from calib_core.audit.report import AuditReport
 from calib_core.result import CalibrationResult
 from calib_core.settings import ReadSettings
 
@@ -53,6 +54,13 @@ class ResultService:
         if not path.is_file():
             raise Conflict("result.no_answer", "The solve was refused, so there is no motion to take out of the scans.")
         return Thickness.model_validate_json(path.read_text(encoding="utf-8"))
+
+    def audit(self, job: JobRecord) -> AuditReport:
+        """The report of an audit."""
+        path = self._files.job(job.id) / "audit.json"
+        if job.kind != "audit" or job.state != "done" or not path.is_file():
+            raise Conflict("audit.not_there", f"This job has no audit's report: {SENTENCES[job.state]}")
+        return AuditReport.model_validate_json(path.read_text(encoding="utf-8"))
 
     def scans(self, job: JobRecord) -> ScanQuality:
         """How well each scan agrees with the planes."""

@@ -36,7 +36,7 @@ MAY_IMPORT = {
 }
 
 #: What the application sees of the library.
-APP_MAY_IMPORT = RECORDS | {"api", "doctor.report", "audit.report", "audit.given"}
+APP_MAY_IMPORT = RECORDS | {"api", "doctor.report", "audit.report", "audit.given", "audit.limits"}
 #: Third parties by part; anything else in these lists' parts is refused.
 HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "tuspyserver", "websockets"}
 

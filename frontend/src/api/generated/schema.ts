@@ -4,6 +4,26 @@
  */
 
 export interface paths {
+    "/api/audits/{job_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Audit
+         * @description The audit's report, schema unsweep.audit/1. 409 until the job is done.
+         */
+        get: operations["read_audit"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/extrinsic": {
         parameters: {
             query?: never;
@@ -216,6 +236,26 @@ export interface paths {
          * @description Rename, choose topics and time span, overrule what was detected. A changed read setting inspects again.
          */
         patch: operations["change_recording"];
+        trace?: never;
+    };
+    "/api/recordings/{recording_id}/audits": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start Audit
+         * @description Queue an audit. 422 where the text is no extrinsic.
+         */
+        post: operations["start_audit"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
         trace?: never;
     };
     "/api/recordings/{recording_id}/events": {
@@ -601,6 +641,115 @@ export interface components {
             time_offset_s: number;
             /** Translation M */
             translation_m: number;
+        };
+        /**
+         * AuditCrispness
+         * @description The room laid together by the IMU alone, three seconds at a time, with each extrinsic; lower is crisper.
+         */
+        AuditCrispness: {
+            found: components["schemas"]["RoomCrispness"];
+            given: components["schemas"]["RoomCrispness"];
+            /** Text */
+            text: string;
+        };
+        /**
+         * AuditOutcome
+         * @description An audit was written; read it from /api/audits/{job_id}.
+         */
+        AuditOutcome: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "audit";
+            /**
+             * Text
+             * @description one sentence for a person
+             */
+            text: string;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "passed" | "failed" | "unknown";
+        };
+        /**
+         * AuditReport
+         * @description What an audit found. `calibration` is this recording's own result, against which the extrinsic is held.
+         */
+        AuditReport: {
+            /**
+             * Axes
+             * @description empty where the recording gives no answer
+             */
+            axes: components["schemas"]["AxisAudit"][];
+            calibration: components["schemas"]["CalibrationResult"];
+            crispness: components["schemas"]["AuditCrispness"] | null;
+            /**
+             * Extrinsic Form
+             * @description what the given file was read as
+             */
+            extrinsic_form: string;
+            /** Hints */
+            hints: string[];
+            /**
+             * Rotation Deg
+             * @description angle between the two
+             */
+            rotation_deg: number | null;
+            /**
+             * Schema
+             * @default unsweep.audit/1
+             * @constant
+             */
+            schema: "unsweep.audit/1";
+            /** Text */
+            text: string;
+            /** Translation Mm */
+            translation_mm: number | null;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "passed" | "failed" | "unknown";
+        };
+        /**
+         * AxisAudit
+         * @description One axis. All numbers in `unit`: degrees about a lidar's axis, millimetres along an IMU's axis, milliseconds.
+         */
+        AxisAudit: {
+            /**
+             * Axis
+             * @enum {string}
+             */
+            axis: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
+            /**
+             * Difference
+             * @description given minus found; null where the file has no such number
+             */
+            difference: number | null;
+            /** Difference Std */
+            difference_std: number;
+            /**
+             * Limit
+             * @description null: not judged
+             */
+            limit: number | null;
+            /**
+             * Smallest Error
+             * @description an error from here on would have shown: the limit, or three sigmas
+             */
+            smallest_error: number;
+            /**
+             * Unit
+             * @enum {string}
+             */
+            unit: "deg" | "mm" | "ms";
+            /**
+             * Verdict
+             * @description unknown: three sigmas exceed the limit; null: not judged
+             */
+            verdict: ("passed" | "failed" | "unknown") | null;
         };
         /**
          * CalibrateSettings
@@ -1468,7 +1617,7 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "simulate" | "inspect" | "planes" | "solve";
+            kind: "simulate" | "inspect" | "planes" | "solve" | "audit";
             /**
              * Planes
              * @description those confirmed when a solve was asked for
@@ -1480,7 +1629,7 @@ export interface components {
              */
             recording_id: string;
             /** Result */
-            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"]) | null;
+            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"]) | null;
             /** Retry Of */
             retry_of?: string | null;
             settings: components["schemas"]["CalibrateSettings"];
@@ -1569,6 +1718,44 @@ export interface components {
             topic: string;
         };
         /**
+         * Limits
+         * @description The largest difference that is still right. A number holds for all three axes; null: this is not judged.
+         *
+         *     rotation_deg: about the lidar's axes x y z.   translation_mm: along the IMU's axes x y z.   time_offset_ms: of the clocks.
+         *     Without a file the limits beyond which our own result would be called weak.
+         */
+        Limits: {
+            /**
+             * Rotation Deg
+             * @default 0.5
+             */
+            rotation_deg: number | [
+                number,
+                number,
+                number
+            ] | null;
+            /**
+             * Schema
+             * @default unsweep.limits/1
+             * @constant
+             */
+            schema: "unsweep.limits/1";
+            /**
+             * Time Offset Ms
+             * @default 2
+             */
+            time_offset_ms: number | null;
+            /**
+             * Translation Mm
+             * @default 20
+             */
+            translation_mm: number | [
+                number,
+                number,
+                number
+            ] | null;
+        };
+        /**
          * LogEvent
          * @description A sentence for a person.
          */
@@ -1623,6 +1810,33 @@ export interface components {
             level: "info" | "warning" | "error";
             /** Text */
             text: string;
+        };
+        /**
+         * NewAudit
+         * @description An extrinsic in use, held against a recording before any solve.
+         */
+        NewAudit: {
+            /**
+             * Direction
+             * @description of bare numbers: imu_lidar takes lidar coordinates to the IMU's
+             * @default imu_lidar
+             * @enum {string}
+             */
+            direction: "imu_lidar" | "lidar_imu";
+            /**
+             * Extrinsic
+             * @description a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers
+             */
+            extrinsic: string;
+            /**
+             * @default {
+             *       "rotation_deg": 0.5,
+             *       "schema": "unsweep.limits/1",
+             *       "time_offset_ms": 2,
+             *       "translation_mm": 20
+             *     }
+             */
+            limits: components["schemas"]["Limits"];
         };
         /**
          * NewJob
@@ -2932,6 +3146,38 @@ export interface components {
 }
 export type $defs = Record<string, never>;
 export interface operations {
+    read_audit: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AuditReport"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     read_extrinsic: {
         parameters: {
             query?: never;
@@ -3339,6 +3585,42 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Recording"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    start_audit: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewAudit"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
                 };
             };
             /** @description Refused; the body says why */
