@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 from rich.console import Console
@@ -18,6 +22,11 @@ from calib_core.audit.given import GivenExtrinsic
 from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
+
+if TYPE_CHECKING:
+    from app.results.evidence import StepListener
+    from calib_core.calibrate import Calibration
+    from calib_core.types import Recording
 
 
 class Refused(Exception):
@@ -69,10 +78,17 @@ def calibrate(chosen: argparse.Namespace) -> None:
     reading, manner = _read_settings(chosen), _manner(chosen)
     if chosen.output is not None:
         check_writable(chosen.output)
+    if chosen.report is not None:
+        check_writable(chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
+    from app.results.evidence import StepListener
+
     with listener(manner) as on_event:
-        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=on_event)
+        steps = StepListener(on_event)
+        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps)
+    if chosen.report is not None:
+        _write_report(recording, done, steps, chosen.report)
     _give_result(done.result, chosen.output, manner)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
@@ -173,6 +189,23 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "export": export,
     "simulate": simulate,
 }
+
+
+def _write_report(recording: Recording, done: Calibration, steps: StepListener, out: Path) -> None:
+    """The page to print, with everything that is measured beside a result."""
+    from app.results.evidence import measure_evidence
+    from app.results.report import Beside, report_page
+    from app.results.scans import measure_scans
+    from app.results.thickness import measure_thickness
+
+    evidence = measure_evidence(recording, done.result, done.trajectory, steps.steps)
+    command, now = shlex.join(["unsweep", *sys.argv[1:]]), datetime.now(UTC)
+    beside = Beside(evidence=evidence, command=command, made_at=now)
+    if done.trajectory is not None:
+        planes = done.result.quality.planes
+        walls = measure_thickness(recording, done.trajectory, planes)
+        beside = replace(beside, walls=walls, scans=measure_scans(recording, done.trajectory, planes))
+    write_text(out, report_page(done.result, beside))
 
 
 def _manner(chosen: argparse.Namespace) -> Manner:

@@ -82,6 +82,7 @@ def _add_calibrate(commands: Commands[Parser]) -> None:
     command = _command(commands, "calibrate", text)
     _add_recording(command)
     command.add_argument("--output", type=Path, metavar="FILE", help="where the result goes; without it, to stdout")
+    command.add_argument("--report", type=Path, metavar="FILE", help="a page to print and sign too, .html")
     _add_solving(command)
     _add_reading(command)
     _add_manner(command)

@@ -4,7 +4,8 @@ simulate   a sample recording            -> the recording's source
 inspect    the doctor's report           -> {job}/report.json
 planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
 audit      compare an extrinsic          -> {job}/audit.json
-solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json
+solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json,
+                                             evidence.json
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from app.arrays.trajectory import write_trajectory
 from app.jobs.head import propose_from_head
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
+from app.results.evidence import StepListener, measure_evidence
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
@@ -111,6 +113,7 @@ def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> 
 def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
     """Calibrate and write what the answer is shown with."""
     recording = decoded(order, on_event, should_cancel)
+    on_event = steps = StepListener(on_event)
     calibration = api.calibrate(
         recording,
         order.request.settings,
@@ -130,6 +133,8 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         _write(order.folder / "thickness.json", walls.model_dump_json())
         scans = measure_scans(recording, calibration.trajectory, calibration.result.quality.planes)
         _write(order.folder / "scans.json", scans.model_dump_json())
+    evidence = measure_evidence(recording, calibration.result, calibration.trajectory, steps.steps)
+    _write(order.folder / "evidence.json", evidence.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())
     _write(order.folder / "result.json", document_by_name(order, calibration.result.to_json()))
     return solve_outcome(calibration.result)
