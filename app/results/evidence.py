@@ -27,6 +27,8 @@ CORNER_SIDE_M = 1.3
 #: A plane whose normal is within 25 deg of upright is floor, ceiling or a table: seen from above it hides the walls.
 LEVEL_COSINE = 0.9
 RANGE_BINS = 24
+#: A ray within six degrees of a plane says little of the range.
+GRAZING_COSINE = 0.1
 #: Bins with fewer points say nothing.
 FEWEST = 100
 
@@ -78,7 +80,8 @@ def measure_evidence(
     room = _picture(before, after, _frame_of(after), ROOM_CELLS) if len(after) else None
     corner = None if room is None else _picture(before, after, _densest(after), CORNER_CELLS)
     on = seen.label >= 0
-    by_range = _by(seen.range_m[on], seen.dist_m[on], _range_edges(seen.range_m[on]))
+    ranged = np.isfinite(seen.range_m)
+    by_range = _by(seen.range_m[ranged], seen.dist_m[ranged], _range_edges(seen.range_m[ranged]))
     rings = np.unique(seen.ring[on])
     edges = np.append(rings, rings[-1] + 1) - 0.5 if len(rings) > 1 else np.zeros(0)
     return Evidence(
@@ -102,7 +105,7 @@ def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResul
             continue
         after = api.map_points(scan, trajectory)
         label, dist_m = nearest_plane(after, normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_of(planes))
-        range_m = np.linalg.norm(scan.points["xyz"].astype(np.float64), axis=1)
+        range_m = _range_to_planes_m(scan, trajectory, after, label, dist_m, normals)
         ring = scan.points["ring"].astype(np.float64)
         parts.append(_Seen(rigid_map_points(scan, trajectory), after, label, dist_m, range_m, ring))
     if not parts:
@@ -115,6 +118,30 @@ def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResul
         np.concatenate([part.range_m for part in parts]),
         np.concatenate([part.ring for part in parts]),
     )
+
+
+def _range_to_planes_m(
+    scan: Scan,
+    trajectory: Trajectory,
+    after_m: NDArray[np.float32],
+    label: NDArray[np.int16],
+    dist_m: NDArray[np.float32],
+    normals: FloatArray,
+) -> FloatArray:
+    """(N,) [m]: how far along its ray each point's plane is; NaN without a plane, or where the ray grazes it.
+
+    Not the range that was measured: bins of that would choose points by their noise, and the nearest bin would hold those
+    measured too near.
+    """
+    here: PointArray = scan.points.copy()
+    here["xyz"] = 0.0
+    ray = after_m.astype(np.float64) - api.map_points(Scan(scan.index, scan.stamp_ns, here), trajectory)
+    measured_m = np.linalg.norm(ray, axis=1)
+    if not len(normals):
+        return np.full(len(ray), np.nan)
+    cosine = np.sum(ray * normals[label], axis=1) / np.maximum(measured_m, 1e-6)
+    seen = (label >= 0) & (np.abs(cosine) > GRAZING_COSINE)
+    return np.where(seen, measured_m - dist_m / np.where(seen, cosine, 1.0), np.nan)
 
 
 def _thinned(scan: Scan) -> Scan:

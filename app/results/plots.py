@@ -69,7 +69,7 @@ def _address(figure: Figure) -> str:
 
 def room(picture: Picture) -> str:
     """Before and after, side by side."""
-    canvas = Canvas(FULL, 3.2)
+    canvas = Canvas(FULL, 2.65)
     (row,) = canvas.axes(1, 2)
     for axes, cells, title in zip(row, (picture.before, picture.after), ("as published", "de-skewed"), strict=True):
         _plan(axes, picture, cells)
@@ -94,19 +94,20 @@ def rig(R_imu_lidar: NDArray[np.float64], p_imu_lidar: NDArray[np.float64], name
     from mpl_toolkits.mplot3d import Axes3D
 
     figure = Figure(figsize=(HALF, 3.0))
-    axes = cast(Axes3D, figure.add_axes((0.02, 0.06, 0.86, 0.92), projection="3d"))
+    axes = cast(Axes3D, figure.add_axes((0.0, 0.1, 0.82, 0.88), projection="3d"))
     reach = 0.45 * max(float(np.linalg.norm(p_imu_lidar)), 0.05)
     drawn = [np.zeros(3), p_imu_lidar]
+    upper = 1 if p_imu_lidar[2] >= 0.0 else -1
     for title, R, p, frame, side in (
-        ("IMU", np.eye(3), np.zeros(3), names[0], -1),
-        ("lidar", R_imu_lidar, p_imu_lidar, names[1], 1),
+        ("IMU", np.eye(3), np.zeros(3), names[0], -upper),
+        ("lidar", R_imu_lidar, p_imu_lidar, names[1], upper),
     ):
         for axis, color in enumerate(SERIES):
             end = p + reach * R[:, axis]
             axes.plot(*np.stack([p, end], axis=1), color=color, linewidth=2.0)
             axes.text(*(p + 1.15 * reach * R[:, axis]), "xyz"[axis], color=color, fontsize=7)
             drawn.append(end)
-        place = p + np.array([0.0, 0.0, side * (1.5 if side > 0 else 0.35) * reach])
+        place = p + np.array([0.0, 0.0, side * (1.6 if side > 0 else 0.4) * reach])
         label = title if frame in {"", title} else f"{title} ({frame[:24]})"
         axes.text(*place, label, fontsize=7, weight="bold", horizontalalignment="center")
     axes.plot(*np.stack([np.zeros(3), p_imu_lidar], axis=1), color="#555555", linestyle=":", linewidth=1.2)
@@ -117,7 +118,7 @@ def rig(R_imu_lidar: NDArray[np.float64], p_imu_lidar: NDArray[np.float64], name
         getattr(axes, f"set_{name}label")(f"{name} of the IMU [m]", fontsize=6, labelpad=-6)
         getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4))
     axes.tick_params(labelsize=5.5, pad=-2)
-    axes.set_box_aspect((1, 1, 1), zoom=1.2)
+    axes.set_box_aspect((1, 1, 1), zoom=1.1)
     axes.view_init(elev=22, azim=-58)
     return _address(figure)
 
