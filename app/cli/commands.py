@@ -25,8 +25,7 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 
 if TYPE_CHECKING:
     from app.results.evidence import StepListener
-    from calib_core.calibrate import Calibration
-    from calib_core.types import Recording
+    from calib_core.types import Recording, Trajectory
 
 
 class Refused(Exception):
@@ -88,7 +87,7 @@ def calibrate(chosen: argparse.Namespace) -> None:
         steps = StepListener(on_event)
         done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps)
     if chosen.report is not None:
-        _write_report(recording, done, steps, chosen.report)
+        _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
     _give_result(done.result, chosen.output, manner)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
@@ -191,21 +190,24 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
 }
 
 
-def _write_report(recording: Recording, done: Calibration, steps: StepListener, out: Path) -> None:
+def _write_report(
+    recording: Recording, done: tuple[CalibrationResult, Trajectory | None], steps: StepListener, out: Path
+) -> None:
     """The page to print, with everything that is measured beside a result."""
     from app.results.evidence import measure_evidence
     from app.results.report import Beside, report_page
     from app.results.scans import measure_scans
     from app.results.thickness import measure_thickness
 
-    evidence = measure_evidence(recording, done.result, done.trajectory, steps.steps)
+    result, trajectory = done
+    evidence = measure_evidence(recording, result, trajectory, steps.steps)
     command, now = shlex.join(["unsweep", *sys.argv[1:]]), datetime.now(UTC)
     beside = Beside(evidence=evidence, command=command, made_at=now)
-    if done.trajectory is not None:
-        planes = done.result.quality.planes
-        walls = measure_thickness(recording, done.trajectory, planes)
-        beside = replace(beside, walls=walls, scans=measure_scans(recording, done.trajectory, planes))
-    write_text(out, report_page(done.result, beside))
+    if trajectory is not None:
+        planes = result.quality.planes
+        walls = measure_thickness(recording, trajectory, planes)
+        beside = replace(beside, walls=walls, scans=measure_scans(recording, trajectory, planes))
+    write_text(out, report_page(result, beside))
 
 
 def _manner(chosen: argparse.Namespace) -> Manner:
