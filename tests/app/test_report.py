@@ -131,7 +131,7 @@ def test_distances_are_binned_by_range_and_ring():
 
 
 def test_bins_of_range_do_not_choose_points_by_their_noise():
-    """Every point gets 20 mm of noise along its ray; the mean distance is zero in every bin all the same, within four
+    """Every point gets 40 mm of noise along its ray; the mean distance is zero in every bin all the same, within four
     standard errors. Mutation: bins of the measured range; the nearest then holds what was measured too near."""
     recording, trajectory = world.make_recording(), world.make_trajectory()
     rng = np.random.default_rng(5)
@@ -139,7 +139,7 @@ def test_bins_of_range_do_not_choose_points_by_their_noise():
     for scan in recording.scans:
         points = scan.points.copy()
         range_m = np.linalg.norm(points["xyz"], axis=1)
-        points["xyz"] *= (1.0 + 0.02 * rng.normal(size=len(points)) / range_m)[:, None].astype(np.float32)
+        points["xyz"] *= (1.0 + 0.04 * rng.normal(size=len(points)) / range_m)[:, None].astype(np.float32)
         scans.append(replace(scan, points=points))
     binned = measure_evidence(replace(recording, scans=scans), world.make_result(), trajectory, []).by_range
     assert binned is not None
