@@ -35,8 +35,9 @@ from calib_core.types import (
 )
 
 if TYPE_CHECKING:
-    from calib_core.audit.given import Direction, GivenExtrinsic
+    from calib_core.audit.given import Direction
     from calib_core.audit.limits import Limits
+    from calib_core.audit.pose import GivenExtrinsic
     from calib_core.audit.report import AuditReport
     from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport
@@ -352,12 +353,14 @@ def simulate(
     duration_s: float | None = None,
     noise: bool = True,
     header_at: HeaderAt | None = None,
+    faults: str = "",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Path:
     """Write a recording with known truth to `out`; the path of the truth beside it.
 
     mounting, time_offset_s, duration_s, header_at (the packet that stamps a cloud): None for the scenario's own.
+    faults: names with commas between them, each with a size if wanted, such as `industrial` or `laser-offsets=0.008`.
     """
     from calib_core import simulate as simulator
 
@@ -370,6 +373,7 @@ def simulate(
         duration_s=duration_s,
         noise=noise,
         header_at=header_at,
+        faults=simulator.parse_faults(faults),
         on_event=on_event,
         should_cancel=should_cancel,
     )

@@ -16,7 +16,7 @@ Status = Literal["calibrated", "weak", "refused"]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Message(_Model):
@@ -100,6 +100,19 @@ class Quality(_Model):
     )
 
 
+class Intrinsic(_Model):
+    """One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero."""
+
+    block: str
+    name: str
+    unit: str
+    value: float
+    std: float
+    prior_std: float
+    state: Literal["estimated", "considered"]
+    significant: bool
+
+
 class RecordingProvenance(_Model):
     name: str
     sha256: str
@@ -132,8 +145,18 @@ class CalibrationResult(_Model):
     observability: Observability
     quality: Quality
     provenance: Provenance
+    intrinsics: list[Intrinsic] = Field(default_factory=list)
+    clock_rate_ppm: float | None = Field(
+        default=None,
+        description="t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)",
+    )
+    clock_rate_ppm_std: float | None = None
+    time_offset_at_s: float | None = Field(
+        default=None, description="lidar time, seconds after the first scan, at which time_offset_s holds"
+    )
+    imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
 
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
 
     def to_json(self) -> str:
         """The document as indented JSON text, ending in a newline."""

@@ -18,7 +18,7 @@ from app.cli import options
 from app.cli.terminal import Manner, choose_manner, listener
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
-from calib_core.audit.given import GivenExtrinsic
+from calib_core.audit.pose import GivenExtrinsic
 from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -173,6 +173,7 @@ def simulate(chosen: argparse.Namespace) -> None:
             duration_s=chosen.duration_s,
             noise=chosen.noise != "none",
             header_at=chosen.header_at,
+            faults=chosen.faults,
             on_event=on_event,
         )
     if manner in {Manner.live, Manner.plain}:

@@ -158,6 +158,13 @@ def _add_simulate(commands: Commands[Parser]) -> None:
     command.add_argument("--duration-s", type=float, metavar="S", help="length of the recording")
     command.add_argument("--noise", choices=("none",), help="exact readings")
     command.add_argument("--header-at", choices=("first", "last"), help="the packet that stamps a Velodyne cloud")
+    command.add_argument(
+        "--faults",
+        default="",
+        metavar="NAME[=SIZE],...",
+        help="what real sensors and rooms do: industrial, consumer, or for example laser-offsets=8mm,clock-rate; "
+        "an unknown name lists them all",
+    )
     _add_manner(command)
 
 

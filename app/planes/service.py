@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from app.arrays.proposals import has_proposals, read_proposals
-from app.jobs.functions import proposal_arrays
+from pydantic import ValidationError
+
+from app.arrays.folder import DamagedArrays, discard
+from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals
+from app.bus import Bus
+from app.errors import Conflict, NotFound
+from app.events import PlanesEdited, RecordingArrived
 from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
+from app.planes.palette import plane_hex
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
 from app.planes.wire import wire_planes
-from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
-from app.server.errors import Conflict, NotFound
 from app.storage.files import DataFolder
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
@@ -32,10 +36,11 @@ class PlaneService:
     """Reading and editing planes. Thread-safe: operations come from routes and from clicks in the scene.
 
     Each recording has a lock of its own, held while its clouds are read and fitted: who edits another does not wait for it.
-    on_changed: called with recording id and revision after each change.
+    Tells the bus of each change.
     """
 
-    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder) -> None:
+    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder, bus: Bus) -> None:
+        self._bus = bus
         self._recordings = recordings
         self._documents = documents
         self._files = files
@@ -43,7 +48,6 @@ class PlaneService:
         self._editing: dict[str, threading.RLock] = {}
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
-        self.on_changed: Callable[[str, int], None] = lambda _, __: None
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
@@ -55,8 +59,7 @@ class PlaneService:
         """Proposals and history; Conflict until there are some."""
         with self._own_lock(recording_id):
             key, proposals = self._load(recording_id)
-            text = self._documents.read(recording_id, DOCUMENT)
-            history = None if text is None else PlaneHistory.model_validate_json(text)
+            history = self._kept(recording_id)
             if history is None or history.cache_key != key:
                 revision = 0 if history is None else history.revision + 1
                 history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
@@ -78,13 +81,13 @@ class PlaneService:
                 return wire_planes(history, static=proposals.static)
             self._keep(recording_id, after)
             planes = wire_planes(after, static=proposals.static)
-        self.on_changed(recording_id, planes.revision)
+        self._bus.publish(PlanesEdited(recording_id, planes.revision))
         return planes
 
     def proposed(self, recording_id: str) -> None:
         """New proposals are there: tell those who look."""
         _, history = self.current(recording_id)
-        self.on_changed(recording_id, history.revision)
+        self._bus.publish(PlanesEdited(recording_id, history.revision))
 
     def confirmed(self, recording_id: str) -> tuple[OrderedPlane, ...] | None:
         """The planes a solve uses; None, which lets the solve find its own, where none have been proposed."""
@@ -104,9 +107,8 @@ class PlaneService:
         with self._own_lock(recording_id):
             today = self._names.get(recording_id)
             if today is None:
-                text = self._documents.read(recording_id, DOCUMENT)
-                current = PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
-                today = {patch.color: patch.name for patch in current.patches}
+                history = self._kept(recording_id)
+                today = {} if history is None else {patch.color: patch.name for patch in history.current.patches}
                 self._names[recording_id] = today
         return [
             PlaneLook(
@@ -130,6 +132,14 @@ class PlaneService:
         with self._lock:
             return self._editing.setdefault(recording_id, threading.RLock())
 
+    def _kept(self, recording_id: str) -> PlaneHistory | None:
+        """The planes as they were left; None where they never were touched, or can no longer be read."""
+        text = self._documents.read(recording_id, DOCUMENT)
+        try:
+            return None if text is None else PlaneHistory.model_validate_json(text)
+        except ValidationError:
+            return None
+
     def _keep(self, recording_id: str, history: PlaneHistory) -> None:
         self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
         self._names.pop(recording_id, None)
@@ -152,15 +162,20 @@ class PlaneService:
             raise NotFound("recording.not_found", "The recording has been deleted.")
         key = self._files.cache_key(record)
         folder = proposal_arrays(self._files.cache(record))
-        if not has_proposals(folder):
-            raise Conflict(
-                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
-            )
         cached = f"{recording_id}/{key}"
         with self._lock:
             proposals = self._proposals.pop(cached, None)
-        if proposals is None:
-            proposals = read_proposals(folder)
+        try:
+            if not has_proposals(folder):
+                raise DamagedArrays
+            if proposals is None:
+                proposals = read_proposals(folder)
+        except DamagedArrays:
+            if discard(folder):  # there was something, and it was not whole: it is found again
+                self._bus.publish(RecordingArrived(record))
+            raise Conflict(
+                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
+            ) from None
         with self._lock:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:

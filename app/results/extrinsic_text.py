@@ -6,8 +6,8 @@ from typing import Literal
 
 from scipy.spatial.transform import Rotation
 
+from app.errors import BadRequest
 from app.schemas.view import OldExtrinsic
-from app.server.errors import BadRequest
 from calib_core import api
 from calib_core.errors import InputError
 

@@ -9,6 +9,7 @@ import numpy as np
 from fastapi import Response
 from pydantic import BaseModel
 
+from app.errors import BadRequest, Conflict
 from app.jobs.machine import SENTENCES
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
@@ -17,7 +18,6 @@ from app.results.report import Beside, report_page
 from app.schemas.evidence import Evidence
 from app.schemas.jobs import Job, SolveOutcome
 from app.schemas.results import AnswerDifference, Command, Run, Runs, ScanQuality, Thickness
-from app.server.errors import BadRequest, Conflict
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core import api

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.planes import palette
 from app.planes.geometry import labels, within_region
+from app.planes.palette import Colors
 from app.planes.state import EditedPatch, PlaneSet
-from app.scene import palette
 from app.scene.items import FIRST_SCANS, WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Sheet
-from app.scene.palette import Colors
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
 from calib_core.types import Float32Array, FloatArray, PlaneProposals, PointArray, Recording, Scan, Trajectory

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from app.scene.palette import Colors, Rgb
+from app.planes.palette import Colors, Rgb
 from calib_core.types import Float32Array, FloatArray
 
 

@@ -99,6 +99,9 @@ class Job(WireModel):
     kind: JobKind
     state: JobState
     state_text: str = Field(description="the state in one sentence")
+    queue_place: int | None = Field(
+        default=None, description="while it waits: 1 is next; jobs of all clients take turns"
+    )
     stage: str | None = None
     fraction: float = 0.0
     text: str = ""

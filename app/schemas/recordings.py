@@ -137,6 +137,19 @@ class ServerFacts(WireModel):
     samples: list[Sample]
 
 
+class NewShareLink(WireModel):
+    """For how long a link shall show a recording."""
+
+    hours: float = Field(default=24.0, gt=0, le=24 * 90, allow_inf_nan=False, description="the link ends after so many")
+
+
+class ShareLink(WireModel):
+    """A link that shows one recording, read-only."""
+
+    path: str = Field(description="to be put behind the server's address")
+    until: datetime
+
+
 class Health(WireModel):
     """The server is alive, or ready; anything else is an error body."""
 

@@ -102,7 +102,7 @@ def _short_names(made: dict[str, object]) -> dict[str, object]:
 def main() -> None:
     """Write the document to stdout."""
     from app.server.main import create_app
-    from app.server.settings import AppSettings
+    from app.settings import AppSettings
 
     json.dump(document(create_app(AppSettings())), sys.stdout, indent=2, sort_keys=True)
     sys.stdout.write("\n")

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.audit.given import GivenExtrinsic, inverse
 from calib_core.audit.limits import Limits
+from calib_core.audit.pose import GivenExtrinsic, inverse
 from calib_core.audit.report import AxisAudit, Verdict
 from calib_core.geometry import log
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult

@@ -16,38 +16,19 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from calib_core.audit.pose import FORMS, TOLERANCE, GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.errors import InputError
 from calib_core.types import FloatArray
 
 Direction = Literal["imu_lidar", "lidar_imu"]
 
-#: A rotation typed to three digits is still meant as a rotation; more than this is a mistake.
-TOLERANCE = 1e-2
-FORMS = (
-    "a result of unsweep, a URDF, a FAST-LIO or LIO-SAM YAML, a matrix of 4 rows of 4 numbers, or x y z and a quaternion "
-    "x y z w"
-)
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _BETWEEN = re.compile(r"[\s,;\[\](){}]*")
-
-
-@dataclass(frozen=True, slots=True)
-class GivenExtrinsic:
-    """T_imu_lidar: (4, 4).   time_offset_ns: added to IMU stamps; None where the file has none.
-
-    form: what it was read as.   covariance: (7, 7) of a result, in the contract's order and units; None where unknown.
-    """
-
-    T_imu_lidar: FloatArray
-    time_offset_ns: int | None
-    form: str
-    covariance: FloatArray | None = None
 
 
 def read_extrinsic(
@@ -82,26 +63,6 @@ def parse_extrinsic(
         return from_yaml(text)
     matrix = _matrix_of(_flat(document) if isinstance(document, list) else _numbers_of(text))
     return GivenExtrinsic(matrix if direction == "imu_lidar" else inverse(matrix), None, f"numbers, T_{direction}")
-
-
-def unfit(reason: str) -> InputError:
-    """What is said of a text that is no extrinsic."""
-    return InputError(f"Expected {FORMS}, but {reason}; correct it.", code="extrinsic.unfit")
-
-
-def transform_of(rotation: FloatArray, position_m: FloatArray) -> FloatArray:
-    """(4, 4) of a matrix (3, 3) that is a rotation up to the digits it was written with, and a place (3,)."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = _nearest_rotation(rotation), position_m
-    return matrix
-
-
-def inverse(matrix: FloatArray) -> FloatArray:
-    """(4, 4): the same mounting in the other direction."""
-    back = np.eye(4)
-    back[:3, :3] = matrix[:3, :3].T
-    back[:3, 3] = -matrix[:3, :3].T @ matrix[:3, 3]
-    return back
 
 
 def _json_of(text: str) -> object:
@@ -203,11 +164,3 @@ def _matrix_of(numbers: list[float]) -> FloatArray:
             return transform_of(np.asarray(Rotation.from_quat(quat_xyzw).as_matrix()), position)
         case found:
             raise unfit(f"there are {found} numbers")
-
-
-def _nearest_rotation(matrix: FloatArray) -> FloatArray:
-    left, _, right = np.linalg.svd(matrix)
-    rotation: FloatArray = left @ right
-    if np.linalg.det(rotation) < 0 or np.abs(rotation - matrix).max() > TOLERANCE:
-        raise unfit("the matrix's columns are not orthonormal and right-handed")
-    return rotation

@@ -14,7 +14,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from calib_core.audit.given import GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.audit.pose import GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.types import FloatArray
 
 #: Subtracted from the IMU's stamps by the programs that know them.

@@ -12,8 +12,8 @@ import numpy as np
 
 from calib_core.audit import compare
 from calib_core.audit.crisp import Judged, audit_crispness, mounting_of
-from calib_core.audit.given import GivenExtrinsic
 from calib_core.audit.limits import Limits
+from calib_core.audit.pose import GivenExtrinsic
 from calib_core.audit.report import AuditCrispness, AuditReport, AxisAudit, Verdict
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from calib_core.audit.given import GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.audit.pose import GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.types import FloatArray
 
 _IMU_WORDS = ("imu",)

@@ -11,11 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from calib_core.calibrate import calibrate
 from calib_core.deskew import deskew_points
-from calib_core.errors import SettingsError
+from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.full.calibrate import calibrate_full
+from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.geometry import exp
 from calib_core.maps.accumulate import covers
 from calib_core.result import CalibrationResult
@@ -54,11 +56,28 @@ def held_motion(
     guess, priors = held_calibration(result)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
     settings = _as_solved(result).model_copy(update={"priors": priors, "crispness": False})
-    done = calibrate(recording, settings, initial_guess=guess, on_event=on_event, should_cancel=should_cancel)
-    if done.trajectory is None:
+    solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
+    if solved is None:
         text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
-    return HeldMotion(done.trajectory, turning)
+    return HeldMotion(solved, turning)
+
+
+def _solved_motion(
+    recording: Recording,
+    settings: CalibrateSettings,
+    guess: InitialGuess,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
+) -> Trajectory | None:
+    """The motion by the joint solve; None where the recording does not give it."""
+    try:
+        require_length(recording, "the motion")
+        # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
+        with threadpool_limits(limits=1, user_api="blas"):
+            return calibrate_full(prepare(recording, settings, on_event, should_cancel), None, guess).trajectory
+    except Refused:
+        return None
 
 
 def _as_solved(result: CalibrationResult) -> CalibrateSettings:

@@ -10,8 +10,8 @@ import pytest
 
 from app.cli.main import run
 from calib_core import api
-from calib_core.audit.given import GivenExtrinsic
 from calib_core.audit.limits import Limits
+from calib_core.audit.pose import GivenExtrinsic
 from calib_core.audit.run import report_of
 from calib_core.calibrate import Calibration
 from calib_core.types import ImuData, LidarInfo, Recording

@@ -7,10 +7,10 @@ import threading
 import numpy as np
 import pytest
 
-from app.jobs.functions import run_job
 from app.jobs.orders import Order
 from app.scene.throttle import Throttle
 from app.schemas.view import ViewState
+from app.work.functions import run_job
 from calib_core.errors import Cancelled
 from tests.app.support import world
 
@@ -28,7 +28,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
     """One scene's lock is held here as a slow scene would. Mutation: one lock for all recordings: the other never answers."""
     other = shared_live.upload("any.bag")
     hub = shared_live.services.scenes
-    hub.port(solved[0])
+    hub.dial(solved[0]).close()
     answers = []
     with hub._lock_of(solved[0]):
         asking = threading.Thread(
@@ -39,7 +39,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
         asking.start()
         asking.join(20)
         assert not asking.is_alive()
-        hub.port(other)
+        hub.dial(other).close()
     assert answers[0]["dark"] is True
     assert shared_live.http.get(f"/api/recordings/{solved[0]}/view").json()["dark"] is False
 

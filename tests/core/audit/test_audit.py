@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core import api
-from calib_core.audit.given import GivenExtrinsic
 from calib_core.audit.limits import Limits, read_limits
+from calib_core.audit.pose import GivenExtrinsic
 from calib_core.audit.report import AuditReport
 from calib_core.audit.run import report_of
 from calib_core.calibrate import Calibration

@@ -362,6 +362,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/recordings/{recording_id}/share": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Share Recording
+         * @description A link with which anybody can look at this recording, and at nothing else, for some hours; they change nothing.
+         *
+         *     409 on a server without a token: everybody who reaches it sees everything anyway.
+         */
+        post: operations["share_recording"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/recordings/{recording_id}/timeline": {
         parameters: {
             query?: never;
@@ -566,6 +588,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/session": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * End Session
+         * @description End the session of this browser; it has to show the token again. Nothing happens where there is none.
+         */
+        delete: operations["end_session"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/uploads/{recording_id}/recording": {
         parameters: {
             query?: never;
@@ -615,7 +657,7 @@ export interface paths {
         };
         /**
          * Read Ready
-         * @description Ready: the store answers and the data directory can be written.
+         * @description Ready: a file was just written to the data directory, and a row to the store.
          */
         get: operations["read_ready"];
         put?: never;
@@ -1624,6 +1666,11 @@ export interface components {
              */
             planes?: components["schemas"]["PlaneLook"][];
             /**
+             * Queue Place
+             * @description while it waits: 1 is next; jobs of all clients take turns
+             */
+            queue_place?: number | null;
+            /**
              * Recording Id
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
@@ -1869,6 +1916,18 @@ export interface components {
              *     }
              */
             settings: components["schemas"]["CalibrateSettings"];
+        };
+        /**
+         * NewShareLink
+         * @description For how long a link shall show a recording.
+         */
+        NewShareLink: {
+            /**
+             * Hours
+             * @description the link ends after so many
+             * @default 24
+             */
+            hours: number;
         };
         /**
          * Nudge
@@ -2685,6 +2744,22 @@ export interface components {
             upload_suffixes: string[];
             /** Version */
             version: string;
+        };
+        /**
+         * ShareLink
+         * @description A link that shows one recording, read-only.
+         */
+        ShareLink: {
+            /**
+             * Path
+             * @description to be put behind the server's address
+             */
+            path: string;
+            /**
+             * Until
+             * Format: date-time
+             */
+            until: string;
         };
         /**
          * Side
@@ -3837,6 +3912,42 @@ export interface operations {
             };
         };
     };
+    share_recording: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewShareLink"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ShareLink"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     read_timeline: {
         parameters: {
             query?: never;
@@ -4184,6 +4295,33 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["Thickness"];
                 };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    end_session: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description Refused; the body says why */
             default: {
