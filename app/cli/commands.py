@@ -138,6 +138,8 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             field_of_view_deg=options.parse_field_of_view(chosen.field_of_view_deg, chosen.method),
             gravity=options.parse_gravity(chosen.gravity),
             imu_noise=options.parse_imu_noise(chosen.imu_noise),
+            intrinsics=options.parse_intrinsics(chosen.intrinsics),
+            lidar=options.parse_lidar(chosen.lidar),
             estimate_time_offset=not chosen.fix_time_offset,
             estimate_planes=not chosen.fix_planes,
             bias_model=chosen.bias_model,

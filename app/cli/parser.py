@@ -159,6 +159,18 @@ def _add_solving(command: Parser) -> None:
     )
     add("--imu-noise", metavar="PRESET|FILE", help="noise densities, instead of those measured while standing still")
     add(
+        "--intrinsics",
+        default=defaults.intrinsics,
+        metavar="auto|consider|off|NAME,...",
+        help="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "
+        "only those named are estimated (%(default)s); an unknown name lists them all",
+    )
+    add(
+        "--lidar",
+        metavar="PRESET",
+        help="the lidar, for what to expect of its lasers (as recognised); an unknown name lists them all",
+    )
+    add(
         "--prior",
         action="append",
         default=[],
