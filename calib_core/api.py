@@ -208,7 +208,7 @@ def discard_archives(folder: Path) -> bool:
 
 
 def export(result: CalibrationResult, name: str) -> str:
-    """The extrinsic as the program called `name` wants it: text of one of its own files or command lines."""
+    """The extrinsic, or what was found of the sensors, as the program called `name` wants it: text of one of its own files."""
     from calib_core import exporters
 
     return exporters.export(result, name)

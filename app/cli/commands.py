@@ -83,7 +83,7 @@ def deskew(chosen: argparse.Namespace) -> None:
 
 
 def export(chosen: argparse.Namespace) -> None:
-    """Print the extrinsic as another program wants it."""
+    """Print the extrinsic, or what was found of the sensors, as another program wants it."""
     sys.stdout.write(api.export(api.read_result(chosen.result), chosen.format))
 
 

@@ -98,7 +98,9 @@ def _add_deskew(commands: Commands[Parser]) -> None:
 def _add_export(commands: Commands[Parser]) -> None:
     from calib_core.api import export_names
 
-    command = _command(commands, "export", "Print the extrinsic as another program wants it.")
+    command = _command(
+        commands, "export", "Print the extrinsic, or what was found of the sensors, as another program wants it."
+    )
     command.add_argument("result", type=Path, metavar="RESULT", help="a result of `unsweep calibrate`")
     command.add_argument("--format", required=True, metavar="NAME", help=f"one of {', '.join(export_names())}")
 
