@@ -153,21 +153,25 @@ def deskew(
     out: Path,
     settings: ReadSettings | None = None,
     *,
+    correct_lasers: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> int:
     """Write the recording at `path` to `out` with the motion taken out of every scan; the number of scans.
 
-    out: without suffix a folder of .ply files, else a bag of the same kind.
+    out: without suffix a folder of .ply files, else a bag of the same kind.   correct_lasers: take out what the calibration
+    found of the lasers (offsets and scales of ranges, angles), too.
     """
     from calib_core import readers
-    from calib_core.full.known_extrinsic import deskewer, held_calibration
+    from calib_core.full.known_extrinsic import deskewer, held_calibration, laser_corrector
     from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
     held_calibration(result)  # says so before the recording is read where there is none
+    if correct_lasers:
+        laser_corrector(result)
     recording = readers.load(path, settings, on_event=on_event, should_cancel=should_cancel)
-    moved = deskewer(recording, result, on_event=on_event, should_cancel=should_cancel)
+    moved = deskewer(recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel)
     topic = recording.lidar.topic
     return rewrite_clouds(path, topic, out, moved, settings=settings, on_event=on_event, should_cancel=should_cancel)
 

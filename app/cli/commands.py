@@ -77,7 +77,14 @@ def deskew(chosen: argparse.Namespace) -> None:
     if chosen.output.exists() and not (chosen.output.is_dir() and not any(chosen.output.iterdir())):
         raise InputError(f"The output {chosen.output} exists already; remove it or choose another name.")
     with listener(manner) as on_event:
-        count = api.deskew(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+        count = api.deskew(
+            chosen.recording,
+            result,
+            chosen.output,
+            _read_settings(chosen),
+            correct_lasers=chosen.correct_lasers,
+            on_event=on_event,
+        )
     if manner in {Manner.live, Manner.plain}:
         sys.stderr.write(f"Wrote {count} scans without their motion to {chosen.output}\n")
 

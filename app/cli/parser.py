@@ -91,6 +91,11 @@ def _add_deskew(commands: Commands[Parser]) -> None:
     command.add_argument(
         "--output", type=Path, required=True, metavar="OUT", help="a folder for .ply files, or a bag of the same kind"
     )
+    command.add_argument(
+        "--correct-lasers",
+        action="store_true",
+        help="take out what the calibration found of the lasers, too: offsets and scales of ranges, angles",
+    )
     _add_reading(command)
     _add_manner(command)
 

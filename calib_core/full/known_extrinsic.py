@@ -3,12 +3,13 @@
 Where planes are seen, the joint solve runs once more with the calibration held by priors far tighter than any
 recording could contradict; its trajectory carries turning and moving. Where none are seen (another recording, a
 stretch that the solve bridged) the gyroscope's turning is used alone, with the IMU taken as standing: over one sweep
-turning is what smears a cloud most.
+turning is what smears a cloud most. What the calibration found of single lasers can be taken out of the points before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,6 +17,7 @@ from threadpoolctl import threadpool_limits
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.factors.laser_features import LaserErrors
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.geometry import exp
@@ -33,10 +35,15 @@ def deskewer(
     recording: Recording,
     result: CalibrationResult,
     *,
+    correct_lasers: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Callable[[Scan], Float32Array]:
-    """A function that takes the motion out of a scan of `recording`: (N, 3) [m], lidar frame, first point's time."""
+    """A function that takes the motion out of a scan of `recording`: (N, 3) [m], lidar frame, first point's time.
+
+    correct_lasers: take out what the calibration found of the lasers, too.
+    """
+    correct = laser_corrector(result) if correct_lasers else _as_published
     guess, priors = held_calibration(result)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
     settings = _as_solved(result).model_copy(update={"priors": priors})
@@ -46,9 +53,41 @@ def deskewer(
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
 
     def deskew(scan: Scan) -> Float32Array:
+        scan = correct(scan)
         return deskew_points(scan, solved if solved is not None and covers(solved, scan) else turning)
 
     return deskew
+
+
+def laser_corrector(result: CalibrationResult) -> Callable[[Scan], Scan]:
+    """A function that takes the lasers' errors out of a scan's points. Raises SettingsError where none are known."""
+    found = {(each.block, each.name): each.value for each in result.intrinsics}
+    blocks = ("laser_range_offset", "laser_range_scale", "laser_elevation", "laser_azimuth")
+    rings = [int(name) for block, name in found if block in blocks and name.isdecimal()]
+    every = found.get(("range_offset", "all"), 0.0)
+    if not rings and not every:
+        raise SettingsError(
+            f"Expected parameters of lasers to correct points by, but the result of {result.provenance.recording.name} holds "
+            "none; calibrate again with `--intrinsics auto`, or leave --correct-lasers out."
+        )
+    # Where lasers are not told apart, one stands for all.
+    lasers = max(rings, default=0) + 1
+    offset, scale, elevation, azimuth = (
+        np.array([found.get((block, str(laser)), 0.0) for laser in range(lasers)]) for block in blocks
+    )
+    errors = LaserErrors(offset + every, scale, elevation, azimuth, 0.0)
+
+    def correct(scan: Scan) -> Scan:
+        points = scan.points.copy()
+        laser = points["ring"] if rings else np.zeros_like(points["ring"])
+        points["xyz"] = errors.corrected(np.ascontiguousarray(points["xyz"]), np.ascontiguousarray(laser))
+        return replace(scan, points=points)
+
+    return correct
+
+
+def _as_published(scan: Scan) -> Scan:
+    return scan
 
 
 def _solved_motion(

@@ -8,7 +8,8 @@ from typing import get_args
 
 import pytest
 
-from app.cli import options
+from app.cli import commands, options
+from app.cli.parser import build_parser
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import Block
 
@@ -142,3 +143,19 @@ def test_a_lidar_is_a_preset() -> None:
     for text in ("", "velodyne-99", "sonar"):
         with pytest.raises(SettingsError, match=r"livox-mid360, .*robosense for --lidar"):
             options.parse_lidar(text)
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_lasers_are_corrected_only_where_asked(asked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails if the option is dropped on its way to the library, or is the default."""
+    heard: list[object] = []
+
+    def deskew(*_: object, **chosen: object) -> int:
+        heard.append(chosen["correct_lasers"])
+        return 1
+
+    monkeypatch.setattr(commands.api, "deskew", deskew)
+    monkeypatch.setattr(commands.api, "read_result", lambda _: None)
+    words = ["deskew", "room.bag", "--calibration", "result.json", "--output", str(tmp_path / "out"), "--quiet"]
+    commands.deskew(build_parser().parse_args([*words, *["--correct-lasers"] * asked]))
+    assert heard == [asked]
