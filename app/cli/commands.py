@@ -108,6 +108,7 @@ def deskew(chosen: argparse.Namespace) -> None:
             _read_settings(chosen),
             cloud_format=chosen.cloud_format,
             map_out=chosen.map,
+            correct_lasers=chosen.correct_lasers,
             on_event=on_event,
         )
     if manner in {Manner.live, Manner.plain}:
@@ -156,7 +157,7 @@ def audit(chosen: argparse.Namespace) -> None:
 
 
 def export(chosen: argparse.Namespace) -> None:
-    """Print the extrinsic as another program wants it."""
+    """Print the extrinsic, or what was found of the sensors, as another program wants it."""
     sys.stdout.write(api.export(api.read_result(chosen.result), chosen.format))
 
 
@@ -232,6 +233,8 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             field_of_view_deg=options.parse_field_of_view(chosen.field_of_view_deg, chosen.method),
             gravity=options.parse_gravity(chosen.gravity),
             imu_noise=options.parse_imu_noise(chosen.imu_noise),
+            intrinsics=options.parse_intrinsics(chosen.intrinsics),
+            lidar=options.parse_lidar(chosen.lidar),
             estimate_time_offset=not chosen.fix_time_offset,
             estimate_planes=not chosen.fix_planes,
             bias_model=chosen.bias_model,

@@ -132,6 +132,11 @@ def _add_audit(commands: Commands[Parser]) -> None:
         default="imu_lidar",
         help="of a bare matrix; imu_lidar takes lidar coordinates to the IMU's (%(default)s)",
     )
+    command.add_argument(
+        "--correct-lasers",
+        action="store_true",
+        help="take out what the calibration found of the lasers, too: offsets and scales of ranges, angles",
+    )
     _add_reading(command)
     _add_manner(command)
 
@@ -139,7 +144,9 @@ def _add_audit(commands: Commands[Parser]) -> None:
 def _add_export(commands: Commands[Parser]) -> None:
     from calib_core.api import export_names
 
-    command = _command(commands, "export", "Print the extrinsic as another program wants it.")
+    command = _command(
+        commands, "export", "Print the extrinsic, or what was found of the sensors, as another program wants it."
+    )
     command.add_argument("result", type=Path, metavar="RESULT", help="a result of `unsweep calibrate`")
     command.add_argument("--format", required=True, metavar="NAME", help=f"one of {', '.join(export_names())}")
 
@@ -199,6 +206,18 @@ def _add_solving(command: Parser) -> None:
         help="its magnitude in m/s2 (free: 9.807 +- 0.02)",
     )
     add("--imu-noise", metavar="PRESET|FILE", help="noise densities, instead of those measured while standing still")
+    add(
+        "--intrinsics",
+        default=defaults.intrinsics,
+        metavar="auto|consider|off|NAME,...",
+        help="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "
+        "only those named are estimated (%(default)s); an unknown name lists them all",
+    )
+    add(
+        "--lidar",
+        metavar="PRESET",
+        help="the lidar, for what to expect of its lasers (as recognised); an unknown name lists them all",
+    )
     add(
         "--prior",
         action="append",

@@ -497,7 +497,7 @@ export interface paths {
         };
         /**
          * Export Result
-         * @description The same extrinsic as another program wants it; names as in GET /api/info.
+         * @description The answer as another program wants it; names as in GET /api/info. 422 where the result lacks what it takes.
          */
         get: operations["export_result"];
         put?: never;
@@ -854,6 +854,17 @@ export interface components {
              */
             imu_sampling: "detect" | "as-stamped" | "even";
             /**
+             * Intrinsics
+             * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
+             * @default auto
+             */
+            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "range_offset" | "incidence")[];
+            /**
+             * Lidar
+             * @description a lidar preset's name, for the priors; None: as recognised
+             */
+            lidar?: string | null;
+            /**
              * Max Rounds
              * @default 12
              */
@@ -888,10 +899,27 @@ export interface components {
             T_imu_lidar: components["schemas"]["Transform"] | null;
             /** Accelerometer Bias M S2 */
             accelerometer_bias_m_s2: number[] | null;
+            /**
+             * Clock Rate Ppm
+             * @description t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)
+             */
+            clock_rate_ppm?: number | null;
+            /** Clock Rate Ppm Std */
+            clock_rate_ppm_std?: number | null;
             /** Gravity M S2 */
             gravity_m_s2: number | null;
             /** Gyroscope Bias Rad S */
             gyroscope_bias_rad_s: number[] | null;
+            /**
+             * Imu Frame
+             * @description which sensor's axes the IMU's frame is
+             * @default
+             */
+            imu_frame: string;
+            /** @description the IMU's noise densities and random walks that the solve used, mean over axes */
+            imu_noise?: components["schemas"]["ImuNoise"] | null;
+            /** Intrinsics */
+            intrinsics?: components["schemas"]["Intrinsic"][];
             /** Messages */
             messages: components["schemas"]["Message"][];
             observability: components["schemas"]["Observability"];
@@ -908,6 +936,11 @@ export interface components {
              * @enum {string}
              */
             status: "calibrated" | "weak" | "refused";
+            /**
+             * Time Offset At S
+             * @description lidar time, seconds after the first scan, at which time_offset_s holds
+             */
+            time_offset_at_s?: number | null;
             /** Time Offset Ns */
             time_offset_ns: number | null;
             /** Time Offset S */
@@ -1594,6 +1627,31 @@ export interface components {
             kind: "inspect";
         };
         /**
+         * Intrinsic
+         * @description One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero.
+         */
+        Intrinsic: {
+            /** Block */
+            block: string;
+            /** Name */
+            name: string;
+            /** Prior Std */
+            prior_std: number;
+            /** Significant */
+            significant: boolean;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "estimated" | "considered";
+            /** Std */
+            std: number;
+            /** Unit */
+            unit: string;
+            /** Value */
+            value: number;
+        };
+        /**
          * IterationEvent
          * @description One accepted step of the joint solve.
          */
@@ -1909,6 +1967,7 @@ export interface components {
              *         "std_m_s2": 0.02
              *       },
              *       "imu_sampling": "detect",
+             *       "intrinsics": "auto",
              *       "max_rounds": 12,
              *       "method": "full",
              *       "priors": [],
@@ -2467,10 +2526,18 @@ export interface components {
             duration_s: number;
             /** Imu Frame Id */
             imu_frame_id: string;
+            /** Imu Rate Hz */
+            imu_rate_hz?: number | null;
             /** Imu Topic */
             imu_topic: string;
             /** Lidar Frame Id */
             lidar_frame_id: string;
+            /**
+             * Lidar Model
+             * @description the lidar preset that the recording was recognised by, if any
+             * @default
+             */
+            lidar_model: string;
             /** Lidar Topic */
             lidar_topic: string;
             /** Name */
