@@ -22,7 +22,9 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
-    code = "calibration.refused"
+    def __init__(self, text: str, *, code: str = "calibration.refused") -> None:
+        super().__init__(text)
+        self.code = code
 
 
 def serve(chosen: argparse.Namespace) -> None:
@@ -71,6 +73,16 @@ def calibrate(chosen: argparse.Namespace) -> None:
         raise Refused(refusal(done.result))
 
 
+def calibrate_many(chosen: argparse.Namespace) -> None:
+    """Calibrate every recording of a folder or a list. Raises Refused where some have no document in the end."""
+    from app.cli.many import calibrate_all, without_document
+
+    rows = calibrate_all(chosen, _read_settings(chosen), _solve_settings(chosen), _manner(chosen))
+    sentence = without_document(rows)
+    if sentence is not None:
+        raise Refused(sentence, code="fleet.incomplete")
+
+
 def deskew(chosen: argparse.Namespace) -> None:
     """Write the recording's scans with the motion removed."""
     result, manner = api.read_result(chosen.calibration), _manner(chosen)
@@ -111,6 +123,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "serve": serve,
     "inspect": inspect,
     "calibrate": calibrate,
+    "calibrate-many": calibrate_many,
     "deskew": deskew,
     "export": export,
     "simulate": simulate,

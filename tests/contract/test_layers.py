@@ -62,7 +62,7 @@ LEFT_CIRCLES = (
 #: What the application sees of the library.
 APP_MAY_IMPORT = RECORDS | {"api", "doctor.report"}
 #: Third parties by part; anything else in these lists' parts is refused.
-HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets"}
+HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets", "distributed"}
 
 
 @lru_cache
@@ -277,6 +277,7 @@ APP_ROOMS = (
     "results",
     "uploads",
     "recordings",
+    "fleet",
     "work",
     "scene",
     "server",
