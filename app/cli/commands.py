@@ -119,6 +119,20 @@ def simulate(chosen: argparse.Namespace) -> None:
         sys.stderr.write(f"Wrote {chosen.out}, and its truth {truth}\n")
 
 
+def compile_kernels(chosen: argparse.Namespace) -> None:
+    """Compile every loop for this machine, so that the first calibration is as quick as the second."""
+    from app import kernels
+
+    told = _manner(chosen) in {Manner.live, Manner.plain}
+    if kernels.note_path().exists():
+        if told:
+            sys.stderr.write("The program's loops are compiled for this machine already\n")
+        return
+    if told:
+        sys.stderr.write("Compiling the program's loops for this machine (once, about a minute)\n")
+    kernels.compile_kernels()
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "serve": serve,
     "inspect": inspect,
@@ -127,6 +141,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "deskew": deskew,
     "export": export,
     "simulate": simulate,
+    "compile-kernels": compile_kernels,
 }
 
 

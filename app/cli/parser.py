@@ -38,7 +38,16 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"unsweep {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (_add_serve, _add_inspect, _add_calibrate, _add_calibrate_many, _add_deskew, _add_export, _add_simulate):
+    for add in (
+        _add_serve,
+        _add_inspect,
+        _add_calibrate,
+        _add_calibrate_many,
+        _add_deskew,
+        _add_export,
+        _add_simulate,
+        _add_compile,
+    ):
         add(commands)
     return parser
 
@@ -145,6 +154,11 @@ def _add_simulate(commands: Commands[Parser]) -> None:
         "an unknown name lists them all",
     )
     _add_manner(command)
+
+
+def _add_compile(commands: Commands[Parser]) -> None:
+    text = "Compile the program's loops for this machine now, instead of in the first calibration."
+    _add_manner(_command(commands, "compile-kernels", text))
 
 
 def _add_recording(command: Parser) -> None:

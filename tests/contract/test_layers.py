@@ -278,6 +278,7 @@ APP_ROOMS = (
     "uploads",
     "recordings",
     "fleet",
+    "kernels",
     "work",
     "scene",
     "server",
