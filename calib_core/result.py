@@ -68,6 +68,23 @@ class PlaneQuality(_Model):
     )
 
 
+class RoomCrispness(_Model):
+    """How crisp one map of the room is, measured without planes over small cubes; lower is crisper."""
+
+    mean_entropy_nat: float = Field(description="mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube")
+    thickness_std_m: float = Field(description="root of the mean smallest eigenvalue of S")
+    points: int
+    cubes: int
+
+
+class Crispness(_Model):
+    """The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means."""
+
+    before: RoomCrispness
+    after: RoomCrispness
+    text: str
+
+
 class Quality(_Model):
     point_to_plane_rms_m: float
     points_used: int
@@ -76,6 +93,11 @@ class Quality(_Model):
     planes: list[PlaneQuality]
     iterations: int
     duration_s: float
+    crispness: Crispness | None = Field(
+        default=None,
+        description="of the accumulated room, knowing no planes; absent where it was not measured",
+        exclude_if=lambda crispness: crispness is None,
+    )
 
 
 class Intrinsic(_Model):

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
-from calib_core.full.known_extrinsic import covers, deskewer, turning_alone
+from calib_core.full.known_extrinsic import held_motion, turning_alone
+from calib_core.maps.accumulate import covers
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
 from calib_core.types import POINT_DTYPE, Float32Array, ImuData, InitialGuess, Recording, Scan, Trajectory
@@ -67,7 +68,7 @@ def test_a_refused_result_is_one_sentence() -> None:
     """Fails if a refused result is used as identity."""
     recording = Recording(name="x", imu=ImuData(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))), scans=())
     with pytest.raises(SettingsError, match="refused"):
-        deskewer(recording, make_result(np.eye(3), np.zeros(3), status="refused"))
+        held_motion(recording, make_result(np.eye(3), np.zeros(3), status="refused"))
 
 
 @pytest.mark.parametrize(
@@ -90,7 +91,7 @@ def test_stamps_mean_what_they_meant_to_the_calibration(
         raise Refused("planes.none", "no plane")
 
     monkeypatch.setattr("calib_core.full.known_extrinsic.prepare", prepare)
-    deskewer(recording, result)
+    held_motion(recording, result)
     assert [settings.imu_sampling for settings in asked] == [used]
     assert asked[0].priors
 
@@ -115,7 +116,7 @@ def test_with_the_true_calibration_sweeps_come_out_as_the_true_motion_says(simul
     if the calibration held is turned round, not held, or the wrong scan's motion is used."""
     recording, truth = simulated
     result = make_result(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
-    deskew = deskewer(recording, result.model_copy(update={"gyroscope_bias_rad_s": [0.0, 0.0, 0.0]}))
+    deskew = held_motion(recording, result.model_copy(update={"gyroscope_bias_rad_s": [0.0, 0.0, 0.0]})).deskew
     worst_raw_m, errors_m = 0.0, []
     for scan in recording.scans:
         expected = true_deskewed(scan, truth)
