@@ -1,7 +1,7 @@
 """Stands in for a calibration in tests of fleets: told by the recording's name how to behave.
 
 - sleepy: sleeps until killed, once; when it is run again it succeeds. What it writes beside its recording tells its process
-- doomed: its process is killed every time; slow: sleeps for a minute; greedy: asks for 8 GB; defect: raises
+- doomed: its process is killed every time; slow: sleeps for ten minutes; greedy: asks for 8 GB; defect: raises
 - refused, weak: such a result; broken: refuses the input; anything else is calibrated
 
 The documents lie beside the recordings, made by the test: SciPy would take each process a second to load.
@@ -31,6 +31,6 @@ def run(order):
     if kind == "slow" or (kind == "sleepy" and not started.exists()):
         started.with_suffix(".new").write_text(f"{os.getpid()} {os.getppid()}")
         started.with_suffix(".new").replace(started)
-        time.sleep(60)
+        time.sleep(600)
     status = kind if kind in {"refused", "weak"} else "calibrated"
     return (order.recording.parent / f"{status}.document").read_text()
