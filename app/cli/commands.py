@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
-    code = "calibration.refused"
+    def __init__(self, text: str, *, code: str = "calibration.refused") -> None:
+        super().__init__(text)
+        self.code = code
 
 
 class AuditFailed(Exception):
@@ -91,6 +93,16 @@ def calibrate(chosen: argparse.Namespace) -> None:
     _give_result(done.result, chosen.output, manner)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
+
+
+def calibrate_many(chosen: argparse.Namespace) -> None:
+    """Calibrate every recording of a folder or a list. Raises Refused where some have no document in the end."""
+    from app.cli.many import calibrate_all, without_document
+
+    rows = calibrate_all(chosen, _read_settings(chosen), _solve_settings(chosen), _manner(chosen))
+    sentence = without_document(rows)
+    if sentence is not None:
+        raise Refused(sentence, code="fleet.incomplete")
 
 
 def deskew(chosen: argparse.Namespace) -> None:
@@ -181,14 +193,30 @@ def simulate(chosen: argparse.Namespace) -> None:
         sys.stderr.write(f"Wrote {chosen.out}, and its truth {truth}\n")
 
 
+def compile_kernels(chosen: argparse.Namespace) -> None:
+    """Compile every loop for this machine, so that the first calibration is as quick as the second."""
+    from app import kernels
+
+    told = _manner(chosen) in {Manner.live, Manner.plain}
+    if kernels.note_path().exists():
+        if told:
+            sys.stderr.write("The program's loops are compiled for this machine already\n")
+        return
+    if told:
+        sys.stderr.write("Compiling the program's loops for this machine (once, about a minute)\n")
+    kernels.compile_kernels()
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "serve": serve,
     "inspect": inspect,
     "calibrate": calibrate,
+    "calibrate-many": calibrate_many,
     "deskew": deskew,
     "audit": audit,
     "export": export,
     "simulate": simulate,
+    "compile-kernels": compile_kernels,
 }
 
 
