@@ -23,7 +23,7 @@ import numpy as np
 from bench.campaign import seeds_of
 from bench.runs import PARAMETERS, compare
 from bench.store import RESULTS
-from bench.tables import append_row
+from bench.tables import append_row, read_rows
 from calib_core import api
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
@@ -42,6 +42,7 @@ from calib_core.simulate.scene import Face, Scene
 from calib_core.types import FloatArray, Plane, Recording
 
 ROWS = "rooms.csv"
+TABLE = "rooms.md"
 #: A rig in hand keeps so far from what stands or walks.
 _CLEAR_M = 0.75
 _RS_16 = sensors.Lidar(
@@ -89,9 +90,13 @@ class Row:
     planes: int
     solve_s: float
 
+    @property
+    def worst_sigmas(self) -> float:
+        """The largest error in its own stated sigma."""
+        return float(np.max(np.abs(np.array(self.errors)) / np.array(self.stds)))
+
     def line(self) -> str:
         """For the terminal."""
-        sigmas = np.abs(np.array(self.errors)) / np.array(self.stds)
         mm = 1e3 * float(np.linalg.norm(self.errors[3:6]))
         mm_std = 1e3 * float(np.linalg.norm(self.stds[3:6]))
         head = (
@@ -99,7 +104,7 @@ class Row:
             f" {self.status:10s} {self.scans_used:3d}/{self.scans_total} {self.planes:2d} planes {self.solve_s:5.1f} s"
         )
         if np.isfinite(self.nees):
-            return f"{head} nees {self.nees:7.1f} worst {sigmas.max():5.1f} sigma {mm:7.2f} ({mm_std:.2f}) mm"
+            return f"{head} nees {self.nees:7.1f} worst {self.worst_sigmas:5.1f} sigma {mm:7.2f} ({mm_std:.2f}) mm"
         return f"{head} {self.code}: {self.text}"
 
 
@@ -375,6 +380,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--start-only", action="store_true", help="track and start values, no solve")
     parser.add_argument("--bare", action="store_true", help="the buildings alone: no boxes, nobody")
     parser.add_argument("--choices", type=int, default=0, help="subsets of the cluttered room's planes")
+    parser.add_argument("--report", action="store_true", help=f"write {TABLE} from the rows")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="of the results (bench/results)")
     chosen = parser.parse_args(arguments)
     for seed in chosen.seeds:
@@ -390,6 +396,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     if chosen.choices:
         choose(chosen.choices, chosen.folder)
+    if chosen.report:
+        (chosen.folder / TABLE).write_text(report(chosen.folder), encoding="utf-8")
     return 0
 
 
@@ -409,10 +417,50 @@ def choose(count: int, folder: Path) -> None:
         if len(some) >= 3 and np.linalg.svd(normals)[1][-1] > 0.5:
             choices.append(("-".join(p.name.split()[-1] for p in some), some))
     for name, planes in choices:
-        row = solve("chosen", 1, "VLP-16", scenario, planes=planes, made=made)
+        row = solve(f"chosen {name}", 1, "VLP-16", scenario, planes=planes, made=made)
         append_row(folder / ROWS, row, PARAMETERS)
         sys.stdout.write(f"{name:24s} {row.line()}\n")
         sys.stdout.flush()
+
+
+def report(folder: Path) -> str:
+    """The table of rooms.md from the rows."""
+    rows = list(read_rows(folder / ROWS, Row, PARAMETERS))
+    chosen = [row for row in rows if row.place.startswith("chosen")]
+    drawn = {row.seed: row for row in rows if not row.place.startswith("chosen")}  # the last run of a seed counts
+    lines = [
+        "# Rooms",
+        "",
+        "Made by `python -m bench.rooms --report`. Random rigs in random rooms (16 s, lidars at half their rate or less), and",
+        "one room with two walking persons and ten boxes under choices of its planes. Sigmas: the worst of the seven errors in",
+        "its own stated sigma; NEES: 7 on average where the covariance is honest.",
+        "",
+    ]
+    for title, some in (("Random rooms", list(drawn.values())), ("A choice of planes", chosen)):
+        solved = [row for row in some if np.isfinite(row.nees)]
+        if not some:
+            continue
+        worst = max((row.worst_sigmas for row in solved), default=float("nan"))
+        nees = float(np.mean([row.nees for row in solved])) if solved else float("nan")
+        lines += [
+            f"## {title}",
+            "",
+            f"{len(solved)} of {len(some)} calibrated, the worst error {worst:.1f} of its sigmas, mean NEES {nees:.1f}.",
+            "",
+            "| place | seed | lidar | boxes | persons | deg/s | status | planes | scans | mm | sigma, mm | sigmas | NEES |",
+            "| --- | ---: | --- | ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+        ]
+        for row in sorted(some, key=lambda row: row.seed):
+            error, std = (1e3 * float(np.linalg.norm(v[3:6])) for v in (row.errors, row.stds))
+            numbers = f"{error:.2f} | {std:.2f} | {row.worst_sigmas:.1f} | {row.nees:.1f}"
+            lines.append(
+                f"| {row.place} | {row.seed} | {row.lidar} | {row.boxes} | {row.walkers} | {row.rate_deg_s:.0f} | "
+                f"{row.code or row.status} | {row.planes} | {row.scans_used}/{row.scans_total} | "
+                + (numbers if np.isfinite(row.nees) else "| | |")
+                + " |"
+            )
+        lines.append("")
+    return "\n".join(lines)
 
 
 def true_planes(truth: Truth) -> list[Plane]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
@@ -15,6 +15,7 @@ from calib_core.full.calibrate import calibrate_full
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
+from calib_core.maps.crispness import crispness_of
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.types import InitialGuess, Plane, Recording, Trajectory
@@ -65,7 +66,16 @@ def calibrate(
         said.append(Message(code=refusal.code, level="error", text=str(refusal)))
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
     result = document(recording, settings, answer, said, time.monotonic() - started)
-    return Calibration(result, answer.trajectory)
+    return with_crispness(Calibration(result, answer.trajectory), recording, settings)
+
+
+def with_crispness(done: Calibration, recording: Recording, settings: CalibrateSettings) -> Calibration:
+    """The calibration with the crispness of its room in it, where that is asked for and can be measured."""
+    if done.trajectory is None or not settings.crispness:
+        return done
+    measured = crispness_of(recording.scans, done.trajectory)
+    quality = done.result.quality.model_copy(update={"crispness": measured})
+    return replace(done, result=done.result.model_copy(update={"quality": quality}))
 
 
 def _answer(

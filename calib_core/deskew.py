@@ -44,3 +44,10 @@ def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     in_map = move_to_map(trajectory, scan.points["xyz"].astype(np.float64), stamps)
     R, p = lidar_poses(trajectory, np.array([start_s]))
     return ((in_map - p[0]) @ R[0]).astype(np.float32)
+
+
+def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
+    """(N, 3) [m]: the scan's points in the map frame as if the sweep had been motionless: what is seen without unsweep."""
+    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    R, p = lidar_poses(trajectory, np.array([start_s]))
+    return (scan.points["xyz"].astype(np.float64) @ R[0].T + p[0]).astype(np.float32)

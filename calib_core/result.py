@@ -11,6 +11,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.settings import ImuNoise
+
 COVARIANCE_ORDER: tuple[str, ...] = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 Status = Literal["calibrated", "weak", "refused"]
 
@@ -68,6 +70,23 @@ class PlaneQuality(_Model):
     )
 
 
+class RoomCrispness(_Model):
+    """How crisp one map of the room is, measured without planes over small cubes; lower is crisper."""
+
+    mean_entropy_nat: float = Field(description="mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube")
+    thickness_std_m: float = Field(description="root of the mean smallest eigenvalue of S")
+    points: int
+    cubes: int
+
+
+class Crispness(_Model):
+    """The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means."""
+
+    before: RoomCrispness
+    after: RoomCrispness
+    text: str
+
+
 class Quality(_Model):
     point_to_plane_rms_m: float
     points_used: int
@@ -76,6 +95,11 @@ class Quality(_Model):
     planes: list[PlaneQuality]
     iterations: int
     duration_s: float
+    crispness: Crispness | None = Field(
+        default=None,
+        description="of the accumulated room, knowing no planes; absent where it was not measured",
+        exclude_if=lambda crispness: crispness is None,
+    )
 
 
 class Intrinsic(_Model):
@@ -99,6 +123,8 @@ class RecordingProvenance(_Model):
     imu_topic: str
     lidar_frame_id: str
     imu_frame_id: str
+    lidar_model: str = Field(default="", description="the lidar preset that the recording was recognised by, if any")
+    imu_rate_hz: float | None = Field(default=None, gt=0)
 
 
 class Provenance(_Model):
@@ -131,6 +157,9 @@ class CalibrationResult(_Model):
     clock_rate_ppm_std: float | None = None
     time_offset_at_s: float | None = Field(
         default=None, description="lidar time, seconds after the first scan, at which time_offset_s holds"
+    )
+    imu_noise: ImuNoise | None = Field(
+        default=None, description="the IMU's noise densities and random walks that the solve used, mean over axes"
     )
     imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
 

@@ -86,6 +86,7 @@ class CalibrateSettings(_Settings):
     priors: tuple[Prior, ...] = ()
     random_seed: int = 0
     max_rounds: int = Field(default=12, gt=0)
+    crispness: bool = Field(default=True, description="measure how crisp the room is, before and after")
     excluded_spans_s: tuple[tuple[float, float], ...] = Field(
         default=(), description="scans that touch these spans are left out; seconds after the first scan read"
     )

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 from rich.console import Console
@@ -14,15 +18,28 @@ from app.cli import options
 from app.cli.terminal import Manner, choose_manner, listener
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
+from calib_core.audit.pose import GivenExtrinsic
 from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
+
+if TYPE_CHECKING:
+    from app.results.evidence import StepListener
+    from calib_core.types import Recording, Trajectory
 
 
 class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
-    code = "calibration.refused"
+    def __init__(self, text: str, *, code: str = "calibration.refused") -> None:
+        super().__init__(text)
+        self.code = code
+
+
+class AuditFailed(Exception):
+    """The audited extrinsic is off; str() says where and by how much."""
+
+    code = "audit.failed"
 
 
 def serve(chosen: argparse.Namespace) -> None:
@@ -62,13 +79,30 @@ def calibrate(chosen: argparse.Namespace) -> None:
     reading, manner = _read_settings(chosen), _manner(chosen)
     if chosen.output is not None:
         check_writable(chosen.output)
+    if chosen.report is not None:
+        check_writable(chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
+    from app.results.evidence import StepListener
+
     with listener(manner) as on_event:
-        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=on_event)
+        steps = StepListener(on_event)
+        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps)
+    if chosen.report is not None:
+        _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
     _give_result(done.result, chosen.output, manner)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
+
+
+def calibrate_many(chosen: argparse.Namespace) -> None:
+    """Calibrate every recording of a folder or a list. Raises Refused where some have no document in the end."""
+    from app.cli.many import calibrate_all, without_document
+
+    rows = calibrate_all(chosen, _read_settings(chosen), _solve_settings(chosen), _manner(chosen))
+    sentence = without_document(rows)
+    if sentence is not None:
+        raise Refused(sentence, code="fleet.incomplete")
 
 
 def deskew(chosen: argparse.Namespace) -> None:
@@ -76,14 +110,66 @@ def deskew(chosen: argparse.Namespace) -> None:
     result, manner = api.read_result(chosen.calibration), _manner(chosen)
     if chosen.output.exists() and not (chosen.output.is_dir() and not any(chosen.output.iterdir())):
         raise InputError(f"The output {chosen.output} exists already; remove it or choose another name.")
+    if chosen.map is not None:
+        _check_map(chosen.map)
     with listener(manner) as on_event:
-        count = api.deskew(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+        count = api.deskew(
+            chosen.recording,
+            result,
+            chosen.output,
+            _read_settings(chosen),
+            cloud_format=chosen.cloud_format,
+            map_out=chosen.map,
+            correct_lasers=chosen.correct_lasers,
+            on_event=on_event,
+        )
     if manner in {Manner.live, Manner.plain}:
         sys.stderr.write(f"Wrote {count} scans without their motion to {chosen.output}\n")
 
 
+def _check_map(path: Path) -> None:
+    """Before anything is read: a name that says .ply or .pcd, in a folder that can be written to."""
+    if path.suffix not in {".ply", ".pcd"}:
+        raise InputError(
+            f"Expected a name that ends in .ply or .pcd for --map, but found {path.name}; change the name."
+        )
+    check_writable(path)
+
+
+def _extrinsic_without_frames(chosen: argparse.Namespace) -> GivenExtrinsic | None:
+    """What is wrong with the file is said before the recording is read; a URDF needs its frames."""
+    if chosen.extrinsic.suffix.lower() in {".urdf", ".xml"}:
+        return None
+    return api.read_extrinsic(chosen.extrinsic, direction=chosen.matrix_direction)
+
+
+def audit(chosen: argparse.Namespace) -> None:
+    """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
+    from app.cli.audit_report import audit_block
+    from app.cli.choosing import load_asking
+
+    limits = None if chosen.limits is None else api.read_limits(chosen.limits)
+    reading, manner = _read_settings(chosen), _manner(chosen)
+    given = _extrinsic_without_frames(chosen)
+    api.get_ready()
+    recording = load_asking(chosen.recording, reading, manner)
+    if given is None:
+        given = api.read_extrinsic(chosen.extrinsic, frames=(recording.imu.frame_id, recording.lidar.frame_id))
+    with listener(manner) as on_event:
+        report = api.audit(recording, given, limits=limits, on_event=on_event)
+    if chosen.json:
+        sys.stdout.write(report.to_json())
+    else:
+        Console(highlight=False).print(audit_block(report, chosen.extrinsic.name))
+    sys.stdout.flush()
+    if report.verdict == "failed":
+        raise AuditFailed(report.text)
+    if report.verdict == "unknown":
+        raise Refused(report.text)
+
+
 def export(chosen: argparse.Namespace) -> None:
-    """Print the extrinsic as another program wants it."""
+    """Print the extrinsic, or what was found of the sensors, as another program wants it."""
     sys.stdout.write(api.export(api.read_result(chosen.result), chosen.format))
 
 
@@ -107,14 +193,51 @@ def simulate(chosen: argparse.Namespace) -> None:
         sys.stderr.write(f"Wrote {chosen.out}, and its truth {truth}\n")
 
 
+def compile_kernels(chosen: argparse.Namespace) -> None:
+    """Compile every loop for this machine, so that the first calibration is as quick as the second."""
+    from app import kernels
+
+    told = _manner(chosen) in {Manner.live, Manner.plain}
+    if kernels.note_path().exists():
+        if told:
+            sys.stderr.write("The program's loops are compiled for this machine already\n")
+        return
+    if told:
+        sys.stderr.write("Compiling the program's loops for this machine (once, about a minute)\n")
+    kernels.compile_kernels()
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "serve": serve,
     "inspect": inspect,
     "calibrate": calibrate,
+    "calibrate-many": calibrate_many,
     "deskew": deskew,
+    "audit": audit,
     "export": export,
     "simulate": simulate,
+    "compile-kernels": compile_kernels,
 }
+
+
+def _write_report(
+    recording: Recording, done: tuple[CalibrationResult, Trajectory | None], steps: StepListener, out: Path
+) -> None:
+    """The page to print, with everything that is measured beside a result."""
+    from app.results.evidence import measure_evidence
+    from app.results.report import Beside, report_page
+    from app.results.scans import measure_scans
+    from app.results.thickness import measure_thickness
+
+    result, trajectory = done
+    evidence = measure_evidence(recording, result, trajectory, steps.steps)
+    command, now = shlex.join(["unsweep", *sys.argv[1:]]), datetime.now(UTC)
+    beside = Beside(evidence=evidence, command=command, made_at=now)
+    if trajectory is not None:
+        planes = result.quality.planes
+        walls = measure_thickness(recording, trajectory, planes)
+        beside = replace(beside, walls=walls, scans=measure_scans(recording, trajectory, planes))
+    write_text(out, report_page(result, beside))
 
 
 def _manner(chosen: argparse.Namespace) -> Manner:
@@ -138,6 +261,8 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             field_of_view_deg=options.parse_field_of_view(chosen.field_of_view_deg, chosen.method),
             gravity=options.parse_gravity(chosen.gravity),
             imu_noise=options.parse_imu_noise(chosen.imu_noise),
+            intrinsics=options.parse_intrinsics(chosen.intrinsics),
+            lidar=options.parse_lidar(chosen.lidar),
             estimate_time_offset=not chosen.fix_time_offset,
             estimate_planes=not chosen.fix_planes,
             bias_model=chosen.bias_model,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from app.limits import JobLimits
+from app.schemas.audits import NewAudit
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
 from calib_core.events import IterationEvent, LogEvent, StageEvent
@@ -37,6 +38,7 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+    audit: NewAudit | None = None
     client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")
 
 

@@ -15,6 +15,8 @@ from app.jobs.service import JobService
 from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of
+from app.results.extrinsic_text import parse_extrinsic
+from app.schemas.audits import NewAudit
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, NewJob
 from app.schemas.recordings import RecordingState
@@ -109,6 +111,15 @@ class Workflow:
         if wish.kind == "solve":
             request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
         return self._jobs.submit(record.id, wish.kind, request)
+
+    def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
+        """An audit somebody asked for. What is no extrinsic is refused at once; a URDF's links need the recording's frames."""
+        if record.state == "receiving":
+            raise Conflict("recording.receiving", "The recording is still arriving; audit it when it is here.")
+        self._files.cache_key(record)
+        if not wish.extrinsic.lstrip().startswith("<"):
+            parse_extrinsic(wish.extrinsic, wish.direction)
+        return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish))
 
     def retry(self, job: JobRecord) -> Job:
         """The same again."""

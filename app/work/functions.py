@@ -3,7 +3,9 @@
 simulate   a sample recording            -> the recording's source
 inspect    the doctor's report           -> {job}/report.json
 planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
-solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json
+audit      compare an extrinsic          -> {job}/audit.json
+solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json,
+                                             evidence.json
 """
 
 from __future__ import annotations
@@ -21,11 +23,12 @@ from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.arrays.trajectory import write_trajectory
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
+from app.results.evidence import StepListener, measure_evidence
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
+from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
-from app.schemas.jobs import InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
 from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
@@ -62,6 +65,8 @@ def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcom
             return run_planes(order, on_event, should_cancel)
         case "solve":
             return run_solve(order, on_event, should_cancel)
+        case "audit":
+            return run_audit(order, on_event, should_cancel)
 
 
 def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> SimulateOutcome:
@@ -100,6 +105,7 @@ def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> 
 def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
     """Calibrate and write what the answer is shown with."""
     recording = decoded(order, on_event, should_cancel)
+    on_event = steps = StepListener(on_event)
     calibration = api.calibrate(
         recording,
         order.request.settings,
@@ -119,9 +125,24 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         _write(order.folder / "thickness.json", walls.model_dump_json())
         scans = measure_scans(recording, calibration.trajectory, calibration.result.quality.planes)
         _write(order.folder / "scans.json", scans.model_dump_json())
+    evidence = measure_evidence(recording, calibration.result, calibration.trajectory, steps.steps)
+    _write(order.folder / "evidence.json", evidence.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())
     _write(order.folder / "result.json", document_by_name(order, calibration.result.to_json()))
     return solve_outcome(calibration.result)
+
+
+def run_audit(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> AuditOutcome:
+    """Hold the given extrinsic against the recording and write the report."""
+    wish = order.request.audit
+    if wish is None:
+        raise ValueError("an audit was ordered without an extrinsic")
+    recording = decoded(order, on_event, should_cancel)
+    frames = (recording.imu.frame_id, recording.lidar.frame_id)
+    given = api.parse_extrinsic(wish.extrinsic, direction=wish.direction, frames=frames)
+    report = api.audit(recording, given, limits=wish.limits, on_event=on_event, should_cancel=should_cancel)
+    _write(order.folder / "audit.json", document_by_name(order, report.to_json()))
+    return AuditOutcome(verdict=report.verdict, text=report.text)
 
 
 def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Recording:

@@ -3,12 +3,13 @@
 Where planes are seen, the joint solve runs once more with the calibration held by priors far tighter than any
 recording could contradict; its trajectory carries turning and moving. Where none are seen (another recording, a
 stretch that the solve bridged) the gyroscope's turning is used alone, with the IMU taken as standing: over one sweep
-turning is what smears a cloud most.
+turning is what smears a cloud most. What the calibration found of single lasers can be taken out of the points before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,39 +17,89 @@ from threadpoolctl import threadpool_limits
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.factors.laser_features import LaserErrors
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.geometry import exp
+from calib_core.maps.accumulate import covers
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
 from calib_core.types import Float32Array, FloatArray, ImuData, InitialGuess, Recording, Scan, Trajectory
 
 #: Held to a micrometre, a microradian and a microsecond.
 HELD_STD = 1e-6
-#: A scan may begin or end this long outside of the solved motion: the solve's own first and last knots.
-_OVERHANG_S = 0.02
 
 
-def deskewer(
+@dataclass(frozen=True)
+class HeldMotion:
+    """The motion of a recording with its calibration held.
+
+    solved: where planes gave it; None where they did not.   turning: the gyroscope's alone, all through.   correct: what is
+    done to a scan's points before.
+    """
+
+    solved: Trajectory | None
+    turning: Trajectory
+    correct: Callable[[Scan], Scan] = lambda scan: scan
+
+    def deskew(self, scan: Scan) -> Float32Array:
+        """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
+        known = self.solved is not None and covers(self.solved, scan)
+        return deskew_points(self.correct(scan), self.solved if known and self.solved is not None else self.turning)
+
+
+def held_motion(
     recording: Recording,
     result: CalibrationResult,
     *,
+    correct_lasers: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
-) -> Callable[[Scan], Float32Array]:
-    """A function that takes the motion out of a scan of `recording`: (N, 3) [m], lidar frame, first point's time."""
+) -> HeldMotion:
+    """The motion of `recording` with the result's calibration held.
+
+    correct_lasers: what the calibration found of the lasers is taken out of the points, too.
+    """
+    correct = laser_corrector(result) if correct_lasers else _as_published
     guess, priors = held_calibration(result)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
-    settings = _as_solved(result).model_copy(update={"priors": priors})
+    settings = _as_solved(result).model_copy(update={"priors": priors, "crispness": False})
     solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
     if solved is None:
         text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
+    return HeldMotion(solved, turning, correct)
 
-    def deskew(scan: Scan) -> Float32Array:
-        return deskew_points(scan, solved if solved is not None and covers(solved, scan) else turning)
 
-    return deskew
+def laser_corrector(result: CalibrationResult) -> Callable[[Scan], Scan]:
+    """A function that takes the lasers' errors out of a scan's points. Raises SettingsError where none are known."""
+    found = {(each.block, each.name): each.value for each in result.intrinsics}
+    blocks = ("laser_range_offset", "laser_range_scale", "laser_elevation", "laser_azimuth")
+    rings = [int(name) for block, name in found if block in blocks and name.isdecimal()]
+    every = found.get(("range_offset", "all"), 0.0)
+    if not rings and not every:
+        raise SettingsError(
+            f"Expected parameters of lasers to correct points by, but the result of {result.provenance.recording.name} holds "
+            "none; calibrate again with `--intrinsics auto`, or leave --correct-lasers out."
+        )
+    # Where lasers are not told apart, one stands for all.
+    lasers = max(rings, default=0) + 1
+    offset, scale, elevation, azimuth = (
+        np.array([found.get((block, str(laser)), 0.0) for laser in range(lasers)]) for block in blocks
+    )
+    errors = LaserErrors(offset + every, scale, elevation, azimuth, 0.0)
+
+    def correct(scan: Scan) -> Scan:
+        points = scan.points.copy()
+        laser = points["ring"] if rings else np.zeros_like(points["ring"])
+        points["xyz"] = errors.corrected(np.ascontiguousarray(points["xyz"]), np.ascontiguousarray(laser))
+        return replace(scan, points=points)
+
+    return correct
+
+
+def _as_published(scan: Scan) -> Scan:
+    return scan
 
 
 def _solved_motion(
@@ -79,18 +130,6 @@ def _as_solved(result: CalibrationResult) -> CalibrateSettings:
             return CalibrateSettings()
 
 
-def covers(trajectory: Trajectory, scan: Scan) -> bool:
-    """Whether the motion is known, and not bridged, all through the sweep."""
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
-    end_s = start_s + (float(scan.points["offset_ns"].max()) * 1e-9 if scan.points.size else 0.0)
-    t = trajectory.times_s
-    if start_s < t[0] - _OVERHANG_S or end_s > t[-1] + _OVERHANG_S:
-        return False
-    first = max(int(np.searchsorted(t, start_s, side="right")) - 1, 0)
-    last = min(int(np.searchsorted(t, end_s, side="left")), t.size - 1)
-    return bool(trajectory.valid[first : last + 1].all())
-
-
 def turning_alone(imu: ImuData, calibration: InitialGuess, gyro_bias_rad_s: FloatArray) -> Trajectory:
     """The lidar's motion if the IMU only turned: its rates integrated, each held from one reading to the next."""
     if calibration.R_imu_lidar is None or calibration.p_imu_lidar is None or calibration.time_offset_ns is None:
@@ -119,10 +158,15 @@ def held_calibration(result: CalibrationResult) -> tuple[InitialGuess, tuple[Pri
             f"Expected a calibration to take the motion out with, but the result of {result.provenance.recording.name} "
             f"has the status `{result.status}` and holds none; calibrate a recording with more motion first."
         )
-    T = np.array(result.T_imu_lidar.matrix)
-    guess = InitialGuess(R_imu_lidar=T[:3, :3], p_imu_lidar=T[:3, 3], time_offset_ns=result.time_offset_ns)
-    x, y, z = (float(value) for value in T[:3, 3])
+    return held(np.array(result.T_imu_lidar.matrix), result.time_offset_ns)
+
+
+def held(T_imu_lidar: FloatArray, time_offset_ns: int) -> tuple[InitialGuess, tuple[Prior, ...]]:
+    """A calibration as a start, and priors that keep it there. T_imu_lidar: (4, 4)."""
+    R_imu_lidar, p_imu_lidar = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
+    guess = InitialGuess(R_imu_lidar=R_imu_lidar, p_imu_lidar=p_imu_lidar, time_offset_ns=time_offset_ns)
+    x, y, z = (float(value) for value in p_imu_lidar)
     turns = (Prior(axis="rx", value=0.0, std=HELD_STD), Prior(axis="ry", value=0.0, std=HELD_STD))
     places = (Prior(axis="tx", value=x, std=HELD_STD), Prior(axis="ty", value=y, std=HELD_STD))
-    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=result.time_offset_ns * 1e-9, std=HELD_STD))
+    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=time_offset_ns * 1e-9, std=HELD_STD))
     return guess, (*turns, Prior(axis="rz", value=0.0, std=HELD_STD), *places, *last)

@@ -81,6 +81,38 @@ def test_an_old_extrinsic_is_read_shown_and_taken_away(shared_live, solved):
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "extrinsic.unfit")
 
 
+def test_an_extrinsic_is_audited_before_any_solve(shared_live):
+    """The answer itself passes; 5 m off fails unless the limits allow it. Mutations: the limits not handed on; the
+    report of a solve given out; a text that is no extrinsic queued."""
+    recording_id = shared_live.ready()
+    rows = world.transform_matrix()
+    url = f"/api/recordings/{recording_id}/audits"
+
+    # The world's covariance is the unit matrix, a radian and a metre each: only limits as wide can be held against it.
+    wide = {"rotation_deg": 180, "translation_mm": 4000, "time_offset_ms": 4000}
+
+    def audited(x_m, limits):
+        moved = rows.copy()
+        moved[0, 3] += x_m
+        text = "\n".join(" ".join(f"{value:.9f}" for value in row) for row in moved)
+        job = shared_live.http.post(url, json={"extrinsic": text, "limits": limits})
+        assert (job.status_code, job.json()["kind"]) == (201, "audit")
+        done = shared_live.finish(job.json()["id"])
+        report = shared_live.http.get(f"/api/audits/{done['id']}").json()
+        assert done["result"] == {"kind": "audit", "verdict": report["verdict"], "text": report["text"]}
+        return report
+
+    assert audited(0.0, wide)["verdict"] == "passed"
+    off = audited(5.0, wide)
+    assert (off["verdict"], round(off["axes"][3]["difference"])) == ("failed", 5000)
+    assert audited(5.0, {**wide, "translation_mm": 6000})["verdict"] == "passed"
+    refused = shared_live.http.post(url, json={"extrinsic": "1 2 3"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "extrinsic.unfit")
+    solve = shared_live.start(recording_id)
+    shared_live.finish(solve)
+    assert shared_live.http.get(f"/api/audits/{solve}").status_code == 409
+
+
 def test_scans_command_and_scene_page_of_a_run(shared_live, solved):
     """Mutation: the command of the defaults, without what this run left out."""
     get = shared_live.http.get

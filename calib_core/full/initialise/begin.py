@@ -85,6 +85,9 @@ def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | N
     first = follow(ctx, planes, reference)
     best, agreed = _aided(ctx, first, planes, reference)
     _refuse_lost(ctx, best, agreed)
+    if best is not first:
+        text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
+        ctx.say("info", "track.aided", text)
     scans = ctx.recording.scans
     if given is not None and best.reference != reference:
         best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
@@ -176,23 +179,24 @@ def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
     move = max(float(np.linalg.norm(m.p - motions[0].p)) for m in motions)
     stood = turn < _STOOD_RAD and move < _STOOD_M
     unlike = agreed is not NO_AGREEMENT and agreed.correlation < BELIEVED
-    if not stood and not unlike:
-        return
-    directions = _directions(followed.planes)
-    why = (
-        f"in these it stood still while the gyroscope turns by {np.degrees(most_rad):.0f} deg in the recording"
-        if stood
-        else f"its turning there does not go with the gyroscope's (correlation {agreed.correlation:.2f})"
-    )
-    raise Refused(
-        "planes.lost",
-        f"the lidar could not be followed: its planes, which face {directions}, hold over {followed.seen} of {scans} scans, "
-        f"and {why}; record where three planes that face different ways stay in view, more slowly, with nobody close by",
-    )
+    if stood:
+        raise Refused(
+            "planes.lost",
+            f"the lidar could not be followed: its planes face {_directions(followed.planes)}, and over the {followed.seen} of "
+            f"{scans} scans that they hold it hardly moved, while the gyroscope turns by {np.degrees(most_rad):.0f} deg in the "
+            "recording; record where three planes that face different ways stay in view",
+        )
+    if unlike:
+        raise Refused(
+            "planes.lost",
+            f"the lidar could not be followed: its turning, by the planes of {followed.seen} of {scans} scans, does not go with "
+            f"the gyroscope's (correlation {agreed.correlation:.2f}); record more slowly, where three planes that face "
+            "different ways stay in view, with nobody close by",
+        )
 
 
 def _directions(planes: Sequence[Plane]) -> str:
     """In how many independent ways planes face, in words."""
     spread = np.linalg.svd(np.array([plane.normal for plane in planes]), compute_uv=False)
     count = int(np.count_nonzero(spread[:3] > 0.2 * spread[0]))
-    return ("one way", "two ways", "three ways")[count - 1]
+    return ("one way only", "two ways only", "three ways")[count - 1]

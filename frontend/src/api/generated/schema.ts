@@ -4,6 +4,26 @@
  */
 
 export interface paths {
+    "/api/audits/{job_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Audit
+         * @description The audit's report, schema unsweep.audit/1. 409 until the job is done.
+         */
+        get: operations["read_audit"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/extrinsic": {
         parameters: {
             query?: never;
@@ -216,6 +236,26 @@ export interface paths {
          * @description Rename, choose topics and time span, overrule what was detected. A changed read setting inspects again.
          */
         patch: operations["change_recording"];
+        trace?: never;
+    };
+    "/api/recordings/{recording_id}/audits": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start Audit
+         * @description Queue an audit. 422 where the text is no extrinsic.
+         */
+        post: operations["start_audit"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
         trace?: never;
     };
     "/api/recordings/{recording_id}/events": {
@@ -457,7 +497,7 @@ export interface paths {
         };
         /**
          * Export Result
-         * @description The same extrinsic as another program wants it; names as in GET /api/info.
+         * @description The answer as another program wants it; names as in GET /api/info. 422 where the result lacks what it takes.
          */
         get: operations["export_result"];
         put?: never;
@@ -645,6 +685,115 @@ export interface components {
             translation_m: number;
         };
         /**
+         * AuditCrispness
+         * @description The room laid together by the IMU alone, three seconds at a time, with each extrinsic; lower is crisper.
+         */
+        AuditCrispness: {
+            found: components["schemas"]["RoomCrispness"];
+            given: components["schemas"]["RoomCrispness"];
+            /** Text */
+            text: string;
+        };
+        /**
+         * AuditOutcome
+         * @description An audit was written; read it from /api/audits/{job_id}.
+         */
+        AuditOutcome: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "audit";
+            /**
+             * Text
+             * @description one sentence for a person
+             */
+            text: string;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "passed" | "failed" | "unknown";
+        };
+        /**
+         * AuditReport
+         * @description What an audit found. `calibration` is this recording's own result, against which the extrinsic is held.
+         */
+        AuditReport: {
+            /**
+             * Axes
+             * @description empty where the recording gives no answer
+             */
+            axes: components["schemas"]["AxisAudit"][];
+            calibration: components["schemas"]["CalibrationResult"];
+            crispness: components["schemas"]["AuditCrispness"] | null;
+            /**
+             * Extrinsic Form
+             * @description what the given file was read as
+             */
+            extrinsic_form: string;
+            /** Hints */
+            hints: string[];
+            /**
+             * Rotation Deg
+             * @description angle between the two
+             */
+            rotation_deg: number | null;
+            /**
+             * Schema
+             * @default unsweep.audit/1
+             * @constant
+             */
+            schema: "unsweep.audit/1";
+            /** Text */
+            text: string;
+            /** Translation Mm */
+            translation_mm: number | null;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "passed" | "failed" | "unknown";
+        };
+        /**
+         * AxisAudit
+         * @description One axis. All numbers in `unit`: degrees about a lidar's axis, millimetres along an IMU's axis, milliseconds.
+         */
+        AxisAudit: {
+            /**
+             * Axis
+             * @enum {string}
+             */
+            axis: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
+            /**
+             * Difference
+             * @description given minus found; null where the file has no such number
+             */
+            difference: number | null;
+            /** Difference Std */
+            difference_std: number;
+            /**
+             * Limit
+             * @description null: not judged
+             */
+            limit: number | null;
+            /**
+             * Smallest Error
+             * @description an error from here on would have shown: the limit, or three sigmas
+             */
+            smallest_error: number;
+            /**
+             * Unit
+             * @enum {string}
+             */
+            unit: "deg" | "mm" | "ms";
+            /**
+             * Verdict
+             * @description unknown: three sigmas exceed the limit; null: not judged
+             */
+            verdict: ("passed" | "failed" | "unknown") | null;
+        };
+        /**
          * CalibrateSettings
          * @description How the calibration is solved.
          */
@@ -655,6 +804,12 @@ export interface components {
              * @enum {string}
              */
             bias_model: "constant" | "random-walk";
+            /**
+             * Crispness
+             * @description measure how crisp the room is, before and after
+             * @default true
+             */
+            crispness: boolean;
             /**
              * Estimate Planes
              * @default true
@@ -699,6 +854,17 @@ export interface components {
              */
             imu_sampling: "detect" | "as-stamped" | "even";
             /**
+             * Intrinsics
+             * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
+             * @default auto
+             */
+            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "range_offset" | "incidence")[];
+            /**
+             * Lidar
+             * @description a lidar preset's name, for the priors; None: as recognised
+             */
+            lidar?: string | null;
+            /**
              * Max Rounds
              * @default 12
              */
@@ -733,10 +899,27 @@ export interface components {
             T_imu_lidar: components["schemas"]["Transform"] | null;
             /** Accelerometer Bias M S2 */
             accelerometer_bias_m_s2: number[] | null;
+            /**
+             * Clock Rate Ppm
+             * @description t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)
+             */
+            clock_rate_ppm?: number | null;
+            /** Clock Rate Ppm Std */
+            clock_rate_ppm_std?: number | null;
             /** Gravity M S2 */
             gravity_m_s2: number | null;
             /** Gyroscope Bias Rad S */
             gyroscope_bias_rad_s: number[] | null;
+            /**
+             * Imu Frame
+             * @description which sensor's axes the IMU's frame is
+             * @default
+             */
+            imu_frame: string;
+            /** @description the IMU's noise densities and random walks that the solve used, mean over axes */
+            imu_noise?: components["schemas"]["ImuNoise"] | null;
+            /** Intrinsics */
+            intrinsics?: components["schemas"]["Intrinsic"][];
             /** Messages */
             messages: components["schemas"]["Message"][];
             observability: components["schemas"]["Observability"];
@@ -753,6 +936,11 @@ export interface components {
              * @enum {string}
              */
             status: "calibrated" | "weak" | "refused";
+            /**
+             * Time Offset At S
+             * @description lidar time, seconds after the first scan, at which time_offset_s holds
+             */
+            time_offset_at_s?: number | null;
             /** Time Offset Ns */
             time_offset_ns: number | null;
             /** Time Offset S */
@@ -933,6 +1121,16 @@ export interface components {
              * @enum {string}
              */
             op: "confirm";
+        };
+        /**
+         * Crispness
+         * @description The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means.
+         */
+        Crispness: {
+            after: components["schemas"]["RoomCrispness"];
+            before: components["schemas"]["RoomCrispness"];
+            /** Text */
+            text: string;
         };
         /**
          * Determinacy
@@ -1429,6 +1627,31 @@ export interface components {
             kind: "inspect";
         };
         /**
+         * Intrinsic
+         * @description One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero.
+         */
+        Intrinsic: {
+            /** Block */
+            block: string;
+            /** Name */
+            name: string;
+            /** Prior Std */
+            prior_std: number;
+            /** Significant */
+            significant: boolean;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "estimated" | "considered";
+            /** Std */
+            std: number;
+            /** Unit */
+            unit: string;
+            /** Value */
+            value: number;
+        };
+        /**
          * IterationEvent
          * @description One accepted step of the joint solve.
          */
@@ -1494,7 +1717,7 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "simulate" | "inspect" | "planes" | "solve";
+            kind: "simulate" | "inspect" | "planes" | "solve" | "audit";
             /**
              * Planes
              * @description those confirmed when a solve was asked for
@@ -1511,7 +1734,7 @@ export interface components {
              */
             recording_id: string;
             /** Result */
-            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"]) | null;
+            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"]) | null;
             /** Retry Of */
             retry_of?: string | null;
             settings: components["schemas"]["CalibrateSettings"];
@@ -1600,6 +1823,44 @@ export interface components {
             topic: string;
         };
         /**
+         * Limits
+         * @description The largest difference that is still right. A number holds for all three axes; null: this is not judged.
+         *
+         *     rotation_deg: about the lidar's axes x y z.   translation_mm: along the IMU's axes x y z.   time_offset_ms: of the clocks.
+         *     Without a file the limits beyond which our own result would be called weak.
+         */
+        Limits: {
+            /**
+             * Rotation Deg
+             * @default 0.5
+             */
+            rotation_deg: number | [
+                number,
+                number,
+                number
+            ] | null;
+            /**
+             * Schema
+             * @default unsweep.limits/1
+             * @constant
+             */
+            schema: "unsweep.limits/1";
+            /**
+             * Time Offset Ms
+             * @default 2
+             */
+            time_offset_ms: number | null;
+            /**
+             * Translation Mm
+             * @default 20
+             */
+            translation_mm: number | [
+                number,
+                number,
+                number
+            ] | null;
+        };
+        /**
          * LogEvent
          * @description A sentence for a person.
          */
@@ -1656,6 +1917,33 @@ export interface components {
             text: string;
         };
         /**
+         * NewAudit
+         * @description An extrinsic in use, held against a recording before any solve.
+         */
+        NewAudit: {
+            /**
+             * Direction
+             * @description of bare numbers: imu_lidar takes lidar coordinates to the IMU's
+             * @default imu_lidar
+             * @enum {string}
+             */
+            direction: "imu_lidar" | "lidar_imu";
+            /**
+             * Extrinsic
+             * @description a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers
+             */
+            extrinsic: string;
+            /**
+             * @default {
+             *       "rotation_deg": 0.5,
+             *       "schema": "unsweep.limits/1",
+             *       "time_offset_ms": 2,
+             *       "translation_mm": 20
+             *     }
+             */
+            limits: components["schemas"]["Limits"];
+        };
+        /**
          * NewJob
          * @description What to run. `settings` and `initial_guess` belong to a solve; its planes are those confirmed now.
          */
@@ -1670,6 +1958,7 @@ export interface components {
             /**
              * @default {
              *       "bias_model": "random-walk",
+             *       "crispness": true,
              *       "estimate_planes": true,
              *       "estimate_time_offset": true,
              *       "excluded_spans_s": [],
@@ -1678,6 +1967,7 @@ export interface components {
              *         "std_m_s2": 0.02
              *       },
              *       "imu_sampling": "detect",
+             *       "intrinsics": "auto",
              *       "max_rounds": 12,
              *       "method": "full",
              *       "priors": [],
@@ -2076,6 +2366,8 @@ export interface components {
         };
         /** Quality */
         Quality: {
+            /** @description of the accumulated room, knowing no planes; absent where it was not measured */
+            crispness?: components["schemas"]["Crispness"] | null;
             /** Duration S */
             duration_s: number;
             /** Iterations */
@@ -2234,10 +2526,18 @@ export interface components {
             duration_s: number;
             /** Imu Frame Id */
             imu_frame_id: string;
+            /** Imu Rate Hz */
+            imu_rate_hz?: number | null;
             /** Imu Topic */
             imu_topic: string;
             /** Lidar Frame Id */
             lidar_frame_id: string;
+            /**
+             * Lidar Model
+             * @description the lidar preset that the recording was recognised by, if any
+             * @default
+             */
+            lidar_model: string;
             /** Lidar Topic */
             lidar_topic: string;
             /** Name */
@@ -2394,6 +2694,26 @@ export interface components {
              * @enum {string}
              */
             event: "resync";
+        };
+        /**
+         * RoomCrispness
+         * @description How crisp one map of the room is, measured without planes over small cubes; lower is crisper.
+         */
+        RoomCrispness: {
+            /** Cubes */
+            cubes: number;
+            /**
+             * Mean Entropy Nat
+             * @description mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube
+             */
+            mean_entropy_nat: number;
+            /** Points */
+            points: number;
+            /**
+             * Thickness Std M
+             * @description root of the mean smallest eigenvalue of S
+             */
+            thickness_std_m: number;
         };
         /**
          * Run
@@ -2968,6 +3288,38 @@ export interface components {
 }
 export type $defs = Record<string, never>;
 export interface operations {
+    read_audit: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AuditReport"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     read_extrinsic: {
         parameters: {
             query?: never;
@@ -3375,6 +3727,42 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Recording"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    start_audit: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewAudit"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
                 };
             };
             /** @description Refused; the body says why */
