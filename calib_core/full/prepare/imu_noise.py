@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.full.prepare.noise_floor import Floor, noise_floor, slow_density
+from calib_core.full.prepare.noise_floor import Floor, noise_floor
 from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
 from calib_core.imu.preintegration import NoiseDensity
@@ -21,10 +21,6 @@ _LEAST_STILL_S = 2.0
 _MOTION_HZ, _DRIFT_HZ = 8.0, 1.0
 #: Noise of all frequencies and of low ones agree within so many standard deviations of the latter: then it is white.
 _SIGMAS = 3.0
-#: So late may a standstill's end be noticed where an engine runs.
-_ONSET_S = 0.5
-#: An engine runs where all frequencies together have so many times the density of low ones.
-_SHAKEN = 2.0
 
 
 def resolution(values: FloatArray) -> FloatArray:
@@ -66,11 +62,6 @@ def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray,
     # One level for the three axes of a triad, the root mean square: a single chip, and three times the data.
     white, least = _of_triads(std * np.sqrt(period)), _of_triads(least * np.sqrt(period))
     density = np.array([_at_low_frequencies(white[k], floors, slice(3 * k, 3 * k + 3)) for k in (0, 1)])
-    if still is not None:
-        # An engine's lines fold about the sampling rate: one near it comes out as slow as the motion, and only here it shows.
-        inner = _without_ends(still, len(values), round(_ONSET_S / period))
-        slow = _of_triads(slow_density(stamps_s[inner], values[inner]))
-        density = np.where((white > _SHAKEN * density) & (slow > _SHAKEN * density), slow, density)
     density = np.maximum(density, least)
     if not np.allclose(density, white, rtol=1e-9, atol=0.0):
         source = "their spectrum at low frequencies, between the motion and what else shakes the sensor"
@@ -81,11 +72,6 @@ def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray,
 def _of_triads(channels: FloatArray) -> FloatArray:
     """(2,) root mean squares of (6,)."""
     return np.asarray(np.sqrt(np.mean(channels.reshape(2, 3) ** 2, axis=1)))
-
-
-def _without_ends(still: slice, readings: int, margin: int) -> slice:
-    """A standstill without the ends from which motion may reach into it. readings: of the whole recording."""
-    return slice(still.start + margin * (still.start > 0), still.stop - margin * (still.stop < readings - margin))
 
 
 def _at_low_frequencies(white: float, floors: Sequence[Floor], triad: slice) -> float:

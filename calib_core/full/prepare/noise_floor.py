@@ -32,8 +32,6 @@ _LEAST_NOISE = 0.25
 _LINE = 0.99
 #: What goes on as low as it begins: its power falls by less than a fifth from one half to the other beyond chance.
 _FALL = 1.2
-#: Where a lidar's poses and integrals of a usual IMU are about equally good.
-_SLOW_HZ = 2.5
 _SIGMAS = 3.0
 
 
@@ -144,17 +142,3 @@ def _level(power: FloatArray, freedom: float) -> tuple[float, BoolArray]:
         noise = inside
         level = float(power[noise].mean()) / kept_mean
     return level, noise
-
-
-def slow_density(stamps_s: FloatArray, quiet: FloatArray) -> FloatArray:
-    """Root of the mean power density up to 2.5 Hz of readings in a standstill, drift apart, lines included: (C,).
-
-    stamps_s: (Q,).   quiet: (Q, C).   Below that a lidar knows the motion better than the integral of the readings, which
-    then has to give way: a line there is an error for all that it is no noise.
-    """
-    period = float(np.median(np.diff(stamps_s)))
-    even = detrend(_evenly(stamps_s, quiet, period), axis=0)
-    tapers = np.asarray(windows.dpss(len(even), 3.0, 2))
-    power = np.mean(np.abs(np.fft.rfft(tapers[:, :, None] * even, axis=1)) ** 2, axis=0) * period
-    hz = np.fft.rfftfreq(len(even), period)
-    return np.asarray(np.sqrt(np.mean(power[(hz > 0.0) & (hz <= _SLOW_HZ)], axis=0)))

@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfilt
 from scipy.stats import chi2
 
 from calib_core.full.prepare.imu_noise import measure_imu_noise
-from calib_core.full.prepare.noise_floor import noise_floor, slow_density
+from calib_core.full.prepare.noise_floor import noise_floor
 from calib_core.types import FloatArray
 
 CHANNELS = 6
@@ -69,16 +69,6 @@ def test_readings_that_are_missing_are_no_noise() -> None:
     readings = rng.normal(size=(len(t), CHANNELS)) + _motion(t)
     found = noise_floor(t[there], readings[there], lowest_hz=8.0)
     assert np.sqrt(np.mean(found.density**2)) * np.sqrt(200.0) == pytest.approx(1.0, abs=0.12)
-
-
-def test_the_slow_density_is_the_mean_power_of_a_line_over_its_band() -> None:
-    """A sine of 1 Hz and amplitude A has the power A^2 / 2 within 2.5 Hz of either sign: A / sqrt(10).
-
-    Mutation: count one sign only.
-    """
-    t = np.arange(800) / 200.0
-    quiet = 0.3 * np.sin(2 * np.pi * t + 0.4)[:, None] + 0.05 * t[:, None]
-    assert slow_density(t, quiet)[0] == pytest.approx(0.3 / np.sqrt(10.0), rel=0.1)
 
 
 @pytest.mark.parametrize("standing", [True, False])
