@@ -84,18 +84,3 @@ def test_an_engine_makes_readings_wider_but_not_their_density(standing: bool) ->
     np.testing.assert_allclose(density, std / np.sqrt(rate_hz), rtol=0.12)
     assert (level.sample_std > 5.0 * std).all()
     assert "low frequencies" in level.source
-
-
-def test_a_line_folded_into_the_motion_is_seen_while_standing() -> None:
-    """An engine at 99 Hz, sampled at 100 Hz, is a motion at 1 Hz that never was: the density covers it.
-
-    Mutation: leave the slow density out.
-    """
-    t = np.arange(1500) / 100.0
-    rng = np.random.default_rng(3)
-    noise = rng.normal(size=(len(t), CHANNELS)) * np.repeat([1e-3, 0.01], 3)
-    shaking = np.sin(2 * np.pi * 99.0 * t) + np.sin(2 * np.pi * 37.0 * t)
-    noise[:, 3:] += 0.2 * shaking[:, None]
-    level = measure_imu_noise(t, noise[:, :3], noise[:, 3:], slice(0, 400))
-    assert level.density.accel_m_s2_sqrt_hz[0] == pytest.approx(0.2 / np.sqrt(10.0), rel=0.2)
-    assert level.density.gyro_rad_s_sqrt_hz[0] == pytest.approx(1e-4, rel=0.1)
