@@ -13,7 +13,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.server.errors import NotFound
 
-STATIC = Path(__file__).parent / "static"
+STATIC = Path(__file__).resolve().parents[1] / "static"
 ASSETS = "/assets"
 ONE_YEAR = "public, max-age=31536000, immutable"
 
