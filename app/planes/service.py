@@ -12,15 +12,18 @@ from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
+from app.planes.upright import Room, named, room_of
 from app.planes.wire import wire_planes
 from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
-from app.server.errors import Conflict, NotFound
+from app.schemas.report import Report
+from app.server.errors import ApiError, Conflict, NotFound
 from app.storage.files import DataFolder
+from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
-from calib_core.types import PlaneProposals
+from calib_core.types import FloatArray, PlaneProposals
 
 DOCUMENT = "planes"
 
@@ -43,25 +46,31 @@ class PlaneService:
         self._editing: dict[str, threading.RLock] = {}
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
+        self._rooms: dict[str, tuple[str, Room]] = {}
         self.on_changed: Callable[[str, int], None] = lambda _, __: None
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
         with self._own_lock(recording_id):
             proposals, history = self.current(recording_id)
-            return wire_planes(history, static=proposals.static)
+            return wire_planes(history, static=proposals.static, up=self.up(recording_id))
+
+    def up(self, recording_id: str) -> FloatArray | None:
+        """(3,) the vertical in the frame of the planes; None until the doctor knows it."""
+        known = self._rooms.get(recording_id)
+        return None if known is None else known[1].up
 
     def current(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory]:
         """Proposals and history; Conflict until there are some."""
         with self._own_lock(recording_id):
-            key, proposals = self._load(recording_id)
+            key, proposals, room = self._load(recording_id)
             text = self._documents.read(recording_id, DOCUMENT)
             history = None if text is None else PlaneHistory.model_validate_json(text)
             if history is None or history.cache_key != key:
                 revision = 0 if history is None else history.revision + 1
                 history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
                 self._keep(recording_id, history)
-            return proposals, history
+            return proposals, named(history, room)
 
     def apply(self, recording_id: str, operation: Operation) -> Planes:
         """The planes after the operation."""
@@ -73,11 +82,12 @@ class PlaneService:
                     "planes.revision",
                     f"The planes have changed meanwhile (revision {history.revision}, you saw {expected}); look again.",
                 )
-            after = self._after(history, operation, proposals)
+            after = named(self._after(history, operation, proposals), self._rooms[recording_id][1])
+            up = self.up(recording_id)
             if after.current == history.current and after.cursor == history.cursor:
-                return wire_planes(history, static=proposals.static)
+                return wire_planes(history, static=proposals.static, up=up)
             self._keep(recording_id, after)
-            planes = wire_planes(after, static=proposals.static)
+            planes = wire_planes(after, static=proposals.static, up=up)
         self.on_changed(recording_id, planes.revision)
         return planes
 
@@ -104,9 +114,7 @@ class PlaneService:
         with self._own_lock(recording_id):
             today = self._names.get(recording_id)
             if today is None:
-                text = self._documents.read(recording_id, DOCUMENT)
-                current = PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
-                today = {patch.color: patch.name for patch in current.patches}
+                today = {patch.color: patch.name for patch in self._today(recording_id).patches}
                 self._names[recording_id] = today
         return [
             PlaneLook(
@@ -118,10 +126,18 @@ class PlaneService:
             for place, plane in enumerate(planes)
         ]
 
+    def _today(self, recording_id: str) -> PlaneSet:
+        try:
+            return self.current(recording_id)[1].current
+        except ApiError:  # its proposals are gone, or it is
+            text = self._documents.read(recording_id, DOCUMENT)
+            return PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
+
     def forget(self, recording_id: str) -> None:
         """Drop what is in memory of a deleted recording."""
         with self._lock:
             self._names.pop(recording_id, None)
+            self._rooms.pop(recording_id, None)
             self._editing.pop(recording_id, None)
             for cached in [key for key in self._proposals if key.startswith(recording_id)]:
                 del self._proposals[cached]
@@ -146,7 +162,19 @@ class PlaneService:
         edited: PlaneSet = apply(history.current, operation, proposals=proposals, grow=api.grow_plane)
         return history if edited == history.current else history.push(edited)
 
-    def _load(self, recording_id: str) -> tuple[str, PlaneProposals]:
+    def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> Room:
+        """What the doctor calls these planes; worked out anew when there is another report."""
+        mark = f"{self._files.cache_key(record)}/{hash(record.report_json)}"
+        known = self._rooms.get(record.id)
+        if known is not None and known[0] == mark:
+            return known[1]
+        report = None if record.report_json is None else Report.model_validate_json(record.report_json)
+        room = room_of(None if report is None else report.planes, proposals)
+        self._rooms[record.id] = (mark, room)
+        self._names.pop(record.id, None)
+        return room
+
+    def _load(self, recording_id: str) -> tuple[str, PlaneProposals, Room]:
         record = self._recordings.find(recording_id)
         if record is None:
             raise NotFound("recording.not_found", "The recording has been deleted.")
@@ -165,7 +193,7 @@ class PlaneService:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:
                 self._proposals.popitem(last=False)
-        return key, proposals
+        return key, proposals, self._room(record, proposals)
 
 
 def ordered(patch: EditedPatch, planes: PlaneSet) -> OrderedPlane:

@@ -22,7 +22,7 @@ class Patch(WireModel):
     area_m2: float
     n_points: int
     rms_m: float
-    tilt_deg: float = Field(description="angle between the normal and the map's z axis, 0..90")
+    tilt_deg: float = Field(description="angle between the normal and the vertical, 0..90; see `upright`")
     confirmed: bool
     restricted: bool = Field(description="whether a box of its own leaves part of it out")
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
@@ -44,6 +44,7 @@ class Planes(WireModel):
     patches: list[Patch]
     determinacy: Determinacy
     static: bool
+    upright: bool = Field(default=False, description="whether the vertical is gravity's; else it is the map's z axis")
     restricted: bool = Field(description="whether a box leaves part of the cloud out, for all planes")
     can_undo: bool
     can_redo: bool

@@ -797,6 +797,11 @@ export interface components {
             /** Job Id */
             job_id?: string | null;
             /**
+             * Looks
+             * @default 0
+             */
+            looks: number;
+            /**
              * Mode
              * @default planes
              * @example inspect
@@ -805,6 +810,17 @@ export interface components {
             mode: "planes" | "solve" | "inspect";
             nudge?: components["schemas"]["Nudge"] | null;
             old?: components["schemas"]["OldExtrinsic"] | null;
+            /**
+             * Point Scale
+             * @default 1
+             */
+            point_scale: number;
+            /**
+             * Preset
+             * @default overview
+             * @enum {string}
+             */
+            preset: "overview" | "inside" | "top" | "front";
             /**
              * Scan
              * @default 0
@@ -817,6 +833,11 @@ export interface components {
              * @enum {string}
              */
             show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
+            /**
+             * Straight
+             * @default 1
+             */
+            straight: number;
             /** Target */
             target?: number | null;
             /**
@@ -1794,7 +1815,7 @@ export interface components {
             rms_m: number;
             /**
              * Tilt Deg
-             * @description angle between the normal and the map's z axis, 0..90
+             * @description angle between the normal and the vertical, 0..90; see `upright`
              */
             tilt_deg: number;
         };
@@ -1853,7 +1874,8 @@ export interface components {
          * @description One plane that can be expected.
          *
          *     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
-         *     the lidar.   points, rms_m: of the sampled points on it.
+         *     the lidar.   points, rms_m: of the sampled points on it.   normal: of unit length, towards the lidar, lidar axes at the
+         *     reference scan; None in reports of older versions.
          */
         PlaneReport: {
             /** Area M2 */
@@ -1867,6 +1889,12 @@ export interface components {
             kind: "floor" | "ceiling" | "wall" | "slanted" | "plane";
             /** Name */
             name: string;
+            /** Normal */
+            normal?: [
+                number,
+                number,
+                number
+            ] | null;
             /** Points */
             points: number;
             /** Rms M */
@@ -1917,6 +1945,12 @@ export interface components {
             revision: number;
             /** Static */
             static: boolean;
+            /**
+             * Upright
+             * @description whether the vertical is gravity's; else it is the map's z axis
+             * @default false
+             */
+            upright: boolean;
         };
         /**
          * PlanesChanged
@@ -1956,7 +1990,8 @@ export interface components {
          * @description The planes that can be expected, largest first.
          *
          *     determinacy: 0 where some direction of the lidar's motion is seen by none, 1 for three equal ones at right angles.
-         *     determined: whether they fix the lidar's pose.   text: for a person.
+         *     determined: whether they fix the lidar's pose.   text: for a person.   up: unit vector against gravity in the frame of
+         *     the normals; None where gravity is not known.
          */
         PlanesReport: {
             /** Determinacy */
@@ -1967,6 +2002,12 @@ export interface components {
             planes: components["schemas"]["PlaneReport"][];
             /** Text */
             text: string;
+            /** Up */
+            up?: [
+                number,
+                number,
+                number
+            ] | null;
         };
         /**
          * PointTimeReport
@@ -2779,6 +2820,12 @@ export interface components {
              */
             legend: string;
             /**
+             * Looks
+             * @description raise it to have cameras go to their preset again
+             * @default 0
+             */
+            looks: number;
+            /**
              * Mode
              * @default planes
              * @enum {string}
@@ -2799,8 +2846,21 @@ export interface components {
             old?: components["schemas"]["OldExtrinsic"] | null;
             /** @description the same of the old extrinsic, where one is given */
             old_blur?: components["schemas"]["WallBlur"] | null;
+            /**
+             * Point Scale
+             * @description size of the points over what their spacing asks for
+             * @default 1
+             */
+            point_scale: number;
             /** Points Shown */
             points_shown: number;
+            /**
+             * Preset
+             * @description from where cameras look: at the room cut open, from inside it, straight down, or along a wall's normal
+             * @default overview
+             * @enum {string}
+             */
+            preset: "overview" | "inside" | "top" | "front";
             /**
              * Scan
              * @description position among the recording's scans
@@ -2821,6 +2881,12 @@ export interface components {
              * @enum {string}
              */
             show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
+            /**
+             * Straight
+             * @description how much of the motion is taken out of a solve's sweeps; 0: as they came
+             * @default 1
+             */
+            straight: number;
             /**
              * Target
              * @description the patch that the next box restricts; None: all
