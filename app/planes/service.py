@@ -12,6 +12,7 @@ from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
+from app.planes.strength import foreseen
 from app.planes.upright import Room, named, room_of
 from app.planes.wire import wire_planes
 from app.scene.palette import plane_hex
@@ -53,7 +54,7 @@ class PlaneService:
         """The planes now."""
         with self._own_lock(recording_id):
             proposals, history = self.current(recording_id)
-            return wire_planes(history, static=proposals.static, up=self.up(recording_id))
+            return self._wire(recording_id, history, proposals)
 
     def up(self, recording_id: str) -> FloatArray | None:
         """(3,) the vertical in the frame of the planes; None until the doctor knows it."""
@@ -83,11 +84,10 @@ class PlaneService:
                     f"The planes have changed meanwhile (revision {history.revision}, you saw {expected}); look again.",
                 )
             after = named(self._after(history, operation, proposals), self._rooms[recording_id][1])
-            up = self.up(recording_id)
             if after.current == history.current and after.cursor == history.cursor:
-                return wire_planes(history, static=proposals.static, up=up)
+                return self._wire(recording_id, history, proposals)
             self._keep(recording_id, after)
-            planes = wire_planes(after, static=proposals.static, up=up)
+            planes = self._wire(recording_id, after, proposals)
         self.on_changed(recording_id, planes.revision)
         return planes
 
@@ -162,6 +162,11 @@ class PlaneService:
         edited: PlaneSet = apply(history.current, operation, proposals=proposals, grow=api.grow_plane)
         return history if edited == history.current else history.push(edited)
 
+    def _wire(self, recording_id: str, history: PlaneHistory, proposals: PlaneProposals) -> Planes:
+        room = self._rooms[recording_id][1]
+        known = foreseen(room.forecast, history.current, suggested(proposals))
+        return wire_planes(history, static=proposals.static, up=room.up, known=known)
+
     def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> Room:
         """What the doctor calls these planes; worked out anew when there is another report."""
         mark = f"{self._files.cache_key(record)}/{hash(record.report_json)}"
@@ -169,7 +174,7 @@ class PlaneService:
         if known is not None and known[0] == mark:
             return known[1]
         report = None if record.report_json is None else Report.model_validate_json(record.report_json)
-        room = room_of(None if report is None else report.planes, proposals)
+        room = Room() if report is None else room_of(report.planes, proposals, report.forecast)
         self._rooms[record.id] = (mark, room)
         self._names.pop(record.id, None)
         return room

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet
-from calib_core.doctor.report import PlanesReport
+from calib_core.doctor.report import Forecast, PlanesReport
 from calib_core.types import FloatArray, PlaneProposals
 
 #: Samples and whole scans give the same plane to about this: noise of 20 mm over a patch of half a metre.
@@ -27,20 +27,24 @@ PLAIN_NAME = re.compile(r"plane \d+")
 
 @dataclass(frozen=True)
 class Room:
-    """names: of a proposal's patches, by their place.   up: (3,) unit vector, map frame; None where it is not known."""
+    """names: of a proposal's patches, by their place.   up: (3,) unit vector, map frame; None where it is not known.
+
+    forecast: what a solve would know with the planes as they were suggested.
+    """
 
     names: dict[int, str] = field(default_factory=dict)
     up: FloatArray | None = None
+    forecast: Forecast | None = None
 
 
-def room_of(report: PlanesReport | None, proposals: PlaneProposals) -> Room:
+def room_of(report: PlanesReport | None, proposals: PlaneProposals, forecast: Forecast | None = None) -> Room:
     """What the report says of the proposals' planes; nothing where the two are not in one frame."""
     if report is None:
-        return Room()
+        return Room(forecast=forecast)
     names: dict[int, str] = {}
     for plane in report.planes:
         if plane.normal is None:
-            return Room()
+            return Room(forecast=forecast)
         for place, patch in enumerate(proposals.patches):
             faces = float(patch.plane.normal @ np.array(plane.normal))
             apart_m = abs(abs(patch.plane.offset_m) - plane.distance_m)
@@ -48,8 +52,8 @@ def room_of(report: PlanesReport | None, proposals: PlaneProposals) -> Room:
                 names[place] = plane.name
                 break
     if len(names) < LEAST_MATCHED:
-        return Room()
-    return Room(names, None if report.up is None else np.array(report.up))
+        return Room(forecast=forecast)
+    return Room(names, None if report.up is None else np.array(report.up), forecast)
 
 
 def named(history: PlaneHistory, room: Room) -> PlaneHistory:

@@ -9,11 +9,13 @@ import numpy as np
 from app.planes.geometry import LEAST_EIGENVALUE, spread_of_directions
 from app.planes.state import PlaneHistory, PlaneSet
 from app.scene.palette import plane_hex
-from app.schemas.planes import Determinacy, Patch, Planes
+from app.schemas.planes import Determinacy, Foreseen, Patch, Planes
 from calib_core.types import FloatArray
 
 
-def wire_planes(history: PlaneHistory, *, static: bool, up: FloatArray | None = None) -> Planes:
+def wire_planes(
+    history: PlaneHistory, *, static: bool, up: FloatArray | None = None, known: Foreseen | None = None
+) -> Planes:
     """The planes as every browser sees them. up: (3,) against gravity, map frame; None where that is not known."""
     vertical = np.array([0.0, 0.0, 1.0]) if up is None else up
     return Planes(
@@ -34,6 +36,7 @@ def wire_planes(history: PlaneHistory, *, static: bool, up: FloatArray | None = 
             for index, patch in enumerate(history.current.patches)
         ],
         determinacy=determinacy(history.current, up),
+        foreseen=known,
         static=static,
         upright=up is not None,
         restricted=bool(history.current.region),

@@ -18,6 +18,7 @@ from app.jobs.functions import proposal_arrays, recording_arrays
 from app.jobs.service import JobService
 from app.recordings.folder import RecordingsFolder
 from app.recordings.timeline import make_timeline
+from app.recordings.verdict import verdict_of
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
 from app.schemas.report import Report
@@ -71,7 +72,10 @@ class RecordingService:
 
     def list_all(self) -> list[Recording]:
         """All recordings, newest first, without their reports: each carries plots that a list does not show."""
-        return [self.wire(replace(record, report_json=None)) for record in self._store.all_newest_first()]
+        return [
+            self.wire(replace(record, report_json=None)).model_copy(update={"verdict": verdict_of(record)})
+            for record in self._store.all_newest_first()
+        ]
 
     def wire(self, record: RecordingRecord) -> Recording:
         """The recording as the wire carries it."""
@@ -88,6 +92,7 @@ class RecordingService:
             has_planes=self._has_planes(record),
             created_at=record.created_at,
             latest_job=self._jobs.latest(record.id),
+            verdict=verdict_of(record),
         )
 
     def _has_planes(self, record: RecordingRecord) -> bool:

@@ -103,7 +103,9 @@ def _cut_open(
     wall = wall_of(points_m, stage.walls)
     shown = np.ones(len(points_m), dtype=np.bool_)
     middle, eye = whole_view(points_m, fov_rad=fov_rad, aspect=aspect, back=back, up=stage.up)
-    for _ in range(ROUNDS):  # what is cut away needs no room on the canvas; nearer, the camera may see past another wall
+    for _ in range(
+        ROUNDS
+    ):  # what is cut away needs no room on the canvas; nearer, the camera may see past another wall
         kept: BoolArray = ~np.append(hidden(stage.walls, eye), False)[wall]
         if kept.sum() < LEAST_SEEN * len(points_m) or np.array_equal(kept, shown):
             break

@@ -30,6 +30,8 @@ ASPECT = 1.6
 BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204, 210, 217)}
 
 
+#: What viser's own panel, which nobody sees, is called once there is something to see.
+FIRST_PICTURE = "first picture"
 #: Lines on the ground, to be seen on either background without drawing the eye.
 GRID = (110, 116, 124)
 
@@ -105,6 +107,7 @@ class ShownScene:
         self._stage = Stage()
         self._content = Content((), "")
         self._behind: frozenset[int] = frozenset()
+        self._labelled = False
         self._server.scene.set_up_direction("+z")
 
         def clicked(event: viser.SceneClickEvent) -> None:
@@ -170,6 +173,9 @@ class ShownScene:
                 if known.wall != wall:
                     known.wall = wall
                     known.node.visible = wall not in self._behind
+        if not self._labelled:  # comes after the background and the first content; the page waits for it
+            self._labelled = True
+            self._server.gui.set_panel_label(FIRST_PICTURE)
         self._server.flush()
 
     def drag_boxes(self, on: bool) -> None:

@@ -9,12 +9,13 @@ from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.recordings.folder import RecordingsFolder
 from app.recordings.service import RecordingService
+from app.results.limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from app.results.service import ResultService
 from app.scene.compose import Composer
 from app.scene.hub import SceneHub
 from app.scene.share import shared_page
 from app.scene.sources import SceneSources
-from app.schemas.recordings import Sample, ServerFacts
+from app.schemas.recordings import Limits, Sample, ServerFacts
 from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.errors import Conflict, facts_of
 from app.server.feed import RecordingFeed
@@ -25,6 +26,7 @@ from app.storage.files import SUFFIXES, DataFolder
 from app.storage.records import JobRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from calib_core import __version__, api
+from calib_core.presets import IMU_PRESETS
 
 #: Scenarios offered as samples, and their titles; the first is the one click away.
 SAMPLES = {
@@ -104,6 +106,9 @@ class Services:
             max_upload_bytes=self.settings.max_upload_bytes,
             upload_suffixes=list(SUFFIXES),
             export_formats=list(api.export_names()),
+            limits=Limits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
+            axis_names=AXIS_NAMES,
+            imu_presets=[preset.name for preset in IMU_PRESETS],
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
 

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { IterationEvent, Job, JobMessage, StageEvent } from "../src/api/client";
 import { addMessages, emptyRun } from "../src/api/jobstream";
 import { parametersOf, unwrap } from "../src/features/solve/parameters";
-import { secondsLeft, stagesOfSolve, stagesShown, stageState, standingOf, wholeFraction } from "../src/features/solve/timeleft";
+import { secondsLeft, stagesOfSolve, stagesShown, stageState, standingOf, wholeFraction } from "../src/features/jobs/timeleft";
 
 const stage = (name: StageEvent["stage"], fraction: number): StageEvent => ({ event: "stage", stage: name, fraction, text: "" });
 const iteration = (round: number, number: number): IterationEvent => ({

@@ -133,7 +133,9 @@ def test_a_patch_is_drawn_where_it_was_seen():
     support = support_of(points, np.array([1.0, 0, 0, -2.0]), UP)
     corners = support.vertices[support.faces].astype(np.float64)
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
-    cell_m = 4.0 / CELLS  # a cell is drawn whole that is seen in part, at most one all the 14 m around; the hull has 10.5
+    cell_m = (
+        4.0 / CELLS
+    )  # a cell is drawn whole that is seen in part, at most one all the 14 m around; the hull has 10.5
     assert 9.0 < area < 9.0 + 14.0 * cell_m
     np.testing.assert_allclose(support.vertices[:, 0], 2.0, atol=1e-5)
     assert support.vertices.max() < 4.2

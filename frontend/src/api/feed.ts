@@ -1,6 +1,7 @@
 import { useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
 import { useCallback, useEffect, useState } from "react";
 import type { Planes, Recording, RecordingMessage } from "./client";
+import { spoken } from "../ui/words";
 import { keys } from "./queries";
 
 /** Brings what is cached of a recording up to date with one message. */
@@ -26,7 +27,8 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       void client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });
-      if (message.job.kind === "planes") void client.invalidateQueries({ queryKey: keys.planes(id) });
+      // A report names the planes and says which way is up.
+      if (message.job.kind === "planes" || message.job.kind === "inspect") void client.invalidateQueries({ queryKey: keys.planes(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });
@@ -64,7 +66,7 @@ export function useRecordingFeed(id: string): boolean {
   useEffect(() => {
     const source = new EventSource(`/api/recordings/${id}/events`);
     source.onmessage = (event: MessageEvent<string>) => {
-      applyMessage(client, id, JSON.parse(event.data) as RecordingMessage);
+      applyMessage(client, id, spoken(JSON.parse(event.data) as RecordingMessage));
     };
     let broke: number | null = null;
     source.onerror = () => {

@@ -1240,6 +1240,29 @@ export interface components {
             weak: string[];
         };
         /**
+         * Foreseen
+         * @description The axis of the calibration that is least known with the confirmed planes, one standard deviation; see `limit`.
+         */
+        Foreseen: {
+            /**
+             * Limit
+             * @description beyond which the axis is weak, in the same unit
+             */
+            limit: number;
+            /**
+             * Name
+             * @example Position z
+             */
+            name: string;
+            /** Std */
+            std: number;
+            /**
+             * Unit
+             * @enum {string}
+             */
+            unit: "deg" | "m" | "s";
+        };
+        /**
          * Gravity
          * @description Gravity's magnitude: a prior mean and standard deviation; std 0 fixes it.
          */
@@ -1572,6 +1595,18 @@ export interface components {
             stamps: components["schemas"]["StampReport"];
             /** Topic */
             topic: string;
+        };
+        /**
+         * Limits
+         * @description One standard deviation of a kind of axis.
+         */
+        Limits: {
+            /** Rotation Deg */
+            rotation_deg: number;
+            /** Time Offset S */
+            time_offset_s: number;
+            /** Translation M */
+            translation_m: number;
         };
         /**
          * LogEvent
@@ -1934,6 +1969,8 @@ export interface components {
             /** Can Undo */
             can_undo: boolean;
             determinacy: components["schemas"]["Determinacy"];
+            /** @description None until there is a forecast, and where the planes leave a direction open */
+            foreseen?: components["schemas"]["Foreseen"] | null;
             /** Patches */
             patches: components["schemas"]["Patch"][];
             /**
@@ -2193,6 +2230,11 @@ export interface components {
              * @enum {string}
              */
             state: "receiving" | "inspecting" | "ready" | "failed";
+            /**
+             * Verdict
+             * @description the doctor's, in lists too; None until inspected
+             */
+            verdict?: ("good" | "limited" | "unusable") | null;
         };
         /**
          * RecordingChanged
@@ -2458,8 +2500,22 @@ export interface components {
          * @description What a client needs to know before anything else.
          */
         ServerFacts: {
+            /**
+             * Axis Names
+             * @description by the axis's name in the covariance's order
+             */
+            axis_names: {
+                [key: string]: string;
+            };
             /** Export Formats */
             export_formats: string[];
+            /**
+             * Imu Presets
+             * @description IMUs whose noise is known by name
+             */
+            imu_presets: string[];
+            /** @description beyond which standard deviation an axis is weak */
+            limits: components["schemas"]["Limits"];
             /** Max Upload Bytes */
             max_upload_bytes: number;
             /**
@@ -2502,6 +2558,11 @@ export interface components {
          * @description A result was written; read it from /api/results/{job_id}. None where `status` is refused.
          */
         SolveOutcome: {
+            /**
+             * Codes
+             * @description of the result's warnings and errors
+             */
+            codes?: string[];
             /** Euler Xyz Deg */
             euler_xyz_deg: number[] | null;
             /**
@@ -2509,6 +2570,11 @@ export interface components {
              * @enum {string}
              */
             kind: "solve";
+            /**
+             * Planes Used
+             * @description planes that the answer rests on; None of older runs
+             */
+            planes_used?: number | null;
             /** Point To Plane Rms M */
             point_to_plane_rms_m: number | null;
             /** Rotation Std Deg */
@@ -2522,6 +2588,11 @@ export interface components {
             time_offset_s: number | null;
             /** Time Offset Std S */
             time_offset_std_s: number | null;
+            /**
+             * Tone
+             * @description the verdict's colour; None of runs of an older version
+             */
+            tone?: ("good" | "doubtful" | "bad") | null;
             /** Translation M */
             translation_m: number[] | null;
             /** Translation Std M */

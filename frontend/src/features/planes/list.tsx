@@ -29,7 +29,7 @@ export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
           <th scope="col" className={css.right}>
             Area <span>m²</span>
           </th>
-          <th scope="col" className={css.right} title="Angle between the plane's normal and the lidar's vertical axis">
+          <th scope="col" className={css.right} title={planes.upright ? "Angle between the plane and the horizontal" : "Angle between the plane and the lidar's horizontal"}>
             Tilt <span>°</span>
           </th>
           <th scope="col" className={css.right} title="Points of the cloud that lie on it">

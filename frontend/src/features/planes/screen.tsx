@@ -10,8 +10,8 @@ import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
-import { JobProgress } from "../solve/progress";
-import { stagesOfPlanes } from "../solve/timeleft";
+import { JobProgress } from "../jobs/progress";
+import { stagesOfPlanes } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
 import { DeterminacyMeter } from "./determinacy";
@@ -94,7 +94,7 @@ export function PlanesScreen() {
         {start.isError && <Fault error={start.error} />}
         {planes !== undefined ? (
           <>
-            <DeterminacyMeter determinacy={planes.determinacy} />
+            <DeterminacyMeter determinacy={planes.determinacy} foreseen={planes.foreseen} />
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">

@@ -8,7 +8,7 @@ import { Icon } from "../../ui/icons";
 import { Fault, Notice, StateBox } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
-import { JobProgress } from "../solve/progress";
+import { JobProgress } from "../jobs/progress";
 import { useUploads } from "../start/uploads";
 import { rateOf } from "../start/rate";
 import { useWorkspace } from "../workspace/context";

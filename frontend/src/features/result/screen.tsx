@@ -2,7 +2,7 @@ import { Button, Skeleton, useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link, useNavigate, useSearchParams } from "react-router";
-import type { CalibrationResult, Run } from "../../api/client";
+import type { CalibrationResult, Recording, Run } from "../../api/client";
 import { mapPageUrl, reportUrl, resultDownloadUrl, resultQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
@@ -18,7 +18,8 @@ import { History } from "./history";
 import { poseOf, type Direction } from "./inverse";
 import { PoseCard } from "./pose";
 import { Quality } from "./quality";
-import { Verdict } from "./verdict";
+import { NextSteps } from "./nextsteps";
+import { toneOf, Verdict } from "./verdict";
 import css from "./result.module.css";
 
 /** The answer, how far to trust it, and everything to take it away with. */
@@ -37,10 +38,10 @@ export function ResultScreen() {
       </div>
     );
   }
-  return <RunResult key={run.job.id} run={run} runs={runs} />;
+  return <RunResult key={run.job.id} recording={recording} run={run} runs={runs} />;
 }
 
-function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
+function RunResult({ recording, run, runs }: { recording: Recording; run: Run; runs: readonly Run[] }) {
   const result = useQuery(resultQuery(run.job.id));
   const navigate = useNavigate();
   const download = () => window.location.assign(resultDownloadUrl(run.job.id));
@@ -64,7 +65,7 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
           ) : result.isError ? (
             <Fault error={result.error} onRetry={() => void result.refetch()} />
           ) : (
-            <Document result={result.data} verdict={run.job.result?.kind === "solve" ? run.job.result.verdict : ""} />
+            <Document recording={recording} run={run} result={result.data} />
           )}
         </div>
       </div>
@@ -98,18 +99,19 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
   );
 }
 
-function Document({ result, verdict }: { result: CalibrationResult; verdict: string }) {
+function Document({ recording, run, result }: { recording: Recording; run: Run; result: CalibrationResult }) {
   const [direction, setDirection] = useState<Direction>("imu_lidar");
   const pose = poseOf(result, direction);
   // What is weak has a list of its own; for those who read the file alone it is among the messages too.
   const weak = new Set(result.observability.weak_directions?.map((one) => one.text));
   return (
     <div className={css.document}>
-      <Verdict status={result.status} text={verdict} />
+      <Verdict result={result} text={run.job.result?.kind === "solve" ? run.job.result.verdict : ""} />
+      {toneOf(result.status, result.messages.map((message) => message.code)) !== "good" && <NextSteps recording={recording} result={result} />}
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
       <Messages messages={result.messages.filter((message) => !weak.has(message.text))} />
       <Advice observability={result.observability} />
-      <Quality result={result} />
+      <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>
   );
 }

@@ -1,4 +1,4 @@
-import { fixed, withSigma } from "../../ui/format";
+import { fixed, withSigma, wrapped } from "../../ui/format";
 import type { Parameter } from "./parameters";
 import css from "./solve.module.css";
 
@@ -38,7 +38,7 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
         {parameters.map((parameter) => {
           const value = parameter.values.at(-1);
           const sigma = parameter.sigmas.at(-1);
-          const text = value === undefined || sigma === undefined ? null : withSigma(value, sigma, parameter.unit === "°" ? 4 : 3);
+          const text = value === undefined || sigma === undefined ? null : withSigma(parameter.unit === "°" ? wrapped(value) : value, sigma, parameter.unit === "°" ? 4 : 3);
           return (
             <tr key={parameter.key}>
               <th scope="row" data-axis={parameter.axis}>

@@ -1,7 +1,7 @@
 import { Button } from "@mantine/core";
 import { useEffect } from "react";
 import { useNavigate, useSearchParams } from "react-router";
-import type { IterationEvent, Job, PlaneLook } from "../../api/client";
+import type { IterationEvent, Job, PlaneLook, SolveOutcome } from "../../api/client";
 import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
 import { useChangeView, useRetryJob, useStartJob } from "../../api/queries";
 import { Icon } from "../../ui/icons";
@@ -12,10 +12,10 @@ import { useShortcuts } from "../../ui/shortcuts";
 import { useWorkspace } from "../workspace/context";
 import { ParameterTable, ResidualBars } from "./funnel";
 import { SolveOptions } from "./options";
-import { costs, parametersOf } from "./parameters";
-import { JobProgress } from "./progress";
+import { answerOf, costs, parametersOf } from "./parameters";
+import { JobProgress } from "../jobs/progress";
 import css from "./solve.module.css";
-import { stagesOfSolve, standingOf } from "./timeleft";
+import { stagesOfSolve, standingOf } from "../jobs/timeleft";
 
 /** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
 export function SolveScreen() {
@@ -40,6 +40,7 @@ export function SolveScreen() {
   const follow = (made: Job) => setQuery({ job: made.id });
   const solve = () => start.mutate({ kind: "solve" }, { onSuccess: follow });
   const outcome = job?.result?.kind === "solve" ? job.result : null;
+  const refused = outcome?.status === "refused";
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
   const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
   useShortcuts("Solve", [{ keys: "Enter", label: onward === "inspect" ? "Inspect the answer" : "See the result", run: goOn }]);
@@ -89,7 +90,23 @@ export function SolveScreen() {
         )}
         {retry.isError && <Fault error={retry.error} />}
       </Section>
-      {(!ended || hasEstimate) && <Estimate run={run} looks={looks} final={job?.state === "done"} />}
+      {refused ? (
+        <Section title="Next step">
+          <div className={css.next}>
+            <Button size="compact-md" onClick={goOn}>
+              See why
+            </Button>
+            <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/planes`)}>
+              Back to the planes
+            </Button>
+            <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/recording`)}>
+              See how it was read
+            </Button>
+          </div>
+        </Section>
+      ) : (
+        (!ended || hasEstimate) && <Estimate run={run} looks={looks} answer={outcome} />
+      )}
       {notable.length > 0 && (
         <Section title="Said on the way">
           <div className={css.logs}>
@@ -109,17 +126,17 @@ export function SolveScreen() {
 interface EstimateProps {
   run: RunLog;
   looks: ReadonlyMap<string, PlaneLook>;
-  /** Whether the last iteration is the answer. */
-  final: boolean;
+  /** What it came to, once it has ended: the numbers of the verdict, the report and the files. */
+  answer: SolveOutcome | null;
 }
 
 /** The numbers of the last iteration, and how the run came to them. */
-function Estimate({ run, looks, final }: EstimateProps) {
+function Estimate({ run, looks, answer }: EstimateProps) {
   const last = run.iterations.at(-1);
   return (
     <>
-      <Section title={final ? "Answer" : "Answer so far"}>
-        <ParameterTable parameters={parametersOf(run.iterations)} />
+      <Section title={answer !== null ? "Answer" : "Answer so far"}>
+        <ParameterTable parameters={parametersOf([...run.iterations, ...answerOf(answer)])} />
       </Section>
       <Section title="Cost">
         <CostPlot iterations={run.iterations} />

@@ -118,7 +118,7 @@ export function standingOf(recording: Recording): Standing {
   if (outcome?.kind === "solve") {
     switch (outcome.status) {
       case "calibrated":
-        return { tone: "good", text: "Calibrated", screen: "result" };
+        return { tone: outcome.tone === "doubtful" ? "warning" : "good", text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated", screen: "result" };
       case "weak":
         return { tone: "warning", text: "Weak", screen: "result" };
       case "refused":
@@ -126,6 +126,15 @@ export function standingOf(recording: Recording): Standing {
     }
   }
   if (job?.kind === "solve") return { ...standingOfSolve(job.state), screen: "solve" };
-  if (job?.kind === "planes") return { tone: "info", text: "Planes", screen: "planes" };
-  return { tone: "info", text: "Ready", screen: "recording" };
+  switch (recording.verdict) {
+    case "good":
+      return { tone: "good", text: "Good to calibrate", screen: "recording" };
+    case "limited":
+      return { tone: "warning", text: "Usable, with limits", screen: "recording" };
+    case "unusable":
+      return { tone: "error", text: "Not usable as it is", screen: "recording" };
+    case null:
+    case undefined:
+      return { tone: "info", text: "Read", screen: "recording" };
+  }
 }

@@ -18,7 +18,7 @@ const weights: Record<Stage, number> = {
 };
 
 export const stagesOfPlanes: readonly Stage[] = ["read", "planes"];
-export const stagesOfSolve: readonly Stage[] = ["initialise", "track", "solve"];
+export const stagesOfSolve: readonly Stage[] = ["initialise", "track", "solve", "deskew"];
 
 /** The stages as a person counts them: assigning points and solving take turns, in rounds nobody knows the number of. */
 export function stagesShown(run: RunLog): StageProgress[] {
@@ -38,6 +38,16 @@ export function wholeFraction(seen: readonly StageProgress[], expected: readonly
   const done = seen.reduce((sum, stage) => sum + weights[stage.stage] * Math.min(1, Math.max(0, stage.fraction)), 0);
   const all = [...new Set([...expected, ...seen.map((stage) => stage.stage)])];
   return done / all.reduce((sum, stage) => sum + weights[stage], 0);
+}
+
+/** Longer silence than this is said: the longest step of a usual run takes a few seconds. */
+const silenceS = 20;
+
+/** Seconds since a run last said anything, where that is long enough to worry; null otherwise. */
+export function stalledS(heardAtMs: number | null, nowMs: number): number | null {
+  if (heardAtMs === null) return null;
+  const silentS = (nowMs - heardAtMs) / 1000;
+  return silentS >= silenceS ? silentS : null;
 }
 
 /** Seconds until the end at the pace so far; null while it is too early to say. */
