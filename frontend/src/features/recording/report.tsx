@@ -117,7 +117,7 @@ function FindingCard({ finding, pending, onFix }: { finding: FindingReport; pend
           </dl>
         )}
         {doubtful && fixOf(override) !== null && (
-          <Button className={css.fix ?? ""} size="compact-xs" variant="default" disabled={pending} onClick={() => onFix(override)} title={override}>
+          <Button className={css.fix ?? ""} size="compact-xs" variant="default" disabled={pending} onClick={() => onFix(override)}>
             Set {fixText(override)}
           </Button>
         )}

@@ -2,19 +2,21 @@ import { Button, Skeleton } from "@mantine/core";
 import { Link, useNavigate } from "react-router";
 import type { Job, Recording } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
-import { useChangeRecording, useRetryJob } from "../../api/queries";
+import { useChangeRecording, useDeleteRecording, useRetryJob } from "../../api/queries";
 import { bytes, duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice, StateBox } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
 import { JobProgress } from "../jobs/progress";
+import { useDropZone } from "../start/dropzone";
 import { useUploads } from "../start/uploads";
 import { rateOf } from "../start/rate";
 import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { hasArrived } from "../workspace/state";
 import { Report } from "./report";
+import { Reading } from "./reading";
 import { Sensors } from "./sensors";
 import css from "./recording.module.css";
 
@@ -50,6 +52,7 @@ export function RecordingScreen() {
           </p>
         </Section>
         <Sensors recording={recording} />
+        {hasArrived(recording) || recording.state === "failed" ? <Reading recording={recording} /> : null}
       </Panel>
     </>
   );
@@ -76,6 +79,8 @@ function Receiving({ recording }: { recording: Recording }) {
 
 function Uploading({ recording }: { recording: Recording }) {
   const { list, cancel } = useUploads();
+  const { chooseFile } = useDropZone();
+  const remove = useDeleteRecording();
   const navigate = useNavigate();
   const upload = list.find((one) => one.recordingId === recording.id);
   const rate = rateOf(upload?.samples ?? [], recording.size_bytes);
@@ -93,9 +98,24 @@ function Uploading({ recording }: { recording: Recording }) {
           {rate.secondsLeft !== null && `, ${duration(rate.secondsLeft)} left`}
         </p>
         {upload === undefined ? (
-          <p>
-            Drop the same file again, here or on the <Link to="/">start page</Link>: it goes on where it stopped.
-          </p>
+          <>
+            <p>Choose or drop the same file again, {recording.name}: it goes on where it stopped.</p>
+            <div className={css.uploadActions}>
+              <Button size="compact-sm" leftSection={<Icon name="file" size={13} />} onClick={chooseFile}>
+                Choose the file
+              </Button>
+              <Button
+                size="compact-sm"
+                variant="default"
+                leftSection={<Icon name="trash" size={13} />}
+                loading={remove.isPending}
+                onClick={() => remove.mutate(recording.id, { onSuccess: () => void navigate("/") })}
+              >
+                Discard it
+              </Button>
+            </div>
+            {remove.isError && <Fault error={remove.error} />}
+          </>
         ) : (
           <Button
             size="compact-sm"

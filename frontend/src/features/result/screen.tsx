@@ -12,6 +12,7 @@ import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { chosenRun } from "../workspace/state";
 import { Advice, Messages } from "./advice";
+import { Compare } from "./compare";
 import { CommandSection } from "./command";
 import { Exports } from "./exports";
 import { History } from "./history";
@@ -94,6 +95,7 @@ function RunResult({ recording, run, runs }: { recording: Recording; run: Run; r
         <Section title="Runs of this recording">
           <History runs={runs} shown={run.job.id} />
         </Section>
+        <Compare key={run.job.id} runs={runs} shown={run.job.id} />
       </Panel>
     </>
   );

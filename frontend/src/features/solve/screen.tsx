@@ -1,5 +1,5 @@
 import { Button } from "@mantine/core";
-import { useEffect } from "react";
+import { useEffect, useRef } from "react";
 import { useNavigate, useSearchParams } from "react-router";
 import type { IterationEvent, Job, PlaneLook, SolveOutcome } from "../../api/client";
 import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
@@ -31,15 +31,16 @@ export function SolveScreen() {
   const run = useJobStream(jobId);
   const job = run.job;
   const ended = job !== null && isFinal(job);
+  const outcome = job?.result?.kind === "solve" ? job.result : null;
   const hasEstimate = run.iterations.length > 0;
 
   useEffect(() => {
-    changeView({ mode: "solve", job_id: jobId, nudge: null });
+    changeView({ mode: "solve", job_id: jobId, nudge: null, straight: 1 });
   }, [changeView, jobId, hasEstimate, ended]);
 
+  useStraightening(job === null ? null : job.state === "done" && outcome?.status !== "refused", changeView);
   const follow = (made: Job) => setQuery({ job: made.id });
   const solve = () => start.mutate({ kind: "solve" }, { onSuccess: follow });
-  const outcome = job?.result?.kind === "solve" ? job.result : null;
   const refused = outcome?.status === "refused";
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
   const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
@@ -118,9 +119,33 @@ export function SolveScreen() {
           </div>
         </Section>
       )}
-      {ended && <SolveOptions before={job.settings} onSolve={(settings) => start.mutate({ kind: "solve", settings }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
+      {ended && <SolveOptions key={job.id} before={job.settings} onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
     </Panel>
   );
+}
+
+const straightSteps = 10;
+const straightStepMs = 160;
+
+/** Once, when a solve that was watched ends with an answer, the cloud goes from raw to straight. */
+function useStraightening(answered: boolean | null, changeView: (change: { straight: number }) => void) {
+  const watched = useRef(false);
+  useEffect(() => {
+    if (answered === false) watched.current = true;
+    if (answered !== true || !watched.current || window.matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+    watched.current = false;
+    let step = 0;
+    changeView({ straight: 0 });
+    const timer = window.setInterval(() => {
+      step += 1;
+      changeView({ straight: Math.min(1, step / straightSteps) });
+      if (step >= straightSteps) window.clearInterval(timer);
+    }, straightStepMs);
+    return () => {
+      window.clearInterval(timer);
+      changeView({ straight: 1 });
+    };
+  }, [answered, changeView]);
 }
 
 interface EstimateProps {

@@ -1,6 +1,6 @@
 import { useQueryClient } from "@tanstack/react-query";
 import { createContext, useCallback, useContext, useMemo, useRef, useState, type ReactNode } from "react";
-import type { Upload as TusUpload } from "tus-js-client";
+import type { PreviousUpload, Upload as TusUpload } from "tus-js-client";
 import { asFault, type ApiFault } from "../../api/fault";
 import { keys } from "../../api/queries";
 import { addSample, type RateSample } from "./rate";
@@ -83,8 +83,8 @@ export function UploadProvider({ children }: { children: ReactNode }) {
           },
         });
         show({});
-        void upload.findPreviousUploads().then((previous) => {
-          const last = previous[0];
+        // What was begun before is looked up where browsers keep it; one that forbids that begins anew.
+        void previousOf(upload).then((last) => {
           if (last !== undefined) upload.resumeFromPreviousUpload(last);
           upload.start();
         });
@@ -105,6 +105,15 @@ export function UploadProvider({ children }: { children: ReactNode }) {
 
   const uploads = useMemo<Uploads>(() => ({ list, start, cancel }), [list, start, cancel]);
   return <UploadContext value={uploads}>{children}</UploadContext>;
+}
+
+/** The interrupted upload of the same file; undefined where there is none, or where it cannot be looked up. */
+export async function previousOf(upload: Pick<TusUpload, "findPreviousUploads">): Promise<PreviousUpload | undefined> {
+  try {
+    return (await upload.findPreviousUploads())[0];
+  } catch {
+    return undefined;
+  }
 }
 
 /** The server's own sentence, where the failed request carries one. */

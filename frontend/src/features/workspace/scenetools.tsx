@@ -7,11 +7,11 @@ import css from "./layout.module.css";
 
 type Preset = View["preset"];
 
-const presets: { value: Preset; label: string; key: string; said: string }[] = [
-  { value: "overview", label: "Cut open", key: "1", said: "Look at the room cut open" },
-  { value: "inside", label: "Inside", key: "2", said: "Look from inside the room" },
-  { value: "top", label: "Top", key: "3", said: "Look straight down" },
-  { value: "front", label: "Front", key: "4", said: "Look at the front" },
+const presets: { value: Preset; label: string }[] = [
+  { value: "overview", label: "Cut open" },
+  { value: "inside", label: "Inside" },
+  { value: "top", label: "Top" },
+  { value: "front", label: "Front" },
 ];
 
 const step = 1.25;
@@ -24,8 +24,9 @@ export function SceneTools({ recordingId, view }: { recordingId: string; view: V
   // Pressed again, a way to look is gone back to after the view was turned by hand.
   const look = (preset: Preset) => mutate({ preset, looks: view.looks + 1 });
   const size = (factor: number) => mutate({ point_scale: Math.min(largest, Math.max(smallest, view.point_scale * factor)) });
+  const next = () => look(presets[(presets.findIndex((one) => one.value === view.preset) + 1) % presets.length]?.value ?? "overview");
   useShortcuts("The view", [
-    ...presets.map((preset) => ({ keys: preset.key, label: preset.said, run: () => look(preset.value) })),
+    { keys: "v", label: "Next way to look at the room", run: next },
     { keys: "+", label: "Larger points", run: () => size(step) },
     { keys: "-", label: "Smaller points", run: () => size(1 / step) },
   ]);
