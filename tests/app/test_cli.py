@@ -265,7 +265,7 @@ def test_help_and_version_exit_0(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_help_needs_no_numerics() -> None:
     """Help within a moment: fails if SciPy, Open3D, FastAPI or viser are imported for it."""
-    code = "import sys; from app import cli; cli.run(['--help']); "
+    code = "import sys; from app.cli import main as cli; cli.run(['--help']); "
     code += "print([m for m in ('scipy', 'open3d', 'fastapi', 'viser', 'rosbags') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"

@@ -48,7 +48,7 @@ function RunResult({ recording, run, runs }: { recording: Recording; run: Run; r
   const download = () => window.location.assign(resultDownloadUrl(run.job.id));
   const base = `/r/${run.job.recording_id}`;
   const dark = useComputedColorScheme("dark") === "dark";
-  const answered = result.data?.T_imu_lidar !== null;
+  const answered = result.data !== undefined && result.data.T_imu_lidar !== null;
   useShortcuts("Result", [
     { keys: "d", label: "Download the JSON", run: download },
     { keys: "i", label: "Back to inspect", run: () => void navigate(`${base}/inspect?job=${run.job.id}`) },
@@ -105,13 +105,14 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
   const [direction, setDirection] = useState<Direction>("imu_lidar");
   const pose = poseOf(result, direction);
   // What is weak has a list of its own; for those who read the file alone it is among the messages too.
+  const verdict = run.job.result?.kind === "solve" ? run.job.result.verdict : "";
   const weak = new Set(result.observability.weak_directions?.map((one) => one.text));
   return (
     <div className={css.document}>
-      <Verdict result={result} text={run.job.result?.kind === "solve" ? run.job.result.verdict : ""} />
+      <Verdict result={result} text={verdict} />
       {toneOf(result.status, result.messages.map((message) => message.code)) !== "good" && <NextSteps recording={recording} result={result} />}
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
-      <Messages messages={result.messages.filter((message) => !weak.has(message.text))} />
+      <Messages messages={result.messages.filter((message) => !weak.has(message.text) && !verdict.includes(message.text))} />
       <Advice observability={result.observability} />
       <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>

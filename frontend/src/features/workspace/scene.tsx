@@ -58,7 +58,7 @@ export function ScenePane({ recordingId, visible, mode }: { recordingId: string;
 const lookEveryMs = 100;
 /** What the scene's own, unseen panel is called once background and first points have been sent; they are drawn soon after. */
 const firstPicture = "first picture";
-const firstPictureMs = 300;
+const firstPictureMs = 600;
 /** A browser that cannot draw shows what it has to say after this. */
 const longestMs = 20_000;
 

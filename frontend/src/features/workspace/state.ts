@@ -47,13 +47,13 @@ export function stepsOf(recording: Recording | undefined, planes: Planes | undef
       ? { name: "planes", state: busy(job, "planes") && planes === undefined ? "busy" : planes?.determinacy.ok === true ? "done" : "open", ...to("planes") }
       : { name: "planes", state: "locked", reason: waits },
     arrived && (planes !== undefined || newest !== undefined || solving)
-      ? { name: "solve", state: solving ? "busy" : newest === undefined ? "open" : "done", ...to("solve") }
+      ? { name: "solve", state: solving ? "busy" : newest === undefined || isRefused(newest) ? "open" : "done", ...to("solve") }
       : { name: "solve", state: "locked", reason: arrived ? "Planes have to be found first" : waits },
     newest !== undefined && !isRefused(newest)
       ? { name: "inspect", state: "open", ...to("inspect") }
       : { name: "inspect", state: "locked", reason: "There is no answer to look at yet" },
     newest !== undefined
-      ? { name: "result", state: "done", ...to("result") }
+      ? { name: "result", state: isRefused(newest) ? "open" : "done", ...to("result") }
       : { name: "result", state: "locked", reason: "There is no result yet" },
   ];
 }
