@@ -6,7 +6,13 @@
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's table from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
+    bound-faults [SCENARIO]             the bounds with real sensors' faults as unknowns: bench/results/fault_bounds.csv
     monte-carlo SCENARIO... [--seeds]   one row a run in bench/results/monte_carlo.csv; goes on where it was stopped
+    monte-carlo SCENARIO... --faults FAULTS [--duration-s] [--set]
+                                        the same on sensors as they are: fault_runs.csv, fault_parameters.csv
+    fault-table [--seeds] [--duration-s] [--set]
+                                        a campaign for each fault that was ever measured, each in its scenario
+    report-faults                       bench/results/faults.md from these and the bounds: NEES, the test of the mean error
     starts [--seeds] [--kinds]          from any start the same answer: bench/results/starts.csv; goes on, too
     report                              bench/results/accuracy.md from these three
 
@@ -21,7 +27,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench import accuracy, bounds, campaign, starts
+from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, starts
 from bench.metrics import Metric, slips
 from bench.readme import README, table, with_table
 from bench.store import RESULTS, bless, read_baseline, write_results
@@ -34,9 +40,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     match chosen.command:
         case "bound":
             bounds.compute(chosen.names or bounds.BOUNDED, jobs=chosen.jobs, folder=chosen.folder)
+        case "bound-faults":
+            rows = {text: text for text in chosen.faults} or fault_bounds.ROWS
+            fault_bounds.compute(chosen.scenario, rows, duration_s=chosen.duration_s, folder=chosen.folder)
         case "monte-carlo":
+            _monte_carlo(chosen)
+        case "fault-table":
             label = chosen.label or campaign.version_label()
-            campaign.monte_carlo(chosen.names, chosen.seeds, jobs=chosen.jobs, label=label, folder=chosen.folder)
+            campaigns = [
+                fault_runs.Campaign(name, faults, chosen.duration_s, chosen.set, label)
+                for name, faults in fault_runs.TABLE
+            ]
+            fault_runs.monte_carlo(campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder)
+        case "report-faults":
+            sys.stdout.write(f"{fault_report.write_report(chosen.folder)}\n")
         case "starts":
             starts.campaign(
                 chosen.seeds,
@@ -58,8 +75,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _monte_carlo(chosen: argparse.Namespace) -> None:
+    label = chosen.label or campaign.version_label()
+    if not chosen.faults:
+        campaign.monte_carlo(
+            chosen.names,
+            chosen.seeds,
+            jobs=chosen.jobs,
+            label=label,
+            folder=chosen.folder,
+            independent=chosen.independent,
+        )
+        return
+    campaigns = [
+        fault_runs.Campaign(name, faults, chosen.duration_s, chosen.set, label)
+        for name in chosen.names
+        for faults in chosen.faults
+    ]
+    fault_runs.monte_carlo(campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m bench", description="Measure, judge, bless.")
+    parser = argparse.ArgumentParser(
+        prog="python -m bench", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name in ("list", "readme"):
         commands.add_parser(name)
@@ -71,8 +110,45 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("names", nargs="*", metavar="SCENARIO", help=f"default: {' '.join(bounds.BOUNDED)}")
     _add_jobs(command)
     _add_folder(command)
+    command = commands.add_parser("bound-faults", description=fault_bounds.__doc__)
+    command.add_argument("scenario", nargs="?", default="handheld", metavar="SCENARIO", help="(%(default)s)")
+    command.add_argument(
+        "--faults",
+        nargs="+",
+        default=[],
+        metavar="FAULTS",
+        help="rows: faults of `unsweep simulate`, each with its std",
+    )
+    command.add_argument("--duration-s", type=float, default=30.0, metavar="S", help="of the recording (%(default)s)")
+    _add_folder(command)
     command = commands.add_parser("monte-carlo")
-    command.add_argument("names", nargs="+", metavar="SCENARIO")
+    command.add_argument(
+        "names",
+        nargs="+",
+        metavar="SCENARIO",
+        help="with --faults also behind another lidar: handheld+xt32, +os1, +livox",
+    )
+    command.add_argument(
+        "--faults",
+        action="append",
+        default=[],
+        metavar="FAULTS",
+        help="as `unsweep simulate` takes them, or `none`; several times for several campaigns",
+    )
+    command.add_argument(
+        "--duration-s", type=float, default=30.0, metavar="S", help="of recordings with --faults (%(default)s)"
+    )
+    command.add_argument(
+        "--set",
+        default="",
+        metavar="NAME=VALUE,...",
+        help="settings of the solve with --faults, such as intrinsics=off",
+    )
+    command.add_argument(
+        "--independent",
+        action="store_true",
+        help="without --faults: random numbers of each scenario's own; else scenarios share them and can be paired",
+    )
     _add_campaign(command, "1-100")
     command = commands.add_parser("starts")
     command.add_argument("--scenario", default="paper-normal", help="(%(default)s)")
@@ -80,6 +156,11 @@ def _parser() -> argparse.ArgumentParser:
         "--kinds", nargs="+", choices=starts.KINDS, default=["any"], help="how the clocks differ (%(default)s)"
     )
     _add_campaign(command, "1-200")
+    command = commands.add_parser("fault-table")
+    _add_faulty(command)
+    _add_campaign(command, "1")
+    command = commands.add_parser("report-faults")
+    _add_folder(command)
     command = commands.add_parser("report")
     command.add_argument("--label", help="the version to show; default: each scenario's latest")
     _add_folder(command)
@@ -101,6 +182,15 @@ def _add_campaign(command: argparse.ArgumentParser, seeds: str) -> None:
     command.add_argument("--label", help="of the program's version; default: the commit")
     _add_jobs(command)
     _add_folder(command)
+
+
+def _add_faulty(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--duration-s", type=float, default=30.0, metavar="S", help="of recordings with faults (%(default)s)"
+    )
+    command.add_argument(
+        "--set", default="", metavar="NAME=VALUE,...", help="settings of the solve with faults, such as intrinsics=off"
+    )
 
 
 def _workloads(command: str, names: Sequence[str], jobs: int) -> int:

@@ -16,6 +16,8 @@ from bench.store import RESULTS
 from bench.tables import append_row, read_rows
 
 MONTE_CARLO = "monte_carlo.csv"
+#: End of the label of runs whose random numbers are their scenario's own.
+INDEPENDENT = "-independent"
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 T = TypeVar("T")
 R = TypeVar("R")
@@ -59,9 +61,19 @@ def spread(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]
 
 
 def monte_carlo(
-    scenarios: Sequence[str], seeds: Sequence[int], *, jobs: int, label: str, folder: Path = RESULTS
+    scenarios: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    jobs: int,
+    label: str,
+    folder: Path = RESULTS,
+    independent: bool = False,
 ) -> None:
-    """Every scenario with every seed, appended to monte_carlo.csv."""
+    """Every scenario with every seed, appended to monte_carlo.csv.
+
+    independent: no scenario shares random numbers with another; the label then says so, since such runs are not paired.
+    """
+    label = label + INDEPENDENT if independent else label
     path = folder / MONTE_CARLO
     done = {(run.scenario, run.seed, run.label) for run in read_runs(folder)}
     # Seed by seed, so that an unfinished campaign has its scenarios paired.
@@ -82,4 +94,4 @@ def read_runs(folder: Path = RESULTS) -> list[Run]:
 
 def _solve(task: tuple[str, int, str]) -> Run:
     scenario, seed, label = task
-    return solve_once(scenario, seed, label=label)
+    return solve_once(scenario, seed, label=label, salt=scenario if label.endswith(INDEPENDENT) else "")

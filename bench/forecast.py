@@ -26,7 +26,7 @@ from calib_core.calibrate import calibrate
 from calib_core.doctor.outlook import forecast_report, foresee, planes_report
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.doctor.sampling import SampledScans
-from calib_core.full.assess.observability import LIMITS, UNITS
+from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, generate

@@ -59,11 +59,6 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def run_all(jobs: int) -> None:
-    """Everything, for `python -m bench paper`."""
-    main(["--jobs", str(jobs)])
-
-
 def read_runs(path: Path) -> Iterator[Outcome]:
     """The runs of a file; none where there is no file."""
     if not path.is_file():

@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib_core.paper import ImuStates, PaperOptions, PaperRefusal, solve_tracked, track_planes
+from calib_core.errors import Refused
+from calib_core.paper import ImuStates, PaperOptions, solve_tracked, track_planes
 from calib_core.paper.records import FrontEnd
 from calib_core.settings import CalibrateSettings, Gravity
 from calib_core.simulate import SCENARIOS, Scenario, Truth, generate
@@ -127,9 +128,10 @@ def _by_paper(
     states = None if experiment.poses == "estimated" else _known_states(recording, truth, experiment.poses, seed)
     options = PaperOptions(fixed_states=states, motion_in_sweep=experiment.motion_in_sweep)
     front = _tracked(_scenario(experiment), seed, experiment.exact_map)
-    solved = solve_tracked(recording, _settings(truth, seed), front, options=options)
-    if isinstance(solved, PaperRefusal):
-        return np.full((3, 3), np.nan), np.full(3, np.nan), 0, solved.scans_used
+    try:
+        solved = solve_tracked(recording, _settings(truth, seed), front, options=options)
+    except Refused:
+        return np.full((3, 3), np.nan), np.full(3, np.nan), 0, len(front.scans)
     return solved.R_imu_lidar, solved.p_imu_lidar, solved.time_offset_ns, solved.scans_used
 
 

@@ -66,12 +66,12 @@ class Run:
         return 1e3 * self.errors[6]
 
 
-def solve_once(scenario: str, seed: int, *, method: str = "full", label: str = "") -> Run:
-    """Simulate and solve in memory; runs in a process of its own."""
+def solve_once(scenario: str, seed: int, *, method: str = "full", label: str = "", salt: str = "") -> Run:
+    """Simulate and solve in memory; runs in a process of its own. salt: sets its random numbers apart."""
     from calib_core import api
     from calib_core.simulate import generate
 
-    recording, truth = generate(scenario, seed=seed)
+    recording, truth = generate(scenario, seed=seed, salt=salt)
     wall, cpu = time.perf_counter(), time.process_time()
     try:
         result = api.calibrate(recording, settings_of(method)).result

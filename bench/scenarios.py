@@ -29,7 +29,7 @@ from bench.figures import ASKED as FIGURES
 from bench.runs import compare, difference
 from bench.store import RESULTS
 from calib_core import api
-from calib_core.full.assess.observability import UNITS
+from calib_core.full.joint.undetermined import UNITS
 from calib_core.result import CalibrationResult
 from calib_core.simulate import SCENARIOS, Truth, prepare
 

@@ -13,6 +13,8 @@ from bench.runs import PARAMETERS, Run, rms
 
 FREEDOM = len(PARAMETERS)
 _HALF_95 = float(norm.ppf(0.975))
+#: A largest mean error beyond this, in its own sigmas, comes once in a hundred campaigns whose seven are all without bias.
+BIAS_SIGMAS = float(norm.ppf(1.0 - 0.005 / FREEDOM))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,12 @@ class Consistency:
     high: float
     coverage: tuple[float, ...]
     pooled: float
+    bias: tuple[float, ...]
+
+    @property
+    def bias_text(self) -> str:
+        """The largest mean error, and whether it is one."""
+        return bias_text(self.bias)
 
     @property
     def nees_holds(self) -> bool:
@@ -92,7 +100,23 @@ def consistency(runs: Sequence[Run]) -> Consistency:
         float(high),
         tuple(float(share) for share in inside.mean(axis=0)),
         float(inside.mean()),
+        mean_errors([run.errors for run in solved], [run.stds for run in solved]),
     )
+
+
+def mean_errors(errors: Sequence[Sequence[float]], stds: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """(7,) mean of the errors over their stated sigmas, in sigmas of such a mean: standard normal without bias.
+
+    What is wrong alike in every run hardly shows in the mean square; here it grows with the root of their number.
+    """
+    scaled = np.array(errors) / np.array(stds)
+    return tuple(float(value) for value in scaled.mean(axis=0) * np.sqrt(len(scaled)))
+
+
+def bias_text(bias: Sequence[float]) -> str:
+    """The largest of the seven, and whether it is beyond chance."""
+    at = int(np.argmax(np.abs(bias)))
+    return f"{PARAMETERS[at]} {bias[at]:+.1f}" + ("" if abs(bias[at]) <= BIAS_SIGMAS else " **biased**")
 
 
 def paired(spoiled: Sequence[Run], clean: Sequence[Run]) -> tuple[list[Run], list[Run]]:

@@ -27,12 +27,6 @@ def bless(measured: Iterable[Metric], path: Path = BASELINE) -> None:
     path.write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
 
 
-def read_results(name: str, folder: Path = RESULTS) -> dict[str, Metric]:
-    """The committed numbers of one workload, by key."""
-    entries = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-    return {entry["key"]: Metric.model_validate(entry) for entry in entries}
-
-
 def write_results(name: str, metrics: Iterable[Metric], folder: Path = RESULTS) -> Path:
     """The numbers of one workload, for the README and for whoever compares."""
     folder.mkdir(exist_ok=True)

@@ -35,12 +35,21 @@ from calib_core.types import (
 )
 
 if TYPE_CHECKING:
+    from calib_core.audit.given import Direction
+    from calib_core.audit.limits import Limits
+    from calib_core.audit.pose import GivenExtrinsic
+    from calib_core.audit.report import AuditReport
     from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport
+    from calib_core.maps.files import StructArray
+    from calib_core.maps.room import Room
+    from calib_core.maps.surface import Mesh
+    from calib_core.readers.write.rewrite import CloudFormat
     from calib_core.simulate import Mounting
     from calib_core.simulate.sensors import HeaderAt
 
 __all__ = [
+    "audit",
     "calibrate",
     "deskew",
     "deskew_points",
@@ -52,11 +61,17 @@ __all__ = [
     "inspect",
     "load",
     "map_points",
+    "parse_extrinsic",
     "propose_planes",
+    "read_cloud",
+    "read_extrinsic",
     "read_imu_noise",
     "read_initial_guess",
+    "read_limits",
     "read_planes",
     "read_result",
+    "room_map",
+    "room_mesh",
     "scenarios",
     "sharing_archives",
     "simulate",
@@ -147,29 +162,129 @@ def calibrate(
     )
 
 
+def audit(
+    recording: Recording,
+    given: GivenExtrinsic,
+    *,
+    limits: Limits | None = None,
+    settings: CalibrateSettings | None = None,
+    on_event: OnEvent = ignore_event,
+    should_cancel: ShouldCancel = never_cancel,
+) -> AuditReport:
+    """A given extrinsic held against what the recording says by itself: difference, sigmas and verdict per axis."""
+    from calib_core.audit import run
+    from calib_core.audit.limits import Limits as AllLimits
+
+    return run.audit(
+        recording,
+        given,
+        limits or AllLimits(),
+        settings or CalibrateSettings(),
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+
+
+def read_extrinsic(
+    path: Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
+) -> GivenExtrinsic:
+    """The extrinsic in another program's file.
+
+    direction: of bare numbers.   frames: the IMU's and the lidar's, to find them in a URDF.
+    """
+    from calib_core.audit import given
+
+    return given.read_extrinsic(path, direction=direction, frames=frames)
+
+
+def parse_extrinsic(
+    text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] | None = None
+) -> GivenExtrinsic:
+    """The same from a text."""
+    from calib_core.audit import given
+
+    return given.parse_extrinsic(text, direction=direction, frames=frames or ("", ""))
+
+
+def read_limits(path: Path) -> Limits:
+    """Limits of one's own for an audit."""
+    from calib_core.audit import limits
+
+    return limits.read_limits(path)
+
+
 def deskew(
     path: Path,
     result: CalibrationResult,
     out: Path,
     settings: ReadSettings | None = None,
     *,
+    cloud_format: CloudFormat = "ply",
+    map_out: Path | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> int:
     """Write the recording at `path` to `out` with the motion taken out of every scan; the number of scans.
 
-    out: without suffix a folder of .ply files, else a bag of the same kind.
+    out: without suffix a folder of .ply or .pcd files, else a bag of the same kind.   map_out: .ply or .pcd for the
+    accumulated map beside it.
     """
     from calib_core import readers
-    from calib_core.full.known_extrinsic import deskewer, held_calibration
+    from calib_core.full.known_extrinsic import held_calibration, held_motion
     from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
     held_calibration(result)  # says so before the recording is read where there is none
     recording = readers.load(path, settings, on_event=on_event, should_cancel=should_cancel)
-    moved = deskewer(recording, result, on_event=on_event, should_cancel=should_cancel)
-    topic = recording.lidar.topic
-    return rewrite_clouds(path, topic, out, moved, settings=settings, on_event=on_event, should_cancel=should_cancel)
+    motion = held_motion(recording, result, on_event=on_event, should_cancel=should_cancel)
+    if map_out is not None:
+        _write_map(recording, motion.solved, map_out, should_cancel)
+    return rewrite_clouds(
+        path,
+        recording.lidar.topic,
+        out,
+        motion.deskew,
+        settings=settings,
+        cloud_format=cloud_format,
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+
+
+def _write_map(recording: Recording, trajectory: Trajectory | None, out: Path, should_cancel: ShouldCancel) -> None:
+    from calib_core.maps.files import write_cloud
+    from calib_core.maps.room import no_map
+
+    if trajectory is None:
+        raise no_map(recording.name)
+    write_cloud(out, room_map(recording, trajectory, should_cancel=should_cancel).with_normals())
+
+
+def room_map(
+    recording: Recording,
+    trajectory: Trajectory,
+    *,
+    voxel_m: float = 0.05,
+    should_cancel: ShouldCancel = never_cancel,
+) -> Room:
+    """The room as one cloud in the map frame, strays left out, with normals towards the lidar; Open3D's work."""
+    from calib_core.maps import room
+
+    return room.room_of(recording.scans, trajectory, voxel_m, should_cancel=should_cancel)
+
+
+def room_mesh(room: Room) -> Mesh:
+    """The room's surface, where it was seen."""
+    from calib_core.maps import surface
+
+    return surface.mesh_of(room.cloud, room.normals)
+
+
+def read_cloud(path: Path) -> StructArray:
+    """The points of a .ply or .pcd file with all their fields."""
+    from calib_core.maps import files
+
+    return files.read_cloud(path)
 
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
@@ -238,12 +353,14 @@ def simulate(
     duration_s: float | None = None,
     noise: bool = True,
     header_at: HeaderAt | None = None,
+    faults: str = "",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Path:
     """Write a recording with known truth to `out`; the path of the truth beside it.
 
     mounting, time_offset_s, duration_s, header_at (the packet that stamps a cloud): None for the scenario's own.
+    faults: names with commas between them, each with a size if wanted, such as `industrial` or `laser-offsets=0.008`.
     """
     from calib_core import simulate as simulator
 
@@ -256,6 +373,7 @@ def simulate(
         duration_s=duration_s,
         noise=noise,
         header_at=header_at,
+        faults=simulator.parse_faults(faults),
         on_event=on_event,
         should_cancel=should_cancel,
     )

@@ -7,8 +7,10 @@
     |  |- PointTimeError          clouds without (usable) per-point time
     |  |- SettingsError           a setting or an auxiliary file (planes, guess, noise) is unusable
     |- Cancelled                  the caller asked to stop (exit code 130)
+    |- Refused                    the recording cannot give the answer; never leaves the library
 
-A recording that cannot give the answer is not an error: it is a result with status `refused`.
+A recording that cannot give the answer is not an error to the caller: `Refused` is caught once (calibrate.py, and
+full/forecast.py for what is foretold) and made a result with status `refused`.
 Every sentence has four parts: what was expected, what was found, where, what to do.
 """
 
@@ -64,3 +66,10 @@ class Cancelled(UnsweepError):
     """The caller asked to stop."""
 
     code = "cancelled"
+
+
+class Refused(UnsweepError):
+    """The recording cannot give the answer. code: stable and dotted; text: one sentence for a person."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text, code=code)

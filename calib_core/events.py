@@ -16,8 +16,16 @@ Stage = Literal[
 ]
 
 
+#: The stages of a calibration in their order, known before it begins, by method. One that has nothing to do (planes that
+#: are given) is left out; none comes back.
+PLANNED: dict[Literal["full", "paper"], tuple[Stage, ...]] = {
+    "full": ("planes", "track", "initialise", "solve"),
+    "paper": ("track", "initialise", "solve"),
+}
+
+
 class _Event(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class StageEvent(_Event):
@@ -87,3 +95,30 @@ def ignore_event(event: StageEvent | IterationEvent | LogEvent) -> None:
 def never_cancel() -> bool:
     """The cancel poll for callers who never cancel."""
     return False
+
+
+class ForwardOnly:
+    """A listener that passes events on, but no progress that goes back: not to an earlier stage, nor within one.
+
+    What is done again (a track from another scan, a round) is told in the text; the fraction stays where it was.
+    """
+
+    def __init__(self, on_event: OnEvent, stages: tuple[Stage, ...]) -> None:
+        self._on_event = on_event
+        self._stages = stages
+        self._at = 0
+        self._fraction = 0.0
+
+    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+        """Take an event of the caller's own thread."""
+        if isinstance(event, StageEvent) and event.stage in self._stages:
+            event = self._forward(event)
+        self._on_event(event)
+
+    def _forward(self, event: StageEvent) -> StageEvent:
+        at = self._stages.index(event.stage)
+        if at > self._at:
+            self._at, self._fraction = at, event.fraction
+        elif at == self._at:
+            self._fraction = max(self._fraction, event.fraction)
+        return event.model_copy(update={"stage": self._stages[self._at], "fraction": self._fraction})

@@ -12,7 +12,8 @@ Clocks: t_lidar = t_imu + time_offset + rate 1e-6 (t_lidar - time_offset_at): th
 Lidar, of the point that laser l returns from true range d at incidence cosine c:
 
     published range = d (1 + range_scale_l) + range_offset_l + range_offset + incidence (1 / c - 1)
-    true elevation  = published elevation + elevation_l          [about the lidar's xy plane, upwards]
+    true elevation  = published elevation + elevation_l          [from the lidar's xy plane, upwards]
+    true azimuth    = published azimuth + azimuth_l              [about the lidar's z axis]
 
 so that a laser that reads 9 mm short has a range offset of -0.009 m.
 """
@@ -32,6 +33,7 @@ Block = Literal[
     "clock_rate",
     "laser_range_offset",
     "laser_elevation",
+    "laser_azimuth",
     "laser_range_scale",
     "range_offset",
     "incidence",
@@ -48,6 +50,7 @@ UNITS: dict[Block, str] = {
     "clock_rate": "ppm",
     "laser_range_offset": "m",
     "laser_elevation": "rad",
+    "laser_azimuth": "rad",
     "laser_range_scale": "1",
     "range_offset": "m",
     "incidence": "m",
@@ -81,7 +84,11 @@ class ImuPrior:
 
 @dataclass(frozen=True, slots=True)
 class LidarPrior:
-    """Standard deviations of a lidar's own parameters. laser_*: of each laser by itself; 0 where it has no lasers to tell."""
+    """Standard deviations of a lidar's own parameters. laser_*: of each laser by itself; 0 where it has no lasers to tell.
+
+    Azimuths are taken to be as uncertain as elevations: their mean is a turn of the whole lidar, which nothing but this prior
+    limits.
+    """
 
     laser_range_offset_std_m: float
     laser_elevation_std_rad: float

@@ -16,7 +16,7 @@ Status = Literal["calibrated", "weak", "refused"]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Message(_Model):
@@ -68,6 +68,23 @@ class PlaneQuality(_Model):
     )
 
 
+class RoomCrispness(_Model):
+    """How crisp one map of the room is, measured without planes over small cubes; lower is crisper."""
+
+    mean_entropy_nat: float = Field(description="mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube")
+    thickness_std_m: float = Field(description="root of the mean smallest eigenvalue of S")
+    points: int
+    cubes: int
+
+
+class Crispness(_Model):
+    """The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means."""
+
+    before: RoomCrispness
+    after: RoomCrispness
+    text: str
+
+
 class Quality(_Model):
     point_to_plane_rms_m: float
     points_used: int
@@ -76,6 +93,24 @@ class Quality(_Model):
     planes: list[PlaneQuality]
     iterations: int
     duration_s: float
+    crispness: Crispness | None = Field(
+        default=None,
+        description="of the accumulated room, knowing no planes; absent where it was not measured",
+        exclude_if=lambda crispness: crispness is None,
+    )
+
+
+class Intrinsic(_Model):
+    """One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero."""
+
+    block: str
+    name: str
+    unit: str
+    value: float
+    std: float
+    prior_std: float
+    state: Literal["estimated", "considered"]
+    significant: bool
 
 
 class RecordingProvenance(_Model):
@@ -110,8 +145,18 @@ class CalibrationResult(_Model):
     observability: Observability
     quality: Quality
     provenance: Provenance
+    intrinsics: list[Intrinsic] = Field(default_factory=list)
+    clock_rate_ppm: float | None = Field(
+        default=None,
+        description="t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)",
+    )
+    clock_rate_ppm_std: float | None = None
+    time_offset_at_s: float | None = Field(
+        default=None, description="lidar time, seconds after the first scan, at which time_offset_s holds"
+    )
+    imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
 
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
 
     def to_json(self) -> str:
         """The document as indented JSON text, ending in a newline."""

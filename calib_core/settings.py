@@ -7,9 +7,11 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from calib_core.intrinsics import Block
+
 
 class _Settings(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ReadSettings(_Settings):
@@ -75,9 +77,16 @@ class CalibrateSettings(_Settings):
         default="detect",
         description="when the IMU's readings were taken: when their stamps say, evenly, or what the readings themselves tell",
     )
+    intrinsics: Literal["auto", "consider", "off"] | tuple[Block, ...] = Field(
+        default="auto",
+        description="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "
+        "only the blocks named are estimated",
+    )
+    lidar: str | None = Field(default=None, description="a lidar preset's name, for the priors; None: as recognised")
     priors: tuple[Prior, ...] = ()
     random_seed: int = 0
     max_rounds: int = Field(default=12, gt=0)
+    crispness: bool = Field(default=True, description="measure how crisp the room is, before and after")
     excluded_spans_s: tuple[tuple[float, float], ...] = Field(
         default=(), description="scans that touch these spans are left out; seconds after the first scan read"
     )

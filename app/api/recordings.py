@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.sse import EventSourceResponse
 
-from app.schemas.recordings import ChangeRecording, OpenRecording, Recording, Timeline
+from app.schemas.recordings import ChangeRecording, NewShareLink, OpenRecording, Recording, ShareLink, Timeline
 from app.schemas.view import RecordingMessage
 from app.server.deps import RecordingDep, ServicesDep
 
@@ -58,6 +58,15 @@ def delete_recording(services: ServicesDep, recording: RecordingDep) -> Response
     """Cancel its jobs and remove everything known of it. Files of the server's own folder stay."""
     services.recordings.delete(recording)
     return Response(status_code=204)
+
+
+@router.post("/{recording_id}/share", status_code=201)
+def share_recording(services: ServicesDep, recording: RecordingDep, wish: NewShareLink) -> ShareLink:
+    """A link with which anybody can look at this recording, and at nothing else, for some hours; they change nothing.
+
+    409 on a server without a token: everybody who reaches it sees everything anyway.
+    """
+    return services.share(recording, wish)
 
 
 @router.get("/{recording_id}/timeline")

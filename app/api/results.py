@@ -67,7 +67,7 @@ def read_extrinsic(wish: ExtrinsicText) -> OldExtrinsic:
 @router.get("/results/{job_id}/report", response_class=HTMLResponse)
 def read_report(services: ServicesDep, job: JobDep) -> str:
     """The result as one self-contained page for people, to keep or print."""
-    return services.results.report_page(job)
+    return services.results.report_page(job, services.recordings.get(job.recording_id))
 
 
 @router.get("/recordings/{recording_id}/runs")

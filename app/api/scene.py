@@ -1,4 +1,7 @@
-"""The 3D scene's page and its websocket, under our own origin: viser itself listens on loopback only."""
+"""The 3D scene's page and its websocket, under our own origin: viser itself listens nowhere.
+
+Down to the browser everything passes; up from it only what messages.py admits.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,13 @@ from anyio import to_thread
 from fastapi import APIRouter, Depends, Path, Response, WebSocket
 from fastapi.responses import HTMLResponse
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
+from app.errors import ApiError, Unavailable
+from app.scene.messages import admitted
 from app.scene.page import scene_page
 from app.server.deps import RecordingDep, ServicesDep, get_recording, get_services
-from app.server.errors import ApiError
 
 router = APIRouter(include_in_schema=False)
 
@@ -26,7 +30,8 @@ TRY_AGAIN = 1013
 @router.get("/scene/{recording_id}/", dependencies=[Depends(get_recording)])
 def read_scene_page() -> Response:
     """The scene's page. Never cached: it must be of the very version of viser that serves the websocket."""
-    return HTMLResponse(scene_page(), headers={"Cache-Control": "no-cache"})
+    html, policy = scene_page()
+    return HTMLResponse(html, headers={"Cache-Control": "no-cache", "Content-Security-Policy": policy})
 
 
 @router.get("/api/recordings/{recording_id}/scene.html", include_in_schema=True, tags=["view"])
@@ -42,14 +47,18 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
     """Everything the browser and its viser server say to each other. Origin and token were checked before this."""
     services = get_services(browser)
     try:
-        port = await to_thread.run_sync(services.scenes.port, recording_id)
+        line = await to_thread.run_sync(services.scenes.dial, recording_id)
+    except Unavailable:
+        await browser.close(TRY_AGAIN)
+        return
     except ApiError:
         await browser.close(GONE)
         return
     wanted = [Subprotocol(name) for name in browser.scope["subprotocols"]]
     try:
         upstream = await connect(
-            f"ws://127.0.0.1:{port}/",
+            "ws://scene/",
+            sock=line,
             subprotocols=wanted or None,
             compression=None,
             max_size=None,
@@ -57,7 +66,7 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
             open_timeout=5,
             proxy=None,
         )
-    except (OSError, TimeoutError):
+    except (OSError, TimeoutError, InvalidHandshake):
         await browser.close(TRY_AGAIN)
         return
     await browser.accept(subprotocol=upstream.subprotocol)
@@ -85,6 +94,8 @@ async def _downward(upstream: ClientConnection, browser: WebSocket) -> None:
 async def _upward(browser: WebSocket, upstream: ClientConnection) -> None:
     try:
         while (message := await browser.receive())["type"] != "websocket.disconnect":
-            await upstream.send(message["bytes"] if message.get("bytes") is not None else message["text"])
+            said = admitted(message.get("bytes") or "")
+            if said is not None:
+                await upstream.send(said)
     except ConnectionClosed:
         return

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.storage.atomic import put_in_place
 from calib_core.types import PointArray
 
 
@@ -19,12 +20,15 @@ def write_first_cloud(path: Path, points: PointArray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_suffix(".part.npy")
     np.save(fresh, points, allow_pickle=False)
-    fresh.rename(path)
+    put_in_place(fresh, path)
 
 
 def read_first_cloud(path: Path) -> PointArray | None:
     """The points as they were written; None where there are none."""
     if not path.is_file():
         return None
-    points: PointArray = np.load(path, allow_pickle=False)
+    try:
+        points: PointArray = np.load(path, allow_pickle=False)
+    except (OSError, ValueError):  # half of one: the whole recording is shown when it is read
+        return None
     return points if len(points) > 0 else None

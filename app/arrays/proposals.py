@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 
-from app.arrays.folder import whole_folder
+from app.arrays.folder import is_whole, verify, whole_folder
 from calib_core.types import Plane, PlanePatch, PlaneProposals
 
 
@@ -57,13 +57,19 @@ def write_proposals(folder: Path, proposals: PlaneProposals) -> None:
         (fresh / "patches.json").write_text(text.model_dump_json(), encoding="utf-8")
 
 
+def proposal_arrays(cache: Path) -> Path:
+    """Where the proposed planes are kept."""
+    return cache / "planes"
+
+
 def has_proposals(folder: Path) -> bool:
     """Whether proposals are there."""
-    return folder.is_dir()
+    return is_whole(folder)
 
 
 def read_proposals(folder: Path) -> PlaneProposals:
-    """Proposals as they were written."""
+    """Proposals as they were written, or DamagedArrays."""
+    verify(folder)
     text = _ProposalsText.model_validate_json((folder / "patches.json").read_text(encoding="utf-8"))
     with np.load(folder / "cloud.npz", allow_pickle=False) as arrays:
         cloud_m, cloud_patch = arrays["cloud_m"], arrays["cloud_patch"]

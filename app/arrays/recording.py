@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
-from app.arrays.folder import whole_folder
+from app.arrays.folder import is_whole, verify, whole_folder
 from calib_core.types import (
     POINT_DTYPE,
     Evidence,
@@ -104,10 +104,12 @@ def write_recording(folder: Path, recording: Recording) -> None:
     sizes = np.array([len(scan.points) for scan in scans], dtype=np.int64)
     starts = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes)])
     with whole_folder(folder) as fresh:
-        points = np.lib.format.open_memmap(fresh / "points.npy", mode="w+", dtype=POINT_DTYPE, shape=(int(starts[-1]),))
-        for place, scan in enumerate(scans):
-            points[starts[place] : starts[place + 1]] = scan.points
-        points.flush()
+        # Written, not mapped: a map of a file for which the disk has no room ends the process instead of failing.
+        with (fresh / "points.npy").open("wb") as file:
+            header = {"descr": np.lib.format.dtype_to_descr(POINT_DTYPE), "fortran_order": False}
+            np.lib.format.write_array_header_1_0(file, header | {"shape": (int(starts[-1]),)})
+            for scan in scans:
+                file.write(np.ascontiguousarray(scan.points, dtype=POINT_DTYPE).view(np.uint8).data)
         np.savez(
             fresh / "stamps.npz",
             starts=starts,
@@ -132,13 +134,19 @@ def write_recording(folder: Path, recording: Recording) -> None:
         (fresh / "recording.json").write_text(text.model_dump_json(), encoding="utf-8")
 
 
+def recording_arrays(cache: Path) -> Path:
+    """Where the decoded recording is kept."""
+    return cache / "recording"
+
+
 def has_recording(folder: Path) -> bool:
     """Whether a decoded recording is there."""
-    return folder.is_dir()
+    return is_whole(folder)
 
 
 def read_recording(folder: Path) -> Recording:
-    """The recording as it was written; its points stay on disk until they are touched."""
+    """The recording as it was written, or DamagedArrays; its points stay on disk until they are touched."""
+    verify(folder)
     text = _RecordingText.model_validate_json((folder / "recording.json").read_text(encoding="utf-8"))
     with np.load(folder / "stamps.npz", allow_pickle=False) as arrays:
         imu = ImuData(

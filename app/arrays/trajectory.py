@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.storage.atomic import put_in_place
 from calib_core.types import Trajectory
 
 
@@ -20,7 +21,7 @@ def write_trajectory(path: Path, trajectory: Trajectory) -> None:
         p_map_lidar=trajectory.p_map_lidar,
         valid=trajectory.valid,
     )
-    fresh.rename(path)
+    put_in_place(fresh, path)
 
 
 def read_trajectory(path: Path) -> Trajectory:

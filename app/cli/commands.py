@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 from rich.console import Console
@@ -14,15 +18,26 @@ from app.cli import options
 from app.cli.terminal import Manner, choose_manner, listener
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
+from calib_core.audit.pose import GivenExtrinsic
 from calib_core.errors import InputError, SettingsError
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
+
+if TYPE_CHECKING:
+    from app.results.evidence import StepListener
+    from calib_core.types import Recording, Trajectory
 
 
 class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
     code = "calibration.refused"
+
+
+class AuditFailed(Exception):
+    """The audited extrinsic is off; str() says where and by how much."""
+
+    code = "audit.failed"
 
 
 def serve(chosen: argparse.Namespace) -> None:
@@ -62,10 +77,17 @@ def calibrate(chosen: argparse.Namespace) -> None:
     reading, manner = _read_settings(chosen), _manner(chosen)
     if chosen.output is not None:
         check_writable(chosen.output)
+    if chosen.report is not None:
+        check_writable(chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
+    from app.results.evidence import StepListener
+
     with listener(manner) as on_event:
-        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=on_event)
+        steps = StepListener(on_event)
+        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps)
+    if chosen.report is not None:
+        _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
     _give_result(done.result, chosen.output, manner)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
@@ -76,10 +98,61 @@ def deskew(chosen: argparse.Namespace) -> None:
     result, manner = api.read_result(chosen.calibration), _manner(chosen)
     if chosen.output.exists() and not (chosen.output.is_dir() and not any(chosen.output.iterdir())):
         raise InputError(f"The output {chosen.output} exists already; remove it or choose another name.")
+    if chosen.map is not None:
+        _check_map(chosen.map)
     with listener(manner) as on_event:
-        count = api.deskew(chosen.recording, result, chosen.output, _read_settings(chosen), on_event=on_event)
+        count = api.deskew(
+            chosen.recording,
+            result,
+            chosen.output,
+            _read_settings(chosen),
+            cloud_format=chosen.cloud_format,
+            map_out=chosen.map,
+            on_event=on_event,
+        )
     if manner in {Manner.live, Manner.plain}:
         sys.stderr.write(f"Wrote {count} scans without their motion to {chosen.output}\n")
+
+
+def _check_map(path: Path) -> None:
+    """Before anything is read: a name that says .ply or .pcd, in a folder that can be written to."""
+    if path.suffix not in {".ply", ".pcd"}:
+        raise InputError(
+            f"Expected a name that ends in .ply or .pcd for --map, but found {path.name}; change the name."
+        )
+    check_writable(path)
+
+
+def _extrinsic_without_frames(chosen: argparse.Namespace) -> GivenExtrinsic | None:
+    """What is wrong with the file is said before the recording is read; a URDF needs its frames."""
+    if chosen.extrinsic.suffix.lower() in {".urdf", ".xml"}:
+        return None
+    return api.read_extrinsic(chosen.extrinsic, direction=chosen.matrix_direction)
+
+
+def audit(chosen: argparse.Namespace) -> None:
+    """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
+    from app.cli.audit_report import audit_block
+    from app.cli.choosing import load_asking
+
+    limits = None if chosen.limits is None else api.read_limits(chosen.limits)
+    reading, manner = _read_settings(chosen), _manner(chosen)
+    given = _extrinsic_without_frames(chosen)
+    api.get_ready()
+    recording = load_asking(chosen.recording, reading, manner)
+    if given is None:
+        given = api.read_extrinsic(chosen.extrinsic, frames=(recording.imu.frame_id, recording.lidar.frame_id))
+    with listener(manner) as on_event:
+        report = api.audit(recording, given, limits=limits, on_event=on_event)
+    if chosen.json:
+        sys.stdout.write(report.to_json())
+    else:
+        Console(highlight=False).print(audit_block(report, chosen.extrinsic.name))
+    sys.stdout.flush()
+    if report.verdict == "failed":
+        raise AuditFailed(report.text)
+    if report.verdict == "unknown":
+        raise Refused(report.text)
 
 
 def export(chosen: argparse.Namespace) -> None:
@@ -100,6 +173,7 @@ def simulate(chosen: argparse.Namespace) -> None:
             duration_s=chosen.duration_s,
             noise=chosen.noise != "none",
             header_at=chosen.header_at,
+            faults=chosen.faults,
             on_event=on_event,
         )
     if manner in {Manner.live, Manner.plain}:
@@ -111,9 +185,30 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "inspect": inspect,
     "calibrate": calibrate,
     "deskew": deskew,
+    "audit": audit,
     "export": export,
     "simulate": simulate,
 }
+
+
+def _write_report(
+    recording: Recording, done: tuple[CalibrationResult, Trajectory | None], steps: StepListener, out: Path
+) -> None:
+    """The page to print, with everything that is measured beside a result."""
+    from app.results.evidence import measure_evidence
+    from app.results.report import Beside, report_page
+    from app.results.scans import measure_scans
+    from app.results.thickness import measure_thickness
+
+    result, trajectory = done
+    evidence = measure_evidence(recording, result, trajectory, steps.steps)
+    command, now = shlex.join(["unsweep", *sys.argv[1:]]), datetime.now(UTC)
+    beside = Beside(evidence=evidence, command=command, made_at=now)
+    if trajectory is not None:
+        planes = result.quality.planes
+        walls = measure_thickness(recording, trajectory, planes)
+        beside = replace(beside, walls=walls, scans=measure_scans(recording, trajectory, planes))
+    write_text(out, report_page(result, beside))
 
 
 def _manner(chosen: argparse.Namespace) -> Manner:

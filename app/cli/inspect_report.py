@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import LEVEL_STYLES, bullet, error_bar
-from app.results.limits import WEAK_DEG, WEAK_M, WEAK_S
+from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.doctor.report import (
     DoctorReport,
     ExcitationReport,

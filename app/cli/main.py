@@ -1,7 +1,7 @@
 """The command line `unsweep`: words in, a command run, every error turned into an exit code and one sentence.
 
-Exit codes: 0 done; 2 the call or the input is at fault; 3 the recording cannot give the answer; 4 a defect;
-130 interrupted. On 2, 3 and 4 the last line on stderr is one sentence (contract.md, Command line).
+Exit codes: 0 done; 1 an audited extrinsic is off; 2 the call or the input is at fault; 3 the recording cannot give the
+answer; 4 a defect; 130 interrupted. On 2, 3 and 4 the last line on stderr is one sentence (contract.md, Command line).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 from types import FrameType
 
-from app.cli.commands import COMMANDS, Refused
+from app.cli.commands import COMMANDS, AuditFailed, Refused
 from app.cli.parser import UsageError, build_parser
 from calib_core.errors import Cancelled, InputError
 
-EXIT_DONE, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 2, 3, 4, 130
+EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 
 def main() -> None:
@@ -38,8 +38,9 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
     except SystemExit as leaving:  # argparse, after --help and --version
         return EXIT_DONE if leaving.code is None else int(leaving.code)
-    except Refused as refused:
-        return _fail(EXIT_REFUSED, refused.code, str(refused), log_json=log_json)
+    except (AuditFailed, Refused) as refused:
+        exit_code = EXIT_FAILED if isinstance(refused, AuditFailed) else EXIT_REFUSED
+        return _fail(exit_code, refused.code, str(refused), log_json=log_json)
     except (KeyboardInterrupt, Cancelled):
         return _fail(EXIT_INTERRUPTED, "interrupted", "Interrupted; nothing was written.", log_json=log_json)
     except UsageError as error:

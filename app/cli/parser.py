@@ -15,6 +15,12 @@ EPILOG = (
 )
 
 
+AUDIT_EPILOG = (
+    "Exit codes: 0 passed, 1 failed, 2 the call or the input is at fault, 3 the recording cannot tell, 4 a defect, 130 "
+    "interrupted."
+)
+
+
 class UsageError(Exception):
     """The words do not fit; str() is one sentence."""
 
@@ -37,7 +43,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"unsweep {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (_add_serve, _add_inspect, _add_calibrate, _add_deskew, _add_export, _add_simulate):
+    for add in (_add_serve, _add_inspect, _add_calibrate, _add_deskew, _add_audit, _add_export, _add_simulate):
         add(commands)
     return parser
 
@@ -76,6 +82,7 @@ def _add_calibrate(commands: Commands[Parser]) -> None:
     command = _command(commands, "calibrate", text)
     _add_recording(command)
     command.add_argument("--output", type=Path, metavar="FILE", help="where the result goes; without it, to stdout")
+    command.add_argument("--report", type=Path, metavar="FILE", help="a page to print and sign too, .html")
     _add_solving(command)
     _add_reading(command)
     _add_manner(command)
@@ -89,7 +96,41 @@ def _add_deskew(commands: Commands[Parser]) -> None:
         "--calibration", type=Path, required=True, metavar="RESULT", help="a result of `unsweep calibrate`"
     )
     command.add_argument(
-        "--output", type=Path, required=True, metavar="OUT", help="a folder for .ply files, or a bag of the same kind"
+        "--output", type=Path, required=True, metavar="OUT", help="a folder for clouds, or a bag of the same kind"
+    )
+    command.add_argument(
+        "--cloud-format", choices=("ply", "pcd"), default="ply", help="of the files in a folder (%(default)s)"
+    )
+    command.add_argument(
+        "--map", type=Path, metavar="FILE", help="write the accumulated map too, voxels of 5 cm: .ply or .pcd"
+    )
+    _add_reading(command)
+    _add_manner(command)
+
+
+def _add_audit(commands: Commands[Parser]) -> None:
+    text = "Hold an extrinsic that is in use against a recording: is it still right, and would an error have shown."
+    command = commands.add_parser("audit", help=text, description=text, epilog=AUDIT_EPILOG, allow_abbrev=False)
+    _add_recording(command)
+    command.add_argument(
+        "--extrinsic",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="a result, a URDF, settings of FAST-LIO or LIO-SAM (YAML), or a 4x4 matrix as text",
+    )
+    command.add_argument("--json", action="store_true", help="the report as JSON")
+    command.add_argument(
+        "--limits",
+        type=Path,
+        metavar="FILE",
+        help='JSON, e.g. {"rotation_deg": 0.5, "translation_mm": [20, 20, 40], "time_offset_ms": null}',
+    )
+    command.add_argument(
+        "--matrix-direction",
+        choices=("imu_lidar", "lidar_imu"),
+        default="imu_lidar",
+        help="of a bare matrix; imu_lidar takes lidar coordinates to the IMU's (%(default)s)",
     )
     _add_reading(command)
     _add_manner(command)
@@ -117,6 +158,13 @@ def _add_simulate(commands: Commands[Parser]) -> None:
     command.add_argument("--duration-s", type=float, metavar="S", help="length of the recording")
     command.add_argument("--noise", choices=("none",), help="exact readings")
     command.add_argument("--header-at", choices=("first", "last"), help="the packet that stamps a Velodyne cloud")
+    command.add_argument(
+        "--faults",
+        default="",
+        metavar="NAME[=SIZE],...",
+        help="what real sensors and rooms do: industrial, consumer, or for example laser-offsets=8mm,clock-rate; "
+        "an unknown name lists them all",
+    )
     _add_manner(command)
 
 

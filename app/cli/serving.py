@@ -12,8 +12,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from app.logs import log_to_stderr
 from app.server.main import make_server
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from calib_core.errors import InputError
 
 
@@ -27,8 +28,14 @@ def serve_until_stopped(
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
-        with suppress(KeyboardInterrupt):
-            make_server(settings).run(sockets=[listening])
+        log_to_stderr(as_json=settings.log_json)
+        server = make_server(settings)
+        try:
+            with suppress(KeyboardInterrupt):
+                server.run(sockets=[listening])
+        finally:
+            if server.startup_error is not None:
+                raise InputError(str(server.startup_error), code=server.startup_error.code) from None
 
 
 def server_settings(

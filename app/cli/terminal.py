@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 from rich.text import Text
 
-from app.results.limits import WEAK_DEG, WEAK_M, WEAK_S
+from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
 
 STAGE_TITLES = {

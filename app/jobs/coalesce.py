@@ -6,6 +6,7 @@ is kept, and at the end at the latest.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 from calib_core.events import IterationEvent, LogEvent, StageEvent
@@ -14,7 +15,7 @@ AnyEvent = StageEvent | IterationEvent | LogEvent
 
 
 class Coalescer:
-    """A listener that passes events on to `send`.
+    """A listener that passes events on to `send`, one after the other, whatever threads they come from.
 
     clock: seconds from anywhere, never backwards.
     """
@@ -27,20 +28,26 @@ class Coalescer:
         self._interval_s = interval_s
         self._held: AnyEvent | None = None
         self._sent_at_s = float("-inf")
+        self._lock = threading.Lock()  # a pipe takes one message at a time
 
     def __call__(self, event: AnyEvent) -> None:
         """Take an event; pass it on now, or hold it for a newer one of its kind."""
-        if self._held is not None and not _replaces(event, self._held):
-            self.flush()
-        if isinstance(event, LogEvent):
-            self._send(event)
-            return
-        self._held = event
-        if self._clock() - self._sent_at_s >= self._interval_s:
-            self.flush()
+        with self._lock:
+            if self._held is not None and not _replaces(event, self._held):
+                self._flush()
+            if isinstance(event, LogEvent):
+                self._send(event)
+                return
+            self._held = event
+            if self._clock() - self._sent_at_s >= self._interval_s:
+                self._flush()
 
     def flush(self) -> None:
         """Pass on what is held."""
+        with self._lock:
+            self._flush()
+
+    def _flush(self) -> None:
         if self._held is not None:
             held, self._held = self._held, None
             self._sent_at_s = self._clock()

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import threading
 from collections import deque
 from collections.abc import AsyncIterator
 from typing import Generic, TypeVar
 
 Entry = TypeVar("Entry")
+#: Numbers given out are short; a longer one was never given out, and reading thousands of digits is an error of its own.
+_NUMBER = re.compile(r"[0-9]{1,15}", re.ASCII)
+
+
+def number_of(event_id: str | None) -> int | None:
+    """The number that a message's id, as a browser hands it back, stands for; None where it is none of ours."""
+    return int(event_id) if event_id and _NUMBER.fullmatch(event_id) else None
 
 
 class Journal(Generic[Entry]):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
@@ -25,8 +27,10 @@ THREAD_CAPS = {
     "TBB_NUM_THREADS": "1",
 }
 
-#: A process is asked once more after this, then killed.
+#: A process that does not end by itself after SIGTERM is killed after this, and all that it has started.
 TERMINATE_GRACE_S = 2.0
+#: So often a process that says nothing is looked at: a child that it left behind may hold its pipe open.
+DEATH_POLL_S = 0.5
 
 _SPAWN = multiprocessing.get_context("spawn")
 _ENVIRONMENT = threading.Lock()
@@ -64,7 +68,7 @@ class ProcessLauncher:
     spare: keep one process waiting that has imported what jobs need, which takes longer than reading a cloud.
     """
 
-    def __init__(self, entry: str = "app.jobs.functions:run_job", *, spare: bool = False) -> None:
+    def __init__(self, entry: str = "app.work.functions:run_job", *, spare: bool = False) -> None:
         self._entry = entry
         self._keeps_spare = spare
         self._spare: Worker | None = None
@@ -133,6 +137,7 @@ class Worker:
         self.parcels.close()
         self.process.terminate()
         self.process.join(TERMINATE_GRACE_S)
+        kill_group(self.process)
 
 
 class JobProcess:
@@ -151,18 +156,19 @@ class JobProcess:
         self._cancel = cancel
 
     def parcels(self) -> Iterator[Parcel]:
-        """What the worker tells, until its pipe ends; the process is gone afterwards."""
+        """What the worker tells, until it ends; the process is gone afterwards, and all that it has started."""
         try:
-            while True:
+            while self._pipe.poll(DEATH_POLL_S) or self._process.is_alive() or self._pipe.poll():
+                if not self._pipe.poll():
+                    continue
                 yield PARCEL.validate_json(self._pipe.recv_bytes())
         except (EOFError, OSError):
             return
         finally:
             self._pipe.close()
             self._process.join(TERMINATE_GRACE_S)
-            if self._process.is_alive():
-                self._process.kill()
-                self._process.join()
+            kill_group(self._process)
+            self._process.join()
             self._on_end()
 
     def ask_to_stop(self) -> None:
@@ -170,9 +176,25 @@ class JobProcess:
         self._cancel.set()
 
     def terminate(self) -> None:
-        """End the process; harmless when it has ended."""
+        """End the process: asked by signal, killed after the grace. Harmless when it has ended."""
         if self._process.is_alive():
             self._process.terminate()
+            killing = threading.Timer(TERMINATE_GRACE_S, self._kill)
+            killing.daemon = True
+            killing.start()
+
+    def _kill(self) -> None:
+        if self._process.is_alive():
+            kill_group(self._process)
+
+
+def kill_group(process: SpawnProcess) -> None:
+    """Kill a worker, which leads a group of its own, and all that it has started. Nothing of it is left to be asked."""
+    if process.is_alive():
+        process.kill()
+    if sys.platform != "win32" and process.pid is not None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 @contextmanager

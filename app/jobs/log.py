@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from app.jobs.journal import Journal
 from app.schemas.jobs import Job, JobMessage, JobStateEvent
 from app.storage.files import DataFolder
 from calib_core.events import IterationEvent, LogEvent, StageEvent
+
+_LOG = logging.getLogger("unsweep")
 
 AnyMessage = StageEvent | IterationEvent | LogEvent | JobStateEvent
 MESSAGE: TypeAdapter[AnyMessage] = TypeAdapter(JobMessage)
@@ -23,15 +26,21 @@ class JobLogs:
         self._files = files
         self._lock = threading.Lock()
         self._journals: dict[str, Journal[str]] = {}
+        self._unwritten: set[str] = set()  # jobs whose log has a hole, said once
 
     def write(self, job_id: str, message: AnyMessage) -> None:
         """Add a message to the job's log, in memory and on disk."""
         line = message.model_dump_json()
         path = self._path(job_id)
-        path.parent.mkdir(parents=True, exist_ok=True)
         journal = self._journal(job_id)
-        with path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+        except OSError as error:  # on a full disk those who look are told all the same, and the job can end
+            if job_id not in self._unwritten:
+                self._unwritten.add(job_id)
+                _LOG.warning("the log of job %s could not be written: %s", job_id, error.strerror)
         journal.append(line)
 
     def end(self, job: Job) -> None:

@@ -57,3 +57,11 @@ def transition(state: JobState, signal: Signal) -> JobState:
 def may_start(queued: int, running: int, limit: int) -> int:
     """How many queued jobs may start now."""
     return max(0, min(queued, limit - running))
+
+
+def sentence_of(state: JobState, place: int | None) -> str:
+    """The state in one sentence.   place: in the queue, 1 is next; None where it does not wait."""
+    if state != "queued" or place is None or place == 1:
+        return SENTENCES[state]
+    before = place - 1
+    return f"Waiting for a free slot; {before} job{'s are' if before > 1 else ' is'} before it."

@@ -35,5 +35,10 @@ def events_by_name(order: Order, on_event: OnEvent) -> OnEvent:
 
 
 def _renamed(order: Order, name: str, text: str) -> str:
+    # Where the server keeps things is nobody's business but its own.
+    text = text.replace(str(order.source), name)
+    for folder in (order.cache, order.folder, order.unpacked, order.source.parent):
+        if folder is not None:
+            text = text.replace(f"{folder}/", "")
     # Not where it is part of a longer name, nor of a path: who reads a path looks for the file that is kept.
     return re.sub(rf"(?<![\w./\\-]){re.escape(order.source.name)}(?![\w-])", lambda _: name, text)

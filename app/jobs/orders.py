@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from app.limits import JobLimits
+from app.schemas.audits import NewAudit
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
 from calib_core.events import IterationEvent, LogEvent, StageEvent
@@ -14,7 +16,7 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 
 
 class _Parcel(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class OrderedPlane(_Parcel):
@@ -36,6 +38,8 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+    audit: NewAudit | None = None
+    client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")
 
 
 class Order(_Parcel):
@@ -53,6 +57,7 @@ class Order(_Parcel):
     scenario: str = ""
     read_settings: ReadSettings = ReadSettings()
     request: StoredRequest = StoredRequest()
+    limits: JobLimits | None = Field(default=None, description="None: as much as there is")
 
 
 class Happened(_Parcel):

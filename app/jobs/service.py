@@ -1,4 +1,4 @@
-"""Jobs: queue, run N at once, cancel, survive restarts. Thread-safe; one supervising thread per running job.
+"""Jobs: queue fairly, run N at once, cancel, survive restarts. Thread-safe; one supervising thread per running job.
 
 The store is the truth about states, machine.py about what may follow what. Progress lives in memory: it is worth
 nothing after a restart.
@@ -9,37 +9,49 @@ from __future__ import annotations
 import logging
 import shutil
 import threading
+import time
 import uuid
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import cast
 
+from anyio import to_thread
 from fastapi.sse import ServerSentEvent
-from pydantic import TypeAdapter
 
+from app.bus import Bus
+from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
+from app.events import JobMoved, JobSaid, JobStepped, QueueMoved
+from app.jobs.client import ASKING
+from app.jobs.journal import Journal, number_of
+from app.jobs.kept import error_of, outcome_of, request_of
 from app.jobs.launch import Launcher, RunningJob
 from app.jobs.log import JobLogs
-from app.jobs.machine import FINAL, SENTENCES, IllegalTransition, Signal, may_start, transition
+from app.jobs.machine import FINAL, IllegalTransition, Signal, may_start, sentence_of, transition
 from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
+from app.jobs.queue import Ticket, Turns
+from app.logs import about
 from app.schemas.common import ErrorFacts
-from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, Outcome, PlaneLook
-from app.server.errors import Conflict, NotFound, facts_of
-from app.server.settings import AppSettings
+from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, PlaneLook
+from app.settings import AppSettings
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord
 from app.storage.store import JobStore
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 
 _LOG = logging.getLogger("unsweep")
-_OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
-
 STOPPED = ErrorFacts(code="job.stopped", text="The job stopped by itself; run it again.")
 DIED = ErrorFacts(
     code="job.died",
     text="The job's process ended without a word, most likely for want of memory: choose a shorter time span.",
 )
 
+#: So many of those that wait are told when their place has changed; who is farther back sees it at the next look.
+TOLD_PLACES = 50
+
+#: How often a job that has ended looks whether the disk has room for its state.
+FULL_DISK_POLL_S = 1.0
 #: How long a deleted recording's jobs have to go away.
 STOP_WAIT_S = 10.0
 
@@ -56,9 +68,8 @@ class Progress:
 class JobService:
     """All jobs of the application.
 
-    make_order: what a job's worker is told.   on_change: called after each change of state, from any thread.
-    on_step: called with the recording's id after each step of a solve.   on_said: called with each sentence a job says.
-    looks_of: how planes of a recording's solve are shown.
+    make_order: what a job's worker is told.   looks_of: how planes of a recording's solve are shown.
+    Tells the bus of every change of state, of what jobs say, and of who has come nearer to the front of the queue.
     """
 
     def __init__(
@@ -68,8 +79,9 @@ class JobService:
         *,
         settings: AppSettings,
         launcher: Launcher,
+        bus: Bus,
         make_order: Callable[[JobRecord], Order],
-        on_change: Callable[[JobRecord, Job], None],
+        looks_of: Callable[[str, Sequence[OrderedPlane]], list[PlaneLook]] = lambda _, __: [],
     ) -> None:
         self.logs = JobLogs(files)
         self._store = store
@@ -77,15 +89,17 @@ class JobService:
         self._settings = settings
         self._launcher = launcher
         self._make_order = make_order
-        self._on_change = on_change
+        self._looks_of = looks_of
+        self._bus = bus
         self._lock = threading.RLock()
         self._running: dict[str, RunningJob] = {}
         self._threads: dict[str, threading.Thread] = {}
         self._progress: dict[str, Progress] = {}
+        self._tickets: dict[str, Ticket] = {}
+        self._turns = Turns()
+        self._places: dict[str, int] | None = None
+        self._overdue: set[str] = set()
         self._closing = False
-        self.on_step: Callable[[str], None] = lambda _: None
-        self.looks_of: Callable[[str, Sequence[OrderedPlane]], list[PlaneLook]] = lambda _, __: []
-        self.on_said: Callable[[JobRecord, LogEvent], None] = lambda _, __: None
 
     # What there is
 
@@ -113,20 +127,22 @@ class JobService:
         """The job as the wire carries it."""
         ended_well = record.state == "done"
         progress = self._progress.get(record.id, Progress(fraction=1.0 if ended_well else 0.0))
-        request = StoredRequest.model_validate_json(record.request_json)
+        request = request_of(record)
+        place = self._place(record.id) if record.state == "queued" else None
         return Job(
             id=record.id,
             recording_id=record.recording_id,
             kind=record.kind,
             state=record.state,
-            state_text=SENTENCES[record.state],
+            state_text=sentence_of(record.state, place),
+            queue_place=place,
             stage=progress.stage,
             fraction=progress.fraction,
             text=progress.text,
-            error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
+            error=error_of(record),
             settings=request.settings,
-            planes=self.looks_of(record.recording_id, request.planes or ()),
-            result=None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json),
+            planes=self._looks_of(record.recording_id, request.planes or ()),
+            result=outcome_of(record),
             retry_of=record.retry_of,
             created_at=record.created_at,
             started_at=record.started_at,
@@ -135,17 +151,21 @@ class JobService:
 
     async def watch(self, job_id: str, last_event_id: str | None) -> AsyncIterator[JobMessage]:
         """The job's messages after `last_event_id`, as server-sent events, until its final state."""
-        with self._lock:  # so that the job cannot end between the look and the subscription
-            journal = self.logs.journal(job_id, live=self.get(job_id).state not in FINAL)
-        start = int(last_event_id) + 1 if last_event_id and last_event_id.isdecimal() else 0
-        async for number, line in journal.follow(start):
+        journal = await to_thread.run_sync(self._journal, job_id)
+        last = number_of(last_event_id)
+        async for number, line in journal.follow(0 if last is None else last + 1):
             # Already JSON: FastAPI passes a ServerSentEvent on as it is; the annotation documents its data.
             yield cast(JobMessage, ServerSentEvent(raw_data=line, id=str(number)))
+
+    def _journal(self, job_id: str) -> Journal[str]:
+        with self._lock:  # so that the job cannot end between the look and the subscription
+            return self.logs.journal(job_id, live=self.get(job_id).state not in FINAL)
 
     # What can be done
 
     def submit(self, recording_id: str, kind: JobKind, request: StoredRequest, *, retry_of: str | None = None) -> Job:
-        """Queue a job."""
+        """Queue a job for whoever asks."""
+        request = request.model_copy(update={"client": ASKING.get()})
         record = JobRecord(
             id=uuid.uuid4().hex,
             recording_id=recording_id,
@@ -159,10 +179,24 @@ class JobService:
             started_at=None,
             ended_at=None,
         )
-        self._store.add(record)
+        with self._lock:
+            record = self._store.add(record)
+            self._places = None
         self._tell(record)
         self.start_queued()
         return self.wire(self.get(record.id))
+
+    def count_under_way(self) -> Counter[JobState]:
+        """How many jobs wait, run, or are being stopped."""
+        return Counter(record.state for record in self._store.in_states(["queued", "running", "cancelling"]))
+
+    def check_room(self) -> None:
+        """Raise TooMany where no more jobs may wait."""
+        if len(self._store.in_states(["queued"])) >= self._settings.max_waiting_jobs:
+            raise TooMany(
+                "jobs.too_many",
+                f"{self._settings.max_waiting_jobs} jobs wait already, the most this server takes: cancel some, or wait.",
+            )
 
     def cancel(self, job_id: str) -> Job:
         """Ask the job to stop, and stop it when the grace has passed."""
@@ -208,40 +242,78 @@ class JobService:
         self.logs.close()
 
     def start_queued(self) -> None:
-        """Start what waits, as far as slots are free."""
+        """Start what waits, as far as slots are free, and tell those who wait on where they are."""
         with self._lock:
             if self._closing:
                 return
-            queued = self._store.in_states(["queued"])
-            free = may_start(len(queued), len(self._threads), self._settings.concurrent_jobs)
-            starting = [self._change(record, "start") for record in queued[:free]]
-            for record in starting:
-                thread = threading.Thread(target=self._supervise, args=(record,), name=f"job-{record.id[:8]}")
-                thread.daemon = True
-                self._threads[record.id] = thread
-                thread.start()
+            before = self._places or {}
+            waiting = {record.id: record for record in self._store.in_states(["queued"])}
+            order = self._turns.order(map(ticket_of, waiting.values()), self._tickets.values())
+            free = may_start(len(order), len(self._threads), self._settings.concurrent_jobs)
+            for ticket in order[:free]:
+                self._turns.serve(ticket)
+                self._tickets[ticket.job_id] = ticket
+                self._start(self._change(waiting[ticket.job_id], "start"))
+            places = {ticket.job_id: place for place, ticket in enumerate(order[free:], start=1)}
+            self._places = places
+        moved = [job_id for job_id, place in places.items() if before.get(job_id) not in {None, place}]
+        if moved:
+            self._bus.publish(QueueMoved([self.wire(waiting[job_id]) for job_id in moved[:TOLD_PLACES]]))
 
     # How it is done
 
+    def _place(self, job_id: str) -> int | None:
+        with self._lock:
+            if self._places is None:
+                waiting = map(ticket_of, self._store.in_states(["queued"]))
+                order = self._turns.order(waiting, self._tickets.values())
+                self._places = {ticket.job_id: place for place, ticket in enumerate(order, start=1)}
+            return self._places.get(job_id)
+
+    def _start(self, record: JobRecord) -> None:
+        thread = threading.Thread(target=self._supervise, args=(record,), name=f"job-{record.id[:8]}", daemon=True)
+        self._threads[record.id] = thread
+        thread.start()
+
     def _supervise(self, record: JobRecord) -> None:
+        with about(recording_id=record.recording_id, job_id=record.id):
+            self._see_through(record)
+
+    def _see_through(self, record: JobRecord) -> None:
+        ASKING.set(self._tickets[record.id].client)  # what follows from the job is asked for by the same
         try:
             self._tell(record)
             ending = self._run(record)
         except Exception as error:  # noqa: BLE001 - whatever went wrong, the job must not stay "running" for ever
             status, facts = facts_of(error)
             if status >= 500:
-                _LOG.exception("job %s could not be run", record.id)
+                _LOG.exception("the job could not be run")
             ending = Failed(error=facts)
         try:
-            self._end(record.id, ending)
+            self._end_when_there_is_room(record.id, ending)
+            _LOG.info("%s is %s", record.kind, self.get(record.id).state)
         except NotFound:
             shutil.rmtree(self._files.job(record.id), ignore_errors=True)  # its recording was deleted meanwhile
         finally:
             with self._lock:
                 self._running.pop(record.id, None)
                 self._threads.pop(record.id, None)
+                self._tickets.pop(record.id, None)
                 self._progress.pop(record.id, None)
+                self._overdue.discard(record.id)
             self.start_queued()
+
+    def _end_when_there_is_room(self, job_id: str, ending: Parcel | None) -> None:
+        """End the job; on a full disk once its state can be kept."""
+        while True:
+            try:
+                self._end(job_id, ending)
+            except DiskFull:
+                if self._closing:
+                    return  # found interrupted at the next start
+                time.sleep(FULL_DISK_POLL_S)
+            else:
+                return
 
     def _run(self, record: JobRecord) -> Parcel | None:
         """Run the job to its end: its last parcel, or None where the process died without a word."""
@@ -249,6 +321,9 @@ class JobService:
         with self._lock:
             self._running[record.id] = running
         ending: Parcel | None = None
+        limit = threading.Timer(self._settings.limit_s(record.kind), self._stop_overdue, (record.id,))
+        limit.daemon = True
+        limit.start()
         try:
             if self._closing:
                 running.terminate()
@@ -264,6 +339,8 @@ class JobService:
             for _ in running.parcels():
                 pass
             raise
+        finally:
+            limit.cancel()
         return ending
 
     def _note(self, record: JobRecord, parcel: Happened) -> None:
@@ -272,9 +349,9 @@ class JobService:
             self._progress[record.id] = Progress(event.stage, event.fraction, event.text)
         self.logs.write(record.id, event)
         if isinstance(event, IterationEvent):
-            self.on_step(record.recording_id)
+            self._bus.publish(JobStepped(record.recording_id))
         elif isinstance(event, LogEvent):
-            self.on_said(record, event)
+            self._bus.publish(JobSaid(record, event))
 
     def _end(self, job_id: str, ending: Parcel | None) -> None:
         if isinstance(ending, Finished):
@@ -283,10 +360,25 @@ class JobService:
             self._move(job_id, "fail", error_json=ending.error.model_dump_json())
         elif self._closing:
             self._move(job_id, "lose")
+        elif job_id in self._overdue:
+            self._move(job_id, "fail", error_json=self._too_long(job_id).model_dump_json())
         elif self.get(job_id).state == "cancelling":
             self._move(job_id, "stop")
         else:
             self._move(job_id, "fail", error_json=(STOPPED if isinstance(ending, Stopped) else DIED).model_dump_json())
+
+    def _stop_overdue(self, job_id: str) -> None:
+        self._overdue.add(job_id)
+        self._ask_to_stop(job_id)
+
+    def _too_long(self, job_id: str) -> ErrorFacts:
+        limit_s = self._settings.limit_s(self.get(job_id).kind)
+        longest = f"{limit_s / 60:.0f} min" if limit_s >= 120 else f"{limit_s:.3g} s"
+        return ErrorFacts(
+            code="job.too_long",
+            text=f"The job was stopped after {longest}, the longest that this server lets one run: choose a shorter time "
+            "span, or ask whoever runs the server for a longer limit.",
+        )
 
     def _ask_to_stop(self, job_id: str) -> None:
         with self._lock:
@@ -311,6 +403,8 @@ class JobService:
         self, record: JobRecord, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
     ) -> JobRecord:
         state: JobState = transition(record.state, signal)
+        if record.state == "queued":
+            self._places = None
         now = datetime.now(UTC)
         return self._store.save(
             replace(
@@ -327,4 +421,9 @@ class JobService:
         job = self.wire(record)
         if not logged:
             self.logs.write(record.id, JobStateEvent(job=job))
-        self._on_change(record, job)
+        self._bus.publish(JobMoved(record, job))
+
+
+def ticket_of(record: JobRecord) -> Ticket:
+    """The job as the queue knows it."""
+    return Ticket(record.id, request_of(record).client, record.recording_id, record.sequence)

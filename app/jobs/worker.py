@@ -20,6 +20,7 @@ from typing import cast
 from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
+from app.limits import apply_limits, full_disk, out_of_memory
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
 from calib_core.errors import Cancelled, TopicError, UnsweepError
@@ -44,7 +45,8 @@ def run_worker(entry: str, orders: Connection, pipe: Connection, cancel: Process
         order = Order.model_validate_json(orders.recv_bytes())
     except (EOFError, OSError):
         return  # the server wants no job of this process any more
-    _log_to_file(order)
+    if order.limits is not None:
+        apply_limits(order.limits)
     try:
         parcel = _perform(entry, order, pipe, cancel)
         pipe.send_bytes(parcel.model_dump_json().encode())
@@ -59,6 +61,7 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         lambda event: pipe.send_bytes(Happened(event=event).model_dump_json().encode()), clock=time.monotonic
     )
     try:
+        _log_to_file(order)
         outcome = _resolve(entry)(order, on_event, cancel.is_set)
         on_event.flush()
         return Finished(outcome=outcome)
@@ -70,14 +73,17 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         details = ErrorDetails(candidates=candidates) if candidates else None
         return Failed(error=ErrorFacts(code=error.code, text=by_name(order, str(error)), details=details))
     except MemoryError:
-        text = "The job needed more memory than this machine has: choose a shorter time span, or a larger machine."
-        return Failed(error=ErrorFacts(code="job.memory", text=text))
+        return Failed(error=out_of_memory(order.limits))
     except (BrokenPipeError, ConnectionResetError):
         raise
-    except Exception:  # noqa: BLE001 - the boundary: a defect becomes a sentence, its traceback goes to the job's log
+    except Exception as error:  # noqa: BLE001 - the boundary: a defect becomes a sentence, its traceback goes to the job's log
+        if isinstance(error, OSError) and (facts := full_disk(error)) is not None:
+            return Failed(error=facts)
         traceback.print_exc()
-        log = order.folder / "worker.log"
-        text = f"The program itself failed in this job; the details are in {log}. Please report it."
+        text = (
+            f"The program itself failed in this job; the details are in jobs/{order.job_id}/worker.log of the server's "
+        )
+        text += "data directory. Please report it."
         return Failed(error=ErrorFacts(code="defect", text=text))
 
 
@@ -87,7 +93,9 @@ def _resolve(entry: str) -> JobFunction:
 
 
 def _stay_with_server() -> None:
-    """No Ctrl-C (the server decides), and an end when the server has ended."""
+    """No Ctrl-C (the server decides), a group of its own, by which its children end too, and an end with the server."""
+    if sys.platform != "win32":
+        os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
@@ -107,4 +115,6 @@ def _log_to_file(order: Order) -> None:
 def _leave_with_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(PARENT_POLL_S)
+    if sys.platform != "win32":
+        os.killpg(0, signal.SIGKILL)
     os._exit(1)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.errors import BadRequest
 from app.planes.geometry import FittedPlane, fit_plane, labels, within_region
 from app.planes.state import EditedPatch, PlaneSet, Side, Triple, suggested
 from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Restrict, Toggle, UseSuggestion
 from app.schemas.planes import Side as WireSide
-from app.server.errors import BadRequest
 from calib_core.types import FloatArray, PlanePatch, PlaneProposals
 
 Editing = Confirm | Drop | Toggle | Rename | Merge | Grow | Restrict | UseSuggestion

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from app.arrays.proposals import has_proposals, read_proposals
-from app.jobs.functions import proposal_arrays
+from pydantic import ValidationError
+
+from app.arrays.folder import DamagedArrays, discard
+from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals
+from app.bus import Bus
+from app.errors import ApiError, Conflict, NotFound
+from app.events import PlanesEdited, RecordingArrived
 from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
+from app.planes.palette import plane_hex
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
 from app.planes.strength import foreseen
 from app.planes.upright import Room, named, room_of
 from app.planes.wire import wire_planes
-from app.scene.palette import plane_hex
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
 from app.schemas.report import Report
-from app.server.errors import ApiError, Conflict, NotFound
 from app.storage.files import DataFolder
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
@@ -36,10 +40,11 @@ class PlaneService:
     """Reading and editing planes. Thread-safe: operations come from routes and from clicks in the scene.
 
     Each recording has a lock of its own, held while its clouds are read and fitted: who edits another does not wait for it.
-    on_changed: called with recording id and revision after each change.
+    Tells the bus of each change.
     """
 
-    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder) -> None:
+    def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder, bus: Bus) -> None:
+        self._bus = bus
         self._recordings = recordings
         self._documents = documents
         self._files = files
@@ -48,7 +53,6 @@ class PlaneService:
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
         self._rooms: dict[str, tuple[str, Room]] = {}
-        self.on_changed: Callable[[str, int], None] = lambda _, __: None
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
@@ -65,8 +69,7 @@ class PlaneService:
         """Proposals and history; Conflict until there are some."""
         with self._own_lock(recording_id):
             key, proposals, room = self._load(recording_id)
-            text = self._documents.read(recording_id, DOCUMENT)
-            history = None if text is None else PlaneHistory.model_validate_json(text)
+            history = self._kept(recording_id)
             if history is None or history.cache_key != key:
                 revision = 0 if history is None else history.revision + 1
                 history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
@@ -88,13 +91,13 @@ class PlaneService:
                 return self._wire(recording_id, history, proposals)
             self._keep(recording_id, after)
             planes = self._wire(recording_id, after, proposals)
-        self.on_changed(recording_id, planes.revision)
+        self._bus.publish(PlanesEdited(recording_id, planes.revision))
         return planes
 
     def proposed(self, recording_id: str) -> None:
         """New proposals are there: tell those who look."""
         _, history = self.current(recording_id)
-        self.on_changed(recording_id, history.revision)
+        self._bus.publish(PlanesEdited(recording_id, history.revision))
 
     def confirmed(self, recording_id: str) -> tuple[OrderedPlane, ...] | None:
         """The planes a solve uses; None, which lets the solve find its own, where none have been proposed."""
@@ -130,8 +133,8 @@ class PlaneService:
         try:
             return self.current(recording_id)[1].current
         except ApiError:  # its proposals are gone, or it is
-            text = self._documents.read(recording_id, DOCUMENT)
-            return PlaneSet(patches=()) if text is None else PlaneHistory.model_validate_json(text).current
+            history = self._kept(recording_id)
+            return PlaneSet(patches=()) if history is None else history.current
 
     def forget(self, recording_id: str) -> None:
         """Drop what is in memory of a deleted recording."""
@@ -145,6 +148,14 @@ class PlaneService:
     def _own_lock(self, recording_id: str) -> threading.RLock:
         with self._lock:
             return self._editing.setdefault(recording_id, threading.RLock())
+
+    def _kept(self, recording_id: str) -> PlaneHistory | None:
+        """The planes as they were left; None where they never were touched, or can no longer be read."""
+        text = self._documents.read(recording_id, DOCUMENT)
+        try:
+            return None if text is None else PlaneHistory.model_validate_json(text)
+        except ValidationError:
+            return None
 
     def _keep(self, recording_id: str, history: PlaneHistory) -> None:
         self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
@@ -185,15 +196,20 @@ class PlaneService:
             raise NotFound("recording.not_found", "The recording has been deleted.")
         key = self._files.cache_key(record)
         folder = proposal_arrays(self._files.cache(record))
-        if not has_proposals(folder):
-            raise Conflict(
-                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
-            )
         cached = f"{recording_id}/{key}"
         with self._lock:
             proposals = self._proposals.pop(cached, None)
-        if proposals is None:
-            proposals = read_proposals(folder)
+        try:
+            if not has_proposals(folder):
+                raise DamagedArrays
+            if proposals is None:
+                proposals = read_proposals(folder)
+        except DamagedArrays:
+            if discard(folder):  # there was something, and it was not whole: it is found again
+                self._bus.publish(RecordingArrived(record))
+            raise Conflict(
+                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
+            ) from None
         with self._lock:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:

@@ -19,7 +19,7 @@ KEPT_STEPS = 200
 
 
 class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class EditedPatch(_Frozen):

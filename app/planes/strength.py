@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from app.planes.state import PlaneSet
-from app.results.limits import AXIS_NAMES, WEAK_IN
 from app.schemas.planes import Foreseen
+from app.weak_limits import AXIS_NAMES, WEAK_IN
 from calib_core.doctor.report import Forecast
 from calib_core.types import FloatArray
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from app.planes.geometry import LEAST_EIGENVALUE, spread_of_directions
+from app.planes.palette import plane_hex
 from app.planes.state import PlaneHistory, PlaneSet
-from app.scene.palette import plane_hex
 from app.schemas.planes import Determinacy, Foreseen, Patch, Planes
 from calib_core.types import FloatArray
 

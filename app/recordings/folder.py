@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+from app.errors import NotFound, Refused
 from app.schemas.recordings import FolderEntry, FolderListing
-from app.server.errors import NotFound, Refused
 from app.storage.files import SUFFIXES
 from app.storage.sizes import tree_size
 
@@ -24,8 +25,14 @@ class RecordingsFolder:
     def listing(self, path: str) -> FolderListing:
         """What is in the folder at `path` below the root; '' is the root."""
         root, folder = self._within(path)
-        if not folder.is_dir():
-            raise NotFound("folder.not_found", f"The recordings folder has no folder {path!r}; go up and choose again.")
+        try:
+            there = folder.is_dir()
+        except OSError:  # a name longer than the file system knows
+            there = False
+        if not there:
+            raise NotFound(
+                "folder.not_found", f"The recordings folder has no folder {path[:80]!r}; go up and choose again."
+            )
         entries = [entry for child in sorted(folder.iterdir()) if (entry := _entry(child, root)) is not None]
         parent = None if folder == root else _below(folder.parent, root)
         return FolderListing(path=_below(folder, root), parent=parent, entries=entries)
@@ -33,10 +40,14 @@ class RecordingsFolder:
     def recording(self, path: str) -> Path:
         """The recording at `path` below the root: a bag file or a ROS 2 bag folder."""
         _, found = self._within(path)
-        if not (is_recording_file(found) or is_recording_folder(found)):
+        try:
+            there = is_recording_file(found) or is_recording_folder(found)
+        except OSError:
+            there = False
+        if not there:
             raise NotFound(
                 "folder.no_recording",
-                f"Expected a bag file or a ROS 2 bag folder at {path!r} in the recordings folder, found none; "
+                f"Expected a bag file or a ROS 2 bag folder at {path[:80]!r} in the recordings folder, found none; "
                 "choose an entry marked as a recording.",
             )
         return found
@@ -46,10 +57,11 @@ class RecordingsFolder:
             raise NotFound("folder.not_offered", "This server offers no folder; start it with --recordings DIR.")
         try:
             found = (self._root / path).resolve()
+            found.exists()  # a name that no file system holds is an error here and in no later place
         except (OSError, ValueError, RuntimeError):
-            raise NotFound("folder.not_found", f"{path!r} is no path in the recordings folder.") from None
+            raise NotFound("folder.not_found", f"{path[:80]!r} is no path in the recordings folder.") from None
         if not found.is_relative_to(self._root):
-            raise Refused("folder.outside", f"{path!r} leads out of the recordings folder; stay inside it.")
+            raise Refused("folder.outside", f"{path[:80]!r} leads out of the recordings folder; stay inside it.")
         return self._root, found
 
 
@@ -63,10 +75,22 @@ def is_recording_folder(path: Path) -> bool:
     return path.is_dir() and (path / "metadata.yaml").is_file()
 
 
+def is_text(path: Path) -> bool:
+    """Whether the path can be written down: file systems keep bytes, and not all bytes are text."""
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _entry(child: Path, root: Path) -> FolderEntry | None:
     """What is shown of a child; None for hidden things and for links that lead out."""
     if child.name.startswith(".") or not child.resolve().is_relative_to(root):
         return None
+    if not is_text(child):  # nobody could ask for it by a name that is none
+        name = os.fsencode(child.name).decode("utf-8", "replace")
+        return FolderEntry(name=name, path=name, kind="file", size_bytes=0)
     if is_recording_file(child):
         return FolderEntry(name=child.name, path=_below(child, root), kind="recording", size_bytes=child.stat().st_size)
     if is_recording_folder(child):

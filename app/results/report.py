@@ -1,103 +1,165 @@
-"""A result as one self-contained page: verdict, numbers with their standard deviations, planes, what to record next."""
+"""A result as one self-contained page that one can print, file and sign: verdict, numbers, evidence, origin.
+
+The template says what stands where; here is what it needs, drawn and worded. Everything that comes from a file is
+escaped by the template engine; the page asks for nothing from a network and runs no script.
+"""
 
 from __future__ import annotations
 
-from html import escape
+import hashlib
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cache
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from app.results import captions, plots
 from app.results.verdict import verdict
-from app.schemas.results import Thickness
-from calib_core.result import CalibrationResult
+from app.schemas.evidence import Evidence
+from app.schemas.results import ScanQuality, Thickness
+from calib_core.result import CalibrationResult, Transform, Uncertainty
+from calib_core.settings import CalibrateSettings
 
-_STYLE = """
-body{font:16px/1.5 system-ui,sans-serif;max-width:52rem;margin:2rem auto;padding:0 1rem;color:#1a1b1e;background:#fff}
-h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}
-table{border-collapse:collapse}td,th{padding:.2rem .9rem .2rem 0;text-align:left}
-td.n{font-variant-numeric:tabular-nums;text-align:right}pre{background:#f4f4f6;padding:.8rem;overflow:auto}
-"""
+if TYPE_CHECKING:
+    from jinja2 import Template
 
-
-def report_page(result: CalibrationResult, walls: Thickness | None) -> str:
-    """The page. Every text in it is escaped: topic and plane names come from files."""
-    name = escape(result.provenance.recording.name)
-    parts = [
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">',
-        f"<title>Calibration of {name}</title><style>{_STYLE}</style></head><body>",
-        f"<h1>Calibration of {name}</h1><p>{escape(verdict(result))}</p>",
-        _answer(result),
-        _sentences("What was noticed", [message.text for message in result.messages]),
-        _sentences("Weak directions", [weak.text for weak in result.observability.weak_directions]),
-        _sentences("What to record next", result.observability.advice),
-        _planes(result),
-        _walls(walls),
-        _origin(result),
-        "</body></html>\n",
-    ]
-    return "".join(parts)
+_HEADINGS = {"calibrated": "Calibrated", "weak": "Weak", "refused": "Refused"}
 
 
-def _answer(result: CalibrationResult) -> str:
-    transform, uncertainty = result.T_imu_lidar, result.uncertainty
-    if transform is None or uncertainty is None:
-        return ""
-    rows = [
-        (name, f"{value:.4f} deg", f"{std:.4f} deg about the lidar's {axis}")
-        for name, axis, value, std in zip(
-            ("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True
-        )
-    ]
+@dataclass(frozen=True)
+class Beside:
+    """What lies beside a result; None where it was not measured.
+
+    command: that repeats the run.   made_at: when it was solved.
+    """
+
+    walls: Thickness | None = None
+    scans: ScanQuality | None = None
+    evidence: Evidence | None = None
+    command: str | None = None
+    made_at: datetime | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture and the sentence that says what to see in it."""
+
+    title: str
+    source: str
+    caption: str
+    half: bool = False
+
+
+def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
+    """The page."""
+    beside = beside or Beside()
+    with plots.drawing():
+        rig, figures = _rig(result), _figures(result, beside)
+    return _template().render(
+        result=result,
+        heading=_HEADINGS[result.status],
+        verdict=_sentence(result),
+        rows=_rows(result.T_imu_lidar, result.uncertainty, result.time_offset_s),
+        matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
+        rig=rig,
+        figures=figures,
+        messages=_messages(result),
+        settings=_settings(result),
+        made_at=None if beside.made_at is None else beside.made_at.strftime("%Y-%m-%d %H:%M %Z").strip(),
+        command=beside.command,
+        document_sha256=hashlib.sha256(result.to_json().encode()).hexdigest(),
+    )
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("app.results"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.jinja")
+
+
+def _sentence(result: CalibrationResult) -> str:
+    """The verdict without the word that stands in front of it, as a sentence of its own."""
+    told = verdict(result).partition(": ")[2] or verdict(result)
+    return told[:1].upper() + told[1:]
+
+
+def _rows(
+    transform: Transform | None, uncertainty: Uncertainty | None, time_offset_s: float | None
+) -> list[tuple[str, str, str, str, str]]:
+    """Name, value, one sigma, unit and about what the sigma is."""
+    if transform is None or uncertainty is None or time_offset_s is None:
+        return []
+    turns = zip(("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
+    rows = [(name, f"{v:.4f}", f"{std:.4f}", "deg", f"about lidar {axis}") for name, axis, v, std in turns]
+    places = zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
     rows += [
-        (f"Position {axis}", f"{value * 1e3:.2f} mm", f"{std * 1e3:.2f} mm")
-        for axis, value, std in zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
+        (f"Position {axis}", f"{1e3 * v:.2f}", f"{1e3 * std:.2f}", "mm", f"along IMU {axis}") for axis, v, std in places
     ]
-    offset_s = result.time_offset_s or 0.0
-    rows.append(("Time offset", f"{offset_s * 1e3:.3f} ms", f"{uncertainty.time_offset_std_s * 1e3:.3f} ms"))
-    matrix = "\n".join("  ".join(f"{value: .9f}" for value in row) for row in transform.matrix)
-    return (
-        "<h2>T_imu_lidar</h2><p>Takes lidar coordinates to IMU coordinates, x_imu = R x_lidar + p; the time offset is "
-        "added to IMU stamps.</p>"
-        + _table(("", "value", "one standard deviation"), rows)
-        + f"<p>As a matrix, last column in metres:</p><pre>{matrix}</pre>"
-    )
+    std_ms = 1e3 * uncertainty.time_offset_std_s
+    return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", f"{std_ms:.4f}", "ms", "of the clocks")]
 
 
-def _planes(result: CalibrationResult) -> str:
-    rows = [(plane.name, f"{plane.points}", f"{plane.rms_m * 1e3:.2f} mm") for plane in result.quality.planes]
-    return "<h2>Planes</h2>" + _table(("plane", "points", "rms distance"), rows) if rows else ""
+def _rig(result: CalibrationResult) -> str | None:
+    if result.T_imu_lidar is None:
+        return None
+    T, recording = np.array(result.T_imu_lidar.matrix), result.provenance.recording
+    return plots.rig(T[:3, :3], T[:3, 3], (recording.imu_frame_id, recording.lidar_frame_id))
 
 
-def _walls(walls: Thickness | None) -> str:
-    if walls is None:
-        return ""
-    rows = [
-        (wall.name, f"{wall.before_rms_m * 1e3:.1f} mm", f"{wall.after_rms_m * 1e3:.1f} mm") for wall in walls.walls
+def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
+    """Those for which there is something to draw, in the order of the argument."""
+    found: list[Figure] = []
+    evidence = beside.evidence or Evidence(steps=[])
+    if evidence.room is not None:
+        found.append(Figure("The room from above, before and after", plots.room(evidence.room), captions.room(result)))
+    if evidence.corner is not None:
+        found.append(Figure("A detail of it", plots.room(evidence.corner), captions.corner(evidence.corner)))
+    if beside.walls is not None and beside.walls.walls:
+        picture = plots.thickness(beside.walls)
+        found.append(Figure("How thick the walls are", picture, captions.thickness(beside.walls), half=True))
+    if evidence.by_range is not None:
+        caption = captions.by_value(evidence.by_range, "range")
+        picture = plots.by_value(evidence.by_range, "range [m]")
+        found.append(Figure("Distance from planes by range", picture, caption, half=True))
+    if evidence.by_ring is not None:
+        caption = captions.by_value(evidence.by_ring, "ring")
+        picture = plots.by_value(evidence.by_ring, "ring (laser) number")
+        found.append(Figure("Distance from planes by ring", picture, caption, half=True))
+    if result.quality.planes:
+        picture = plots.planes(result.quality.planes, beside.walls)
+        found.append(Figure("What is left on each plane", picture, captions.planes(result)))
+    if beside.scans is not None and any(rms is not None for rms in beside.scans.rms_m):
+        found.append(Figure("Scan by scan", plots.over_time(beside.scans), captions.over_time(beside.scans)))
+    if evidence.imu is not None:
+        found.append(Figure("The IMU, measured and foretold", plots.imu(evidence.imu), captions.imu(evidence.imu)))
+    if len(evidence.steps) > 1:
+        found.append(
+            Figure("How the solve settled", plots.convergence(evidence.steps), captions.convergence(evidence.steps))
+        )
+    return found
+
+
+def _messages(result: CalibrationResult) -> list[tuple[str, str]]:
+    """Level and text, each said once, what matters most first."""
+    order = {"error": 0, "warning": 1, "info": 2}
+    said = {message.text: message.level for message in result.messages}
+    return sorted(((level, text) for text, level in said.items()), key=lambda pair: order[pair[0]])
+
+
+def _settings(result: CalibrationResult) -> list[tuple[str, str, bool]]:
+    """Name, value, and whether it is not the default."""
+    defaults = CalibrateSettings().model_dump(mode="json")
+    return [
+        (name.replace("_", " "), json.dumps(value), value != defaults.get(name))
+        for name, value in result.provenance.settings.items()
     ]
-    rows.append(("all", f"{walls.before_rms_m * 1e3:.1f} mm", f"{walls.after_rms_m * 1e3:.1f} mm"))
-    return "<h2>Wall thickness (rms)</h2>" + _table(("plane", "raw", "de-skewed"), rows)
-
-
-def _origin(result: CalibrationResult) -> str:
-    recording = result.provenance.recording
-    rows = [
-        ("recording", recording.name, ""),
-        ("sha256", recording.sha256, ""),
-        ("lidar", recording.lidar_topic, recording.lidar_frame_id),
-        ("IMU", recording.imu_topic, recording.imu_frame_id),
-        *((name, version, "") for name, version in sorted(result.provenance.software.items())),
-    ]
-    return "<h2>Where it comes from</h2>" + _table(("", "", "frame"), rows)
-
-
-def _sentences(title: str, sentences: list[str]) -> str:
-    if not sentences:
-        return ""
-    return f"<h2>{title}</h2><ul>" + "".join(f"<li>{escape(text)}</li>" for text in sentences) + "</ul>"
-
-
-def _table(head: tuple[str, str, str], rows: list[tuple[str, str, str]]) -> str:
-    cells = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)
-    body = "".join(
-        f'<tr><th scope="row">{escape(first)}</th>'
-        f'<td class="n">{escape(second)}</td><td class="n">{escape(third)}</td></tr>'
-        for first, second, third in rows
-    )
-    return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"

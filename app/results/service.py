@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from fastapi import Response
+from pydantic import BaseModel
 
+from app.errors import BadRequest, Conflict
 from app.jobs.machine import SENTENCES
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
 from app.results.command import command_of
-from app.results.report import report_page
+from app.results.report import Beside, report_page
+from app.schemas.evidence import Evidence
 from app.schemas.jobs import Job, SolveOutcome
 from app.schemas.results import AnswerDifference, Command, Run, Runs, ScanQuality, Thickness
-from app.server.errors import BadRequest, Conflict
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core import api
+from calib_core.audit.report import AuditReport
 from calib_core.result import CalibrationResult
 from calib_core.settings import ReadSettings
+
+_Model = TypeVar("_Model", bound=BaseModel)
 
 
 class ResultService:
@@ -54,6 +60,13 @@ class ResultService:
             raise Conflict("result.no_answer", "The solve was refused, so there is no motion to take out of the scans.")
         return Thickness.model_validate_json(path.read_text(encoding="utf-8"))
 
+    def audit(self, job: JobRecord) -> AuditReport:
+        """The report of an audit."""
+        path = self._files.job(job.id) / "audit.json"
+        if job.kind != "audit" or job.state != "done" or not path.is_file():
+            raise Conflict("audit.not_there", f"This job has no audit's report: {SENTENCES[job.state]}")
+        return AuditReport.model_validate_json(path.read_text(encoding="utf-8"))
+
     def scans(self, job: JobRecord) -> ScanQuality:
         """How well each scan agrees with the planes."""
         self._text(job)
@@ -69,12 +82,17 @@ class ResultService:
         reading = ReadSettings.model_validate_json(text)
         return command_of(self.document(job), reading, StoredRequest.model_validate_json(job.request_json))
 
-    def report_page(self, job: JobRecord) -> str:
+    def report_page(self, job: JobRecord, recording: RecordingRecord) -> str:
         """The result as one page for people."""
-        result = self.document(job)
-        path = self._files.job(job.id) / "thickness.json"
-        walls = Thickness.model_validate_json(path.read_text(encoding="utf-8")) if path.is_file() else None
-        return report_page(result, walls)
+        folder = self._files.job(job.id)
+        beside = Beside(
+            walls=_kept(folder / "thickness.json", Thickness),
+            scans=_kept(folder / "scans.json", ScanQuality),
+            evidence=_kept(folder / "evidence.json", Evidence),
+            command=self.command(job, recording).text,
+            made_at=job.ended_at,
+        )
+        return report_page(self.document(job), beside)
 
     def runs(self, recording_id: str) -> Runs:
         """The recording's solves, newest first, each answer compared with the latest one."""
@@ -112,6 +130,10 @@ class ResultService:
 
     def _path(self, job_id: str) -> Path:
         return self._files.job(job_id) / "result.json"
+
+
+def _kept(path: Path, model: type[_Model]) -> _Model | None:
+    return model.model_validate_json(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 
 def _matrix(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, cast
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from app.scene.aim import Stage, Stand, hidden, stand
 from app.scene.cutaway import pieces
+from app.scene.doorless import DoorlessViser
 from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
@@ -96,8 +96,7 @@ class ShownScene:
         on_camera: OnCamera = lambda: None,
         on_box: OnBox = lambda _: None,
     ) -> None:
-        with contextlib.redirect_stdout(io.StringIO()):  # it greets whoever starts it
-            self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._server = DoorlessViser()
         self._on_patch = on_patch
         self._nodes: dict[str, _Put] = {}
         self._dark: bool | None = None
@@ -137,10 +136,9 @@ class ShownScene:
 
         self._server.on_client_connect(connected)
 
-    @property
-    def port(self) -> int:
-        """Where the server listens, on loopback."""
-        return self._server.get_port()
+    def dial(self) -> socket.socket:
+        """A connection to the server, which listens nowhere."""
+        return self._server.dial()
 
     @property
     def camera(self) -> Camera | None:

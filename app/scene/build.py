@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.planes import palette
 from app.planes.geometry import labels, within_region
+from app.planes.palette import Colors
 from app.planes.state import EditedPatch, PlaneSet
-from app.scene import palette
 from app.scene.aim import Stage, stage_of
 from app.scene.items import (
     FIRST_SCANS,
@@ -25,7 +26,6 @@ from app.scene.items import (
     Sheet,
     point_size_m,
 )
-from app.scene.palette import Colors
 from app.scene.support import support_of
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality

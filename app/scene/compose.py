@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.errors import ApiError
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.scene.aim import Stage, stage_of
@@ -20,7 +21,6 @@ from app.scene.straighten import fastest_scan, straighten
 from app.scene.upright import vertical_of
 from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
-from app.server.errors import ApiError
 from app.storage.records import RecordingRecord
 from calib_core.events import IterationEvent
 from calib_core.types import FloatArray, Recording, Trajectory

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from app.planes import palette
 from app.results.thickness import nearest_plane, rigid_map_points
-from app.scene import palette
 from app.scene.aim import stage_of
 from app.scene.build import ground, thinned_scan
 from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M

@@ -6,23 +6,29 @@ ever holds two of them.
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydantic import ValidationError
 
+from app.bus import Bus
+from app.errors import ApiError, BadRequest, NotFound
+from app.events import ClickWasRefused, ViewEdited
+from app.locks import NamedLocks
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene
 from app.scene.compose import Composed, Composer
 from app.scene.picking import pick
 from app.scene.throttle import Throttle
+from app.scene.wipe import Camera
 from app.schemas.planes import Grow, Restrict, Side, Toggle
 from app.schemas.view import ChangeView, View, ViewState
-from app.server.errors import ApiError, BadRequest, NotFound
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core.types import Float32Array, FloatArray
@@ -55,10 +61,7 @@ class OpenScene:
 
 
 class SceneHub:
-    """Views and their scenes. Thread-safe.
-
-    on_view: called when a view has changed.   on_refused: called when what was clicked or drawn cannot be done.
-    """
+    """Views and their scenes. Thread-safe. Tells the bus of changed views, and of clicks that cannot be done."""
 
     def __init__(
         self,
@@ -66,6 +69,7 @@ class SceneHub:
         documents: DocumentStore,
         planes: PlaneService,
         composer: Composer,
+        bus: Bus,
         *,
         settings: AppSettings,
     ) -> None:
@@ -73,13 +77,12 @@ class SceneHub:
         self._documents = documents
         self._planes = planes
         self._composer = composer
+        self._bus = bus
         self._settings = settings
         self._registry = threading.Lock()
-        self._locks: dict[str, threading.RLock] = {}
+        self._locks = NamedLocks()
         self._open: dict[str, OpenScene] = {}
         self._closed = threading.Event()
-        self.on_view: Callable[[str, View], None] = lambda _, __: None
-        self.on_refused: Callable[[str, ApiError], None] = lambda _, __: None
 
     def start(self) -> None:
         """Begin closing idle scenes."""
@@ -105,7 +108,7 @@ class SceneHub:
             composed = self._compose(record)
             self._show(recording_id, composed)
         if state != before:
-            self.on_view(recording_id, composed.view)
+            self._bus.publish(ViewEdited(recording_id, composed.view))
         return composed.view
 
     def refresh(self, recording_id: str) -> None:
@@ -116,7 +119,7 @@ class SceneHub:
                 return
             composed = self._compose(record)
             self._show(recording_id, composed)
-        self.on_view(recording_id, composed.view)
+        self._bus.publish(ViewEdited(recording_id, composed.view))
 
     def refresh_live(self, recording_id: str) -> None:
         """The same for a running solve: only when somebody looks, and not too often."""
@@ -124,8 +127,14 @@ class SceneHub:
         if scene is not None and scene.watchers > 0:
             scene.live.request()
 
-    def port(self, recording_id: str) -> int:
-        """Where the recording's viser server listens; started if need be."""
+    def dial(self, recording_id: str) -> socket.socket:
+        """A connection to the recording's viser server, which is started if need be."""
+        with self._opened(recording_id) as scene:
+            return scene.shown.dial()
+
+    @contextmanager
+    def _opened(self, recording_id: str) -> Iterator[OpenScene]:
+        """The recording's scene, open for as long as this lasts."""
         record = self._record(recording_id)
         if recording_id not in self._open:
             self._make_room()
@@ -137,7 +146,12 @@ class SceneHub:
                     self._open[recording_id] = scene
                 self._show(recording_id, self._compose(record))
             scene.used_at_s = time.monotonic()
-            return scene.shown.port
+            yield scene
+
+    def camera(self, recording_id: str) -> Camera | None:
+        """Where the browser looks from whose camera moved last; None before there is one."""
+        scene = self._open.get(recording_id)
+        return None if scene is None else scene.shown.camera
 
     def watcher_came(self, recording_id: str, change: int) -> None:
         """A browser connected to the scene (+1) or left it (-1)."""
@@ -152,11 +166,15 @@ class SceneHub:
         scene = self._open.get(recording_id)
         return 0 if scene is None else scene.watchers
 
+    def count(self) -> tuple[int, int]:
+        """Scenes that are open, and browsers connected to them."""
+        with self._registry:
+            return len(self._open), sum(scene.watchers for scene in self._open.values())
+
     def export_html(self, recording_id: str) -> str:
         """The scene as one self-contained page to share."""
-        self.port(recording_id)
-        with self._lock_of(recording_id):
-            return self._open[recording_id].shown.export_html()
+        with self._opened(recording_id) as scene:
+            return scene.shown.export_html()
 
     def close_scene(self, recording_id: str) -> None:
         """Stop the recording's viser server."""
@@ -209,7 +227,7 @@ class SceneHub:
         seed_m = pick(scene.pickable_m, origin_m, direction)
         if seed_m is None:
             text = "The cloud has no point there; click on its points, or come nearer."
-            self.on_refused(recording_id, BadRequest("planes.no_point_there", text))
+            self._bus.publish(ClickWasRefused(recording_id, BadRequest("planes.no_point_there", text)))
             return
         self._edit(recording_id, Grow(op="grow", seed_m=seed_m.tolist()))
 
@@ -218,13 +236,12 @@ class SceneHub:
         try:
             self._planes.apply(recording_id, operation)
         except ApiError as error:
-            self.on_refused(recording_id, error)
+            self._bus.publish(ClickWasRefused(recording_id, error))
             return False
         return True
 
-    def _lock_of(self, recording_id: str) -> threading.RLock:
-        with self._registry:
-            return self._locks.setdefault(recording_id, threading.RLock())
+    def _lock_of(self, recording_id: str) -> AbstractContextManager[None]:
+        return self._locks.hold(recording_id)
 
     def _names(self) -> list[str]:
         with self._registry:
@@ -238,9 +255,7 @@ class SceneHub:
             return ViewState()
 
     def _compose(self, record: RecordingRecord) -> Composed:
-        scene = self._open.get(record.id)
-        camera = None if scene is None else scene.shown.camera
-        return self._composer.compose(record, self._state(record.id), camera)
+        return self._composer.compose(record, self._state(record.id), self.camera(record.id))
 
     def _show(self, recording_id: str, composed: Composed) -> None:
         scene = self._open.get(recording_id)

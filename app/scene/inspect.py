@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
+from app.planes import palette
+from app.planes.palette import Colors
 from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
-from app.scene import palette
 from app.scene.aim import Stage
 from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
-from app.scene.palette import Colors
 from app.scene.wipe import Camera, left_of
 from app.schemas.view import Against, ColorBy, Extent, Show
 from calib_core import api

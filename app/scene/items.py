@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from app.planes.palette import Colors, Rgb
 from app.scene.aim import Stage
-from app.scene.palette import Colors, Rgb
 from app.schemas.view import Preset
 from calib_core.types import Float32Array, FloatArray
 

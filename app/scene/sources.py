@@ -6,19 +6,22 @@ import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Generic, TypeVar
+from zipfile import BadZipFile
 
 import numpy as np
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.arrays.recording import has_recording, read_recording
+from app.arrays.folder import DamagedArrays
+from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.arrays.trajectory import read_trajectory
-from app.jobs.functions import recording_arrays
+from app.errors import ApiError
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
+from app.locks import NamedLocks
 from app.scene.build import Solved
-from app.server.errors import ApiError
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core.result import CalibrationResult
@@ -37,13 +40,11 @@ class Shelf(Generic[Kept]):
         self._most = kept
         self._lock = threading.Lock()
         self._kept: OrderedDict[str, Kept] = OrderedDict()
-        self._making: dict[str, threading.Lock] = {}
+        self._making = NamedLocks()
 
     def get(self, name: str, make: Callable[[], Kept]) -> Kept:
         """The thing of that name, made if it is not there."""
-        with self._lock:
-            making = self._making.setdefault(name, threading.Lock())
-        with making:
+        with self._making.hold(name):
             with self._lock:
                 if name in self._kept:
                     self._kept.move_to_end(name)
@@ -53,7 +54,6 @@ class Shelf(Generic[Kept]):
                 self._kept[name] = made
                 while len(self._kept) > self._most:
                     self._kept.popitem(last=False)
-                self._making.pop(name, None)
             return made
 
 
@@ -80,7 +80,10 @@ class SceneSources:
             folder = recording_arrays(self._files.cache(record))
         except ApiError:
             return None
-        return self._recordings.get(str(folder), lambda: read_recording(folder)) if has_recording(folder) else None
+        try:
+            return self._recordings.get(str(folder), lambda: read_recording(folder)) if has_recording(folder) else None
+        except DamagedArrays:  # as if it had not been read; whoever asks for its planes or times has it read again
+            return None
 
     def first_cloud(self, record: RecordingRecord) -> PointArray | None:
         """What was seen first of the recording, (N,) points; None until then."""
@@ -94,7 +97,9 @@ class SceneSources:
         for job in self._jobs.records_of(record.id):
             if job.kind != "solve" or job.state != "done" or (job_id is not None and job.id != job_id):
                 continue
-            if (self._files.job(job.id) / "trajectory.npz").is_file():
+            if not (self._files.job(job.id) / "trajectory.npz").is_file():
+                continue
+            with suppress(OSError, ValueError, KeyError, BadZipFile):  # damaged on the disk: as if it had no answer
                 return SolvedJob(job.id, self._solved.get(job.id, lambda job=job: self._load(job)))  # type: ignore[misc]
         return None
 

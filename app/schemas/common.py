@@ -8,9 +8,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class WireModel(BaseModel):
-    """Base of everything that crosses HTTP. Unknown keys are refused: a misspelt option must not be ignored."""
+    """Base of everything that crosses HTTP. Unknown keys are refused: a misspelt option must not be ignored.
 
-    model_config = ConfigDict(extra="forbid")
+    So are infinities and NaN, which JSON can say (1e999) and cannot keep: they would be read back as null.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 #: Names of recordings, jobs and uploads: 128 random bits in hexadecimal, never anything a user typed.

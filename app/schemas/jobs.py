@@ -8,11 +8,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from app.schemas.common import ErrorFacts, RecordId, WireModel
+from calib_core.audit.report import Verdict
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.result import Status
 from calib_core.settings import CalibrateSettings
 
-JobKind = Literal["simulate", "inspect", "planes", "solve"]
+JobKind = Literal["simulate", "inspect", "planes", "solve", "audit"]
 JobState = Literal["queued", "running", "cancelling", "done", "failed", "cancelled", "interrupted"]
 
 
@@ -59,7 +60,17 @@ class SolveOutcome(WireModel):
     point_to_plane_rms_m: float | None
 
 
-Outcome = Annotated[SimulateOutcome | InspectOutcome | PlanesOutcome | SolveOutcome, Field(discriminator="kind")]
+class AuditOutcome(WireModel):
+    """An audit was written; read it from /api/audits/{job_id}."""
+
+    kind: Literal["audit"] = "audit"
+    verdict: Verdict
+    text: str = Field(description="one sentence for a person")
+
+
+Outcome = Annotated[
+    SimulateOutcome | InspectOutcome | PlanesOutcome | SolveOutcome | AuditOutcome, Field(discriminator="kind")
+]
 
 
 class InitialGuess(WireModel):
@@ -94,6 +105,9 @@ class Job(WireModel):
     kind: JobKind
     state: JobState
     state_text: str = Field(description="the state in one sentence")
+    queue_place: int | None = Field(
+        default=None, description="while it waits: 1 is next; jobs of all clients take turns"
+    )
     stage: str | None = None
     fraction: float = 0.0
     text: str = ""

@@ -129,7 +129,7 @@ class Sample(WireModel):
     text: str
 
 
-class Limits(WireModel):
+class WeakLimits(WireModel):
     """One standard deviation of a kind of axis."""
 
     rotation_deg: float
@@ -146,9 +146,22 @@ class ServerFacts(WireModel):
     upload_suffixes: list[str]
     export_formats: list[str]
     samples: list[Sample]
-    limits: Limits = Field(description="beyond which standard deviation an axis is weak")
+    limits: WeakLimits = Field(description="beyond which standard deviation an axis is weak")
     axis_names: dict[str, str] = Field(description="by the axis's name in the covariance's order")
     imu_presets: list[str] = Field(description="IMUs whose noise is known by name")
+
+
+class NewShareLink(WireModel):
+    """For how long a link shall show a recording."""
+
+    hours: float = Field(default=24.0, gt=0, le=24 * 90, allow_inf_nan=False, description="the link ends after so many")
+
+
+class ShareLink(WireModel):
+    """A link that shows one recording, read-only."""
+
+    path: str = Field(description="to be put behind the server's address")
+    until: datetime
 
 
 class Health(WireModel):

@@ -11,9 +11,10 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.server.errors import NotFound
+from app.errors import NotFound
 
-STATIC = Path(__file__).resolve().parents[1] / "static"
+#: Beside the rooms, where the build puts it.
+STATIC = Path(__file__).parents[1] / "static"
 ASSETS = "/assets"
 ONE_YEAR = "public, max-age=31536000, immutable"
 
@@ -23,7 +24,7 @@ NOT_BUILT = (
 )
 
 #: Everything below these is the server's, never a page of the client.
-SERVER_PATHS = ("api", "scene", "healthz", "readyz")
+SERVER_PATHS = ("api", "scene", "healthz", "readyz", "metrics")
 
 
 class HashedFiles(StaticFiles):

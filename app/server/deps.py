@@ -7,6 +7,7 @@ from typing import Annotated, cast
 from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
 
+from app.errors import Refused
 from app.server.services import Services
 from app.storage.records import JobRecord, RecordingRecord
 
@@ -21,14 +22,25 @@ def get_services(connection: HTTPConnection) -> Services:
 ServicesDep = Annotated[Services, Depends(get_services)]
 
 
-def get_recording(services: ServicesDep, recording_id: Annotated[str, _ID]) -> RecordingRecord:
+def get_recording(
+    connection: HTTPConnection, services: ServicesDep, recording_id: Annotated[str, _ID]
+) -> RecordingRecord:
     """The recording named in the path."""
+    _check_shared(connection, recording_id)
     return services.recordings.get(recording_id)
 
 
-def get_job(services: ServicesDep, job_id: Annotated[str, _ID]) -> JobRecord:
+def get_job(connection: HTTPConnection, services: ServicesDep, job_id: Annotated[str, _ID]) -> JobRecord:
     """The job named in the path."""
-    return services.jobs.get(job_id)
+    job = services.jobs.get(job_id)
+    _check_shared(connection, job.recording_id)
+    return job
+
+
+def _check_shared(connection: HTTPConnection, recording_id: str) -> None:
+    """Raise Refused where the visitor came by a link to another recording."""
+    if getattr(connection.state, "shared", None) not in {None, recording_id}:
+        raise Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
 
 
 RecordingDep = Annotated[RecordingRecord, Depends(get_recording)]

@@ -1,109 +1,59 @@
-"""Errors of the application and the one body in which every error leaves it.
-
-ApiError                      anything a route refuses on purpose
-|- NotFound            404    no such record
-|- Conflict            409    not in this state, or somebody else was faster
-|- Refused             403    wrong origin, wrong host, path outside the folder
-|- Unauthorised        401    no token, or a wrong one
-|- TooLarge            413    more bytes than the limit
-|- BadRequest          422    understood, and cannot be done as asked
-|- DiskFull            507    not enough space left
-|- Unavailable         503    the store or the data directory cannot be used
-calib_core.UnsweepError 422   the library's own tree: its code and sentence pass through
-everything else         500   a defect: logged with its traceback, told without it
-"""
+"""Every error leaves the server in one body, with the sentence that app/errors.py has for it."""
 
 from __future__ import annotations
 
+import errno
 import http
 import logging
+import os
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
+from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
-from calib_core.errors import TopicError, UnsweepError
+from app.settings import AppSettings
+from calib_core.errors import UnsweepError
+
+#: The disk is full, or the share of it that this user may have.
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 _LOG = logging.getLogger("unsweep")
 
-DEFECT_TEXT = "The program itself failed here; the server's log has the details. Please report it and try again."
 
-
-class ApiError(Exception):
-    """Anything refused on purpose. `code` is stable and dotted; str() is one sentence for a person."""
-
-    status = 400
-
-    def __init__(self, code: str, text: str, *, details: ErrorDetails | None = None) -> None:
-        super().__init__(text)
-        self.code = code
-        self.details = details
-
-
-class NotFound(ApiError):
-    """No such record."""
-
-    status = 404
-
-
-class Conflict(ApiError):
-    """Not in this state, or somebody else was faster."""
-
-    status = 409
-
-
-class Refused(ApiError):
-    """Wrong origin, wrong host, or a path outside the folder."""
-
-    status = 403
-
-
-class Unauthorised(ApiError):
-    """No token, or a wrong one."""
-
-    status = 401
-
-
-class TooLarge(ApiError):
-    """More bytes than the limit."""
-
-    status = 413
-
-
-class BadRequest(ApiError):
-    """Understood, and cannot be done as asked."""
-
-    status = 422
-
-
-class DiskFull(ApiError):
-    """Not enough space left."""
-
-    status = 507
-
-
-class Unavailable(ApiError):
-    """The store or the data directory cannot be used."""
-
-    status = 503
-
-
-def facts_of(error: Exception) -> tuple[int, ErrorFacts]:
-    """HTTP status and facts of any exception, without a traceback."""
-    if isinstance(error, ApiError):
-        return error.status, ErrorFacts(code=error.code, text=str(error), details=error.details)
-    if isinstance(error, TopicError):
-        details = ErrorDetails(candidates=list(error.candidates))
-        return 422, ErrorFacts(code=error.code, text=str(error), details=details)
-    if isinstance(error, UnsweepError):
-        return 422, ErrorFacts(code=error.code, text=str(error))
+def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
+    """The same for what the web framework raises, too."""
     if isinstance(error, RequestValidationError):
         return 422, _invalid_request(error)
     if isinstance(error, HTTPException):
         return error.status_code, _http_facts(error)
-    return 500, ErrorFacts(code="defect", text=DEFECT_TEXT)
+    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in FULL):
+        error = storage_error(error)
+    return facts_of(error)
+
+
+def storage_error(error: SQLAlchemyError | OSError) -> ApiError:
+    """What the store's or the disk's own complaint means to a person: no defect of the program."""
+    cause = str(getattr(error, "orig", None) or error)
+    if isinstance(error, OSError) or "disk is full" in cause:
+        return DiskFull(
+            "disk.full", "The server's disk is full: delete recordings that are not needed, then try again."
+        )
+    return Unavailable(
+        "store.unusable",
+        "The server's record store cannot be read or written just now; whoever runs it finds the cause in its log.",
+    )
+
+
+def without_paths(text: str, settings: AppSettings) -> str:
+    """The sentence without where the server keeps things: names below its folders stay, the way there does not."""
+    for folder, name in ((settings.recordings_dir, "the recordings folder"), (settings.data_dir, "of the server")):
+        for shown in () if folder is None else {str(folder), str(folder.resolve())}:
+            text = text.replace(f"{shown}{os.sep}", "").replace(shown, name)
+    return text
 
 
 def _invalid_request(error: RequestValidationError) -> ErrorFacts:
@@ -127,20 +77,26 @@ def body_of(facts: ErrorFacts) -> dict[str, object]:
     return ErrorBody(error=facts).model_dump(mode="json")
 
 
-def error_response(error: Exception) -> JSONResponse:
-    """Any exception as the one error body."""
-    status, facts = facts_of(error)
+def error_response(error: Exception, settings: AppSettings | None = None) -> JSONResponse:
+    """Any exception as the one error body.   settings: of the server, whose folders are not told."""
+    status, facts = facts_of_request(error)
+    if settings is not None:
+        facts = facts.model_copy(update={"text": without_paths(facts.text, settings)})
     headers = dict(error.headers) if isinstance(error, HTTPException) and error.headers else None
+    if isinstance(error, TooMany):
+        headers = {"Retry-After": str(error.retry_after_s)}
     return JSONResponse(body_of(facts), status_code=status, headers=headers)
 
 
 async def _handle(request: Request, error: Exception) -> JSONResponse:
-    if facts_of(error)[0] >= 500 and not isinstance(error, ApiError):
-        _LOG.error("defect in %s %s", request.method, request.url.path, exc_info=error)
-    return error_response(error)
+    status, facts = facts_of_request(error)
+    if status >= 500 and not isinstance(error, ApiError):
+        what = "defect" if facts.code == "defect" else facts.code
+        _LOG.error("%s in %s %s", what, request.method, request.url.path, exc_info=error)
+    return error_response(error, getattr(request.app.state, "settings", None))
 
 
 def install_error_handler(app: FastAPI) -> None:
     """Send every exception of the application through the one handler."""
-    for kind in (ApiError, UnsweepError, RequestValidationError, HTTPException, Exception):
+    for kind in (ApiError, UnsweepError, RequestValidationError, HTTPException, SQLAlchemyError, OSError, Exception):
         app.add_exception_handler(kind, _handle)

@@ -9,7 +9,7 @@ from typing import cast
 
 from fastapi.sse import ServerSentEvent
 
-from app.jobs.journal import Journal
+from app.jobs.journal import Journal, number_of
 from app.schemas.view import (
     ClickRefused,
     JobChanged,
@@ -80,9 +80,10 @@ class RecordingFeed:
         if not last_event_id:
             return journal.end
         boot, _, number = last_event_id.partition("-")
-        if boot != self._boot or not number.isdecimal():
+        last = number_of(number)
+        if boot != self._boot or last is None:
             return None
-        start = int(number) + 1
+        start = last + 1
         return start if journal.oldest <= start <= journal.end else None
 
     def _event(self, number: int, line: str) -> RecordingMessage:

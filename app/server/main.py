@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from socket import socket
@@ -10,19 +11,25 @@ import uvicorn
 from anyio import to_thread
 from fastapi import FastAPI
 
-from app.api import jobs, planes, recordings, results, scene, server, uploads, view
+from app.api import audits, jobs, planes, recordings, results, scene, server, uploads, view
+from app.errors import ApiError
 from app.jobs.launch import Launcher
-from app.recordings.uploads import TusHeaders, make_tus_router
 from app.server.client import CompressText, install_client
 from app.server.errors import install_error_handler
+from app.server.headers import SecurityHeaders
+from app.server.metrics import CountRequests, Metrics
 from app.server.openapi import document, operation_id
+from app.server.patience import PatientH11
 from app.server.security import Gatekeeper
 from app.server.services import Services
-from app.server.settings import AppSettings
+from app.server.sessions import Sessions
+from app.settings import AppSettings
 from calib_core import __version__
 
-#: The largest message a browser may send to the scene.
-WEBSOCKET_MESSAGE_BYTES = 100 * 2**20
+#: The largest message a browser may send to the scene: a camera, a click.
+WEBSOCKET_MESSAGE_BYTES = 2**16
+#: The longest head of a request, all its headers: a long path and a cookie fit many times.
+MAX_HEAD_BYTES = 2**15
 #: How long open requests may take to end when the server stops.
 STOP_GRACE_S = 3
 
@@ -35,9 +42,14 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        services = await to_thread.run_sync(Services, settings, launcher)
-        app.state.services = services
-        await to_thread.run_sync(services.start)
+        try:
+            services = await to_thread.run_sync(Services, settings, launcher)
+            app.state.services = services
+            app.state.metrics.watch(services.jobs, services.scenes, services.files)
+            await to_thread.run_sync(services.start)
+        except ApiError as error:
+            app.state.startup_error = error
+            raise
         try:
             yield
         finally:
@@ -50,20 +62,31 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
         openapi_url="/api/openapi.json",
         docs_url=None,  # its page would load scripts from elsewhere; ours is in api/server.py
         redoc_url=None,
+        redirect_slashes=False,  # its redirects are built from the Host that the request names
         generate_unique_id_function=operation_id,
     )
     app.state.settings = settings
+    app.state.metrics = Metrics()
+    app.state.sessions = make_sessions(settings)
     app.openapi = lambda: document(app)  # type: ignore[method-assign]
     install_error_handler(app)
-    for module in (server, recordings, uploads, jobs, planes, results, view, scene):
+    for module in (server, recordings, uploads, jobs, planes, results, audits, view, scene):
         app.include_router(module.router)
-    app.include_router(make_tus_router(settings))
+    app.include_router(uploads.tus)
     install_client(app)
     # The last one added is the first to see a request.
-    app.add_middleware(TusHeaders)
     app.add_middleware(CompressText)
-    app.add_middleware(Gatekeeper, settings=settings)
+    app.add_middleware(Gatekeeper, settings=settings, sessions=app.state.sessions)
+    app.add_middleware(SecurityHeaders)
+    app.add_middleware(CountRequests, metrics=app.state.metrics)
     return app
+
+
+def make_sessions(settings: AppSettings) -> Sessions | None:
+    """The sessions of the server's token; None where it has none. Read when first asked for."""
+    if settings.token is None:
+        return None
+    return Sessions(settings.token, settings.data_dir / "sessions.json", lifetime_s=settings.session_hours * 3600)
 
 
 class Server(uvicorn.Server):
@@ -72,11 +95,18 @@ class Server(uvicorn.Server):
     def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
         super().__init__(config)
         self._app = app
+        logging.getLogger("uvicorn.error").addFilter(lambda _: self.startup_error is None)
+
+    @property
+    def startup_error(self) -> ApiError | None:
+        """Why the server did not start, in a sentence, which is told instead of a traceback."""
+        return getattr(self._app.state, "startup_error", None)
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Stop."""
         services: Services | None = getattr(self._app.state, "services", None)
         if services is not None:
+            await services.recordings.stop_uploads()
             await to_thread.run_sync(services.end_streams)
         await super().shutdown(sockets)
 
@@ -94,5 +124,11 @@ def make_server(settings: AppSettings, *, launcher: Launcher | None = None) -> S
         ws_per_message_deflate=False,
         ws_max_size=WEBSOCKET_MESSAGE_BYTES,
         timeout_graceful_shutdown=STOP_GRACE_S,
+        http=PatientH11,
+        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
+        limit_concurrency=settings.max_connections,
+        server_header=False,
+        proxy_headers=bool(settings.trusted_proxies),
+        forwarded_allow_ips=list(settings.trusted_proxies),
     )
     return Server(app, config)

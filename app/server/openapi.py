@@ -20,6 +20,7 @@ TAGS = [
     {"name": "uploads", "description": "Resumable uploads (tus 1.0 at /api/uploads, metadata `filename`)."},
     {"name": "jobs", "description": "Work in child processes, and its live messages as server-sent events."},
     {"name": "planes", "description": "The planes of the static cloud, edited by operations with undo."},
+    {"name": "audits", "description": "An extrinsic in use held against a recording."},
     {"name": "results", "description": "Results, exports, wall thickness, report, history of runs."},
     {"name": "view", "description": "What the 3D scene at /scene/{recording_id}/ shows."},
 ]
@@ -101,7 +102,7 @@ def _short_names(made: dict[str, object]) -> dict[str, object]:
 def main() -> None:
     """Write the document to stdout."""
     from app.server.main import create_app
-    from app.server.settings import AppSettings
+    from app.settings import AppSettings
 
     json.dump(document(create_app(AppSettings())), sys.stdout, indent=2, sort_keys=True)
     sys.stdout.write("\n")

@@ -1,84 +1,139 @@
 """Who may ask: checked before any route, for HTTP and websockets alike.
 
 Host      on loopback only the names of this machine: a foreign name that resolves to 127.0.0.1 is an attack
-token     where one is set: cookie, `Authorization: Bearer`, or `?token=` once, which sets the cookie
+token     where one is set: a session's cookie, `Authorization: Bearer`, or `?token=` once, which begins a session;
+          wrong ones are braked by address. `?share=` begins a look at one recording, which can only read
 Origin    on everything that changes state and on every websocket: our own, or one that the settings allow
-size      of every body but an upload's
+size      of every body but an upload's, and the time it takes to arrive
+headers   that tell servers to take one request for another are dropped: nothing behind this can obey them
 """
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import ipaddress
+import re
+from dataclasses import dataclass
+from html import escape
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
-from fastapi.responses import PlainTextResponse, RedirectResponse
+from fastapi.responses import HTMLResponse, PlainTextResponse, RedirectResponse
 from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.server.errors import ApiError, Refused, TooLarge, Unauthorised, error_response
-from app.server.settings import AppSettings
+from app.errors import ApiError, Refused, TooLarge, Unauthorised
+from app.jobs.client import ASKING
+from app.server import sessions, share
+from app.server.brake import Brake
+from app.server.errors import error_response
+from app.server.sessions import Sessions
+from app.server.share import ShareLinks, shown_to_guests
+from app.settings import AppSettings
 
-COOKIE = "unsweep_token"
-COOKIE_AGE_S = 30 * 24 * 3600
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 #: Asked by machines that watch over the server; they tell nothing.
 OPEN_PATHS = frozenset({"/healthz", "/readyz"})
-#: Bodies of any size the upload's own limit allows.
-UPLOAD_PATHS = ("/api/uploads/", "/api/recordings/upload")
+#: Requests whose body is a recording or a part of one: their own limits hold (app/uploads). Anything else is bounded.
+UPLOADS = re.compile(r"POST /api/uploads|PATCH /api/uploads/[0-9a-f]{32}|PUT /api/recordings/upload", re.ASCII)
+#: The next part of a small body has to be here within this.
+BODY_PATIENCE_S = 30.0
+#: Dropped from every request: other methods than the one on the line, other addresses than the connection's.
+DROPPED = (b"x-http-method", b"x-method-override", b"x-forwarded-", b"forwarded", b"x-original-", b"x-rewrite-")
+#: Followed by the browser as our own page's wish, so that a cookie that no other site can use goes along.
+ONWARD = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0;url={}"><title>unsweep</title>'
+
+
+@dataclass(frozen=True, slots=True)
+class _Visitor:
+    """Who asks. name: for queues and logs.   shared: the one recording that may be looked at; None for all."""
+
+    name: str
+    shared: str | None = None
 
 
 class Gatekeeper:
     """Middleware that lets only rightful requests in."""
 
-    def __init__(self, app: ASGIApp, settings: AppSettings) -> None:
+    def __init__(self, app: ASGIApp, settings: AppSettings, sessions: Sessions | None = None) -> None:
         self._app = app
         self._settings = settings
+        self._sessions = sessions
+        self._links = None if settings.token is None else ShareLinks(settings.token)
+        self._brake = Brake()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Check, then pass on."""
         if scope["type"] not in {"http", "websocket"}:
             await self._app(scope, receive, send)
             return
-        try:
-            self._check(scope)
-        except ApiError as error:
-            await self._refuse(scope, error, receive, send)
-            return
-        if scope["type"] == "http" and (redirect := self._cookie_redirect(scope)) is not None:
-            await redirect(scope, receive, send)
-            return
-        if scope["type"] == "http" and not scope["path"].startswith(UPLOAD_PATHS):
-            receive = self._bounded(receive)
-        await self._app(scope, receive, send)
-
-    def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)
+        try:
+            visitor = self._check(scope, headers)
+        except ApiError as error:
+            await self._refuse(scope, headers, error, receive, send)
+            return
+        if scope["type"] == "http" and (answer := self._begin(scope, headers)) is not None:
+            await answer(scope, receive, send)
+            return
+        if scope["type"] == "http" and not _is_upload(scope):
+            receive = self._bounded(receive)
+        kept = [(name, value) for name, value in scope["headers"] if not name.lower().startswith(DROPPED)]
+        state = {**scope.get("state", {}), "shared": visitor.shared}
+        ASKING.set(visitor.name)
+        await self._app(dict(scope, headers=kept, state=state), receive, send)
+
+    def _check(self, scope: Scope, headers: Headers) -> _Visitor:
         if self._settings.is_loopback():
             check_host(headers.get("host", ""))
+        visitor = _Visitor(_address(scope))
         if scope["path"] not in OPEN_PATHS:
-            self._check_token(scope, headers)
+            visitor = self._check_token(scope, headers)
         if scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS:
             self._check_origin(headers, required=scope["type"] == "websocket")
         announced = headers.get("content-length", "0")
-        too_large = not announced.isdecimal() or int(announced) > self._settings.max_body_bytes
-        if scope["type"] == "http" and not scope["path"].startswith(UPLOAD_PATHS) and too_large:
+        too_large = not announced.isdecimal() or int(announced[:20]) > self._settings.max_body_bytes
+        if scope["type"] == "http" and not _is_upload(scope) and too_large:
             raise self._too_large()
+        return visitor
 
-    def _check_token(self, scope: Scope, headers: Headers) -> None:
-        token = self._settings.token
-        if token is None:
-            return
+    def _check_token(self, scope: Scope, headers: Headers) -> _Visitor:
+        """Who shows a session, the token, or a link to what is asked for."""
+        if self._settings.token is None:
+            return _Visitor(_address(scope))
+        name = None if self._sessions is None else self._sessions.name_of(_cookie(headers, sessions.COOKIE))
+        if name is not None:
+            return _Visitor(name)
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
-        shown = [_cookie(headers), _query_token(scope), bearer if scheme.lower() == "bearer" else ""]
-        if not any(hmac.compare_digest(value.encode(), token.encode()) for value in shown if value):
-            raise Unauthorised(
-                "token.missing",
-                "This server wants its token: open the address it printed when it started, or send "
-                "`Authorization: Bearer TOKEN`.",
-            )
+        shown = [value for value in (_query(scope, "token"), bearer if scheme.lower() == "bearer" else "") if value]
+        if shown:
+            self._brake.check(_address(scope))
+            if any(map(self._is_token, shown)):
+                return _Visitor(_address(scope))
+            self._brake.wrong(_address(scope))
+        shared = self._shared(scope, headers)
+        if shared is not None and scope["type"] == "http" and scope["method"] in {"GET", "HEAD"}:
+            if shown_to_guests(scope["path"], shared):
+                return _Visitor(f"guest of {shared[:12]}", shared)
+            raise Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
+        raise Unauthorised(
+            "token.missing",
+            "This server wants its token: open the address it printed when it started, or send "
+            "`Authorization: Bearer TOKEN`.",
+        )
+
+    def _is_token(self, shown: str) -> bool:
+        token = self._settings.token
+        return token is not None and hmac.compare_digest(shown.encode(), token.encode())
+
+    def _shared(self, scope: Scope, headers: Headers) -> str | None:
+        """The recording that a link in the address or in its cookie shows."""
+        if self._links is None:
+            return None
+        links = (_query(scope, "share"), _cookie(headers, share.COOKIE))
+        return next((found for link in links if link and (found := self._links.recording_of(link))), None)
 
     def _check_origin(self, headers: Headers, *, required: bool) -> None:
         origin = headers.get("origin")
@@ -98,25 +153,30 @@ class Gatekeeper:
                 "UNSWEEP_ALLOWED_ORIGINS.",
             )
 
-    def _cookie_redirect(self, scope: Scope) -> Response | None:
-        """After `?token=...` in a page's address: keep it in a cookie, and out of the address bar."""
-        if self._settings.token is None or scope["method"] != "GET" or not _query_token(scope):
+    def _begin(self, scope: Scope, headers: Headers) -> Response | None:
+        """After `?token=` or `?share=` in a page's address: a cookie instead, and out of the address bar."""
+        if self._settings.token is None or scope["method"] != "GET":
             return None
-        rest = [(key, value) for key, value in parse_qsl(scope["query_string"].decode("latin-1")) if key != "token"]
+        link = _query(scope, "share")
+        if self._sessions is not None and self._is_token(_query(scope, "token")):
+            session = self._sessions.begin(_cookie(headers, sessions.COOKIE))
+            name, value, age_s = sessions.COOKIE, session, int(self._settings.session_hours * 3600)
+        elif link and self._links is not None and self._links.recording_of(link) is not None:
+            name, value, age_s = share.COOKIE, link, None
+        else:
+            return None
+        rest = parse_qsl(scope["query_string"].decode("latin-1"))
         # A path that starts with two slashes would be another host's address.
-        target = "/" + scope["path"].lstrip("/") + ("?" + urlencode(rest) if rest else "")
-        response = RedirectResponse(target, status_code=303, headers={"Cache-Control": "no-store"})
+        target = "/" + scope["path"].lstrip("/\\")
+        target = _with_query(target, [(key, said) for key, said in rest if key not in {"token", "share"}])
+        response = onward(target) if _is_page(scope) else RedirectResponse(target, status_code=303)
+        response.headers["Cache-Control"] = "no-store"
         response.set_cookie(
-            COOKIE,
-            self._settings.token,
-            max_age=COOKIE_AGE_S,
-            httponly=True,
-            samesite="lax",
-            secure=scope.get("scheme") == "https",
+            name, value, max_age=age_s, httponly=True, samesite="strict", secure=scope.get("scheme") == "https"
         )
         return response
 
-    async def _refuse(self, scope: Scope, error: ApiError, receive: Receive, send: Send) -> None:
+    async def _refuse(self, scope: Scope, headers: Headers, error: ApiError, receive: Receive, send: Send) -> None:
         if scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 4403, "reason": error.code})
@@ -124,16 +184,29 @@ class Gatekeeper:
         is_page = scope["method"] == "GET" and not scope["path"].startswith("/api")
         response: Response = error_response(error)
         if is_page:
-            response = PlainTextResponse(f"{error}\n", status_code=error.status)
+            response = PlainTextResponse(f"{error}\n", status_code=error.status, headers=dict(_retry(response)))
+        if isinstance(error, Unauthorised) and is_page and _comes_from_elsewhere(headers):
+            # A link on another site: the browser keeps the session's cookie back, once.
+            query = parse_qsl(scope["query_string"].decode("latin-1"))
+            response = onward(_with_query("/" + scope["path"].lstrip("/\\"), query))
         await response(scope, receive, send)
 
     def _bounded(self, receive: Receive) -> Receive:
-        """The same body, refused once it is longer than allowed, whatever its headers said."""
-        taken = 0
+        """The same body, refused once it is longer than allowed, whatever its headers said, or does not come."""
+        taken, ended = 0, False
 
         async def take() -> Message:
-            nonlocal taken
-            message = await receive()
+            nonlocal taken, ended
+            if ended:  # what comes now is that the browser has gone, whenever that may be
+                return await receive()
+            try:
+                message = await asyncio.wait_for(receive(), BODY_PATIENCE_S)
+            except TimeoutError:
+                raise TooLarge(
+                    "request.too_slow",
+                    f"The request's body did not come within {BODY_PATIENCE_S:.0f} s; send it again.",
+                ) from None
+            ended = not message.get("more_body", False)
             taken += len(message.get("body", b""))
             if taken > self._settings.max_body_bytes:
                 raise self._too_large()
@@ -162,13 +235,43 @@ def check_host(host: str) -> None:
     )
 
 
-def _cookie(headers: Headers) -> str:
+def _is_upload(scope: Scope) -> bool:
+    return UPLOADS.fullmatch(f"{scope['method']} {scope['path']}") is not None
+
+
+def onward(target: str) -> Response:
+    """A page of ours that goes on to the address, which then is not another site's wish any more."""
+    return HTMLResponse(ONWARD.format(escape(quote(target, safe="/?&=%:@~+,;!$*()'-._"))))
+
+
+def _is_page(scope: Scope) -> bool:
+    return not str(scope["path"]).startswith("/api")
+
+
+def _comes_from_elsewhere(headers: Headers) -> bool:
+    return headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-site") in {"cross-site", "same-site"}
+
+
+def _retry(response: Response) -> list[tuple[str, str]]:
+    return [(name, value) for name, value in response.headers.items() if name == "retry-after"]
+
+
+def _with_query(path: str, query: list[tuple[str, str]]) -> str:
+    return path + ("?" + urlencode(query) if query else "")
+
+
+def _address(scope: Scope) -> str:
+    client = scope.get("client")
+    return str(client[0]) if client else ""
+
+
+def _cookie(headers: Headers, name: str) -> str:
     try:
-        morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        morsel = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return ""
     return "" if morsel is None else str(morsel.value)
 
 
-def _query_token(scope: Scope) -> str:
-    return dict(parse_qsl(scope.get("query_string", b"").decode("latin-1"))).get("token", "")
+def _query(scope: Scope, name: str) -> str:
+    return dict(parse_qsl(scope.get("query_string", b"").decode("latin-1"))).get(name, "")

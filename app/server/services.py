@@ -2,29 +2,47 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+import threading
+import time
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 
+from sqlalchemy import event
+
+from app.bus import Bus
+from app.errors import Conflict, facts_of
+from app.events import (
+    ClickWasRefused,
+    JobStepped,
+    PlanesEdited,
+    QueueMoved,
+    RecordingDeleted,
+    RecordingEdited,
+    ShownChanged,
+    ViewEdited,
+)
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.recordings.folder import RecordingsFolder
 from app.recordings.service import RecordingService
-from app.results.limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from app.results.service import ResultService
 from app.scene.compose import Composer
 from app.scene.hub import SceneHub
 from app.scene.share import shared_page
 from app.scene.sources import SceneSources
-from app.schemas.recordings import Limits, Sample, ServerFacts
-from app.schemas.view import ClickRefused, PlanesChanged, RecordingChanged, ViewChanged
-from app.server.errors import Conflict, facts_of
+from app.schemas.jobs import Job
+from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink, WeakLimits
+from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.feed import RecordingFeed
-from app.server.settings import AppSettings
-from app.server.workflow import Workflow
-from app.storage.database import check_database, open_database
+from app.server.share import ShareLinks
+from app.server.workflow import Orders, Workflow
+from app.settings import AppSettings
+from app.storage.database import open_database, touch_database
 from app.storage.files import SUFFIXES, DataFolder
-from app.storage.records import JobRecord
+from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
+from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core import __version__, api
 from calib_core.presets import IMU_PRESETS
 
@@ -36,30 +54,41 @@ SAMPLES = {
 }
 
 
+#: So long an answer of readyz holds: whoever may ask it may ask it as often as he likes.
+READY_FOR_S = 1.0
+
+
 class Services:
     """Everything a route may call. Made at the start of the application's life, closed at its end."""
 
     def __init__(self, settings: AppSettings, launcher: Launcher | None = None) -> None:
         self.settings = settings
+        self._checking = threading.Lock()
+        self._ready_at_s = float("-inf")
         self.files = DataFolder(settings)
         self.files.prepare()
-        url = settings.database_url or f"sqlite:///{settings.data_dir / 'unsweep.sqlite'}"
-        self._engine = open_database(url)
+        try:
+            self._engine = open_database(settings.store_url())
+        except BaseException:
+            self.files.release()
+            raise
+        event.listen(self._engine, "begin", lambda _: self.files.keep_reserve())
         recording_store, documents = RecordingStore(self._engine), DocumentStore(self._engine)
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
-        self.workflow = Workflow(recording_store, self.files, self.feed)
         self._launcher = launcher or ProcessLauncher(spare=settings.spare_worker)
+        bus = Bus()
+        self.planes = PlaneService(recording_store, documents, self.files, bus)
         self.jobs = JobService(
             JobStore(self._engine),
             self.files,
             settings=settings,
             launcher=self._launcher,
-            make_order=self.workflow.make_order,
-            on_change=self.workflow.job_changed,
+            bus=bus,
+            make_order=Orders(recording_store, self.files, settings.job_limits()).of,
+            looks_of=self.planes.looks,
         )
-        self.planes = PlaneService(recording_store, documents, self.files)
-        self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, settings=settings)
+        self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, bus, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
         composer = Composer(
@@ -68,8 +97,9 @@ class Services:
             self.jobs,
             displayed_points=settings.displayed_points,
         )
-        self.scenes = SceneHub(recording_store, documents, self.planes, composer, settings=settings)
-        self._connect()
+        self.scenes = SceneHub(recording_store, documents, self.planes, composer, bus, settings=settings)
+        self.workflow = Workflow(recording_store, self.files, self.jobs, self.planes, self.feed, bus)
+        self._subscribe(bus)
 
     def start(self) -> None:
         """Take up what an earlier server left."""
@@ -91,11 +121,15 @@ class Services:
         self.jobs.close()
         self._launcher.close()
         self._engine.dispose()
+        self.files.release()
 
     def check_ready(self) -> None:
-        """Raise Unavailable unless store and data directory can be used."""
-        check_database(self._engine)
-        self.files.check_writable()
+        """Raise Unavailable or DiskFull unless store and data directory can be written. Asked often, tried seldom."""
+        with self._checking:
+            if time.monotonic() - self._ready_at_s > READY_FOR_S:
+                touch_database(self._engine)
+                self.files.check_writable()
+                self._ready_at_s = time.monotonic()
 
     def server_facts(self) -> ServerFacts:
         """What a client needs to know before anything else."""
@@ -106,11 +140,22 @@ class Services:
             max_upload_bytes=self.settings.max_upload_bytes,
             upload_suffixes=list(SUFFIXES),
             export_formats=list(api.export_names()),
-            limits=Limits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
+            limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
             axis_names=AXIS_NAMES,
             imu_presets=[preset.name for preset in IMU_PRESETS],
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
+
+    def share(self, recording: RecordingRecord, wish: NewShareLink) -> ShareLink:
+        """A link that shows the recording; Conflict on a server that everybody may use anyway."""
+        if self.settings.token is None:
+            raise Conflict(
+                "share.open_server",
+                "This server has no token, so whoever reaches it sees everything; send its address.",
+            )
+        until = datetime.now(UTC) + timedelta(hours=wish.hours)
+        link = ShareLinks(self.settings.token).make(recording.id, until.timestamp())
+        return ShareLink(path=f"/r/{recording.id}/recording?share={link}", until=until)
 
     def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
         """A solve's answer as one 3D page; Conflict where it has none."""
@@ -120,27 +165,28 @@ class Services:
             raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
         return shared_page(recording, found.solved, limit=self.settings.displayed_points, dark=dark)
 
-    def _connect(self) -> None:
-        """Tie services together that do not know each other."""
-        self.jobs.looks_of = self.planes.looks
-        self.workflow.connect(self.jobs, self.recordings, self.planes)
-        self.workflow.on_shown_changed = self.scenes.refresh
-        self.jobs.on_step = self.scenes.refresh_live
-
-        def planes_changed(recording_id: str, revision: int) -> None:
-            self.feed.tell(recording_id, PlanesChanged(revision=revision))
-            self.scenes.refresh(recording_id)
-
-        def recording_deleted(recording_id: str) -> None:
-            self.scenes.close_scene(recording_id)
-            self.planes.forget(recording_id)
-            self.feed.tell(recording_id, RecordingChanged(deleted=True))
-            self.feed.forget(recording_id)
-
-        self.planes.on_changed = planes_changed
-        self.recordings.on_deleted = recording_deleted
-        self.recordings.on_changed = lambda recording_id: self.feed.tell(recording_id, RecordingChanged())
-        self.scenes.on_refused = lambda recording_id, error: self.feed.tell(
-            recording_id, ClickRefused(error=facts_of(error)[1])
+    def _subscribe(self, bus: Bus) -> None:
+        """Who hears of what, beside the workflow: scenes that show it, browsers that look."""
+        tell = self.feed.tell
+        bus.subscribe(JobStepped, lambda event: self.scenes.refresh_live(event.recording_id))
+        bus.subscribe(ShownChanged, lambda event: self.scenes.refresh(event.recording_id))
+        bus.subscribe(QueueMoved, lambda event: self._tell_places(event.jobs))
+        bus.subscribe(PlanesEdited, lambda event: tell(event.recording_id, PlanesChanged(revision=event.revision)))
+        bus.subscribe(PlanesEdited, lambda event: self.scenes.refresh(event.recording_id))
+        bus.subscribe(ViewEdited, lambda event: tell(event.recording_id, ViewChanged(view=event.view)))
+        bus.subscribe(RecordingEdited, lambda event: tell(event.recording_id, RecordingChanged()))
+        bus.subscribe(RecordingDeleted, lambda event: self._forget(event.recording_id))
+        bus.subscribe(
+            ClickWasRefused,
+            lambda event: tell(event.recording_id, ClickRefused(error=facts_of(event.error)[1])),
         )
-        self.scenes.on_view = lambda recording_id, view: self.feed.tell(recording_id, ViewChanged(view=view))
+
+    def _tell_places(self, jobs: Sequence[Job]) -> None:
+        for job in jobs:
+            self.feed.tell(job.recording_id, JobChanged(job=job))
+
+    def _forget(self, recording_id: str) -> None:
+        self.scenes.close_scene(recording_id)
+        self.planes.forget(recording_id)
+        self.feed.tell(recording_id, RecordingChanged(deleted=True))
+        self.feed.forget(recording_id)

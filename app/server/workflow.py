@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from app.jobs.functions import PROPOSED
-from app.jobs.head import CLOUD
+from app.bus import Bus
+from app.errors import ApiError, Conflict
+from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownChanged
+from app.jobs.kept import UNREADABLE, readable_request
 from app.jobs.machine import FINAL
 from app.jobs.orders import Order, StoredRequest
 from app.jobs.service import JobService
+from app.limits import JobLimits
 from app.planes.service import PlaneService
-from app.recordings.service import RecordingService
+from app.recordings.service import reading_of
+from app.results.extrinsic_text import parse_extrinsic
+from app.schemas.audits import NewAudit
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, NewJob
 from app.schemas.recordings import RecordingState
 from app.schemas.view import JobChanged, RecordingChanged
-from app.server.errors import ApiError, Conflict
 from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
+from app.work.functions import PROPOSED
+from app.work.head import CLOUD
 from calib_core import api
 from calib_core.events import LogEvent
 from calib_core.settings import ReadSettings
@@ -41,61 +46,90 @@ def state_after(job: Job, before: RecordingState) -> RecordingState:
     return "inspecting" if job.kind == "simulate" else "ready"
 
 
+class Orders:
+    """What workers are told."""
+
+    def __init__(self, recordings: RecordingStore, files: DataFolder, limits: JobLimits) -> None:
+        self._recordings = recordings
+        self._files = files
+        self._limits = limits
+
+    def of(self, job: JobRecord) -> Order:
+        """What the job's worker is told; Conflict where it can no longer be done."""
+        record = self._recordings.find(job.recording_id)
+        if record is None:
+            raise Conflict("recording.deleted", "The recording was deleted before its job started.")
+        request = readable_request(job)
+        if request is None:
+            raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        return Order(
+            job_id=job.id,
+            kind=job.kind,
+            recording_name=record.name,
+            source=self._files.source(record),
+            # A sample has no bytes to make a key of before it is simulated.
+            cache=self._files.recording(record.id) if job.kind == "simulate" else self._files.cache(record),
+            folder=self._files.job(job.id),
+            unpacked=self._files.unpacked(record.id),
+            scenario=record.scenario,
+            read_settings=reading_of(record) or ReadSettings(),
+            request=request,
+            limits=self._limits,
+        )
+
+
 class Workflow:
     """Starts jobs, and draws the consequences when they change."""
 
-    def __init__(self, recordings: RecordingStore, files: DataFolder, feed: RecordingFeed) -> None:
+    def __init__(
+        self,
+        recordings: RecordingStore,
+        files: DataFolder,
+        jobs: JobService,
+        planes: PlaneService,
+        feed: RecordingFeed,
+        bus: Bus,
+    ) -> None:
         self._recordings = recordings
         self._files = files
-        self._feed = feed
-        self._jobs: JobService
-        self._planes: PlaneService
-        self.on_shown_changed: Callable[[str], None] = lambda _: None
-
-    def connect(self, jobs: JobService, recordings: RecordingService, planes: PlaneService) -> None:
-        """Tie the services together; they do not know each other."""
         self._jobs = jobs
         self._planes = planes
-        recordings.on_arrived = self._arrived
-        recordings.on_wanted = lambda record: self._submit(record, "simulate")
-        jobs.on_said = self.job_said
+        self._feed = feed
+        self._bus = bus
+        bus.subscribe(JobMoved, lambda event: self.job_changed(event.record, event.job))
+        bus.subscribe(JobSaid, lambda event: self.job_said(event.record, event.said))
+        bus.subscribe(RecordingArrived, lambda event: self._arrived(event.record))
+        bus.subscribe(SampleWanted, lambda event: self._submit(event.record, "simulate"))
 
     def start(self, record: RecordingRecord, wish: NewJob) -> Job:
         """A job somebody asked for."""
         if record.state == "receiving":
             raise Conflict("recording.receiving", "The recording is still arriving; start the job when it is here.")
         self._files.cache_key(record)  # refuses where the source is gone
+        self._jobs.check_room()
         request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
         if wish.kind == "solve":
             request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
         return self._jobs.submit(record.id, wish.kind, request)
 
+    def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
+        """An audit somebody asked for. What is no extrinsic is refused at once; a URDF's links need the recording's frames."""
+        if record.state == "receiving":
+            raise Conflict("recording.receiving", "The recording is still arriving; audit it when it is here.")
+        self._files.cache_key(record)
+        if not wish.extrinsic.lstrip().startswith("<"):
+            parse_extrinsic(wish.extrinsic, wish.direction)
+        return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish))
+
     def retry(self, job: JobRecord) -> Job:
         """The same again."""
         if job.state not in FINAL:
             raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
-        request = StoredRequest.model_validate_json(job.request_json)
+        request = readable_request(job)
+        if request is None:
+            raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        self._jobs.check_room()
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
-
-    def make_order(self, job: JobRecord) -> Order:
-        """What the job's worker is told."""
-        record = self._recordings.find(job.recording_id)
-        if record is None:
-            raise Conflict("recording.deleted", "The recording was deleted before its job started.")
-        source = self._files.source(record)
-        return Order(
-            job_id=job.id,
-            kind=job.kind,
-            recording_name=record.name,
-            source=source,
-            # A sample has no bytes to make a key of before it is simulated.
-            cache=self._files.recording(record.id) if job.kind == "simulate" else self._files.cache(record),
-            folder=self._files.job(job.id),
-            unpacked=self._files.unpacked(record.id),
-            scenario=record.scenario,
-            read_settings=ReadSettings.model_validate_json(record.read_settings_json),
-            request=StoredRequest.model_validate_json(job.request_json),
-        )
 
     def job_changed(self, record: JobRecord, job: Job) -> None:
         """Draw the consequences of a job's new state, and tell those who look."""
@@ -111,7 +145,7 @@ class Workflow:
             "inspect",
             "done",
         ):
-            self.on_shown_changed(recording.id)
+            self._bus.publish(ShownChanged(recording.id))
         if job.state == "done" and job.kind == "simulate":
             self._arrived(recording)
         if job.state in FINAL and all(other.state in FINAL for other in self._jobs.records_of(recording.id)):
@@ -121,7 +155,7 @@ class Workflow:
     def job_said(self, record: JobRecord, said: LogEvent) -> None:
         """Show planes as soon as there are any: their job goes on reading the rest of the recording."""
         if said.code == CLOUD:
-            self.on_shown_changed(record.recording_id)
+            self._bus.publish(ShownChanged(record.recording_id))
         if said.code == PROPOSED:
             self._proposed(record.recording_id)
 

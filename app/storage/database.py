@@ -6,6 +6,7 @@ each in its own transaction. A newer one is refused: an old program must not wri
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -30,11 +31,11 @@ from sqlalchemy import (
     text,
     update,
 )
-from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.engine.interfaces import DBAPIConnection, ExceptionContext
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from app.server.errors import Unavailable
+from app.errors import DiskFull, Unavailable
 
 
 class UtcTime(TypeDecorator[datetime]):
@@ -48,8 +49,11 @@ class UtcTime(TypeDecorator[datetime]):
         return None if value is None else value.astimezone(UTC).isoformat(timespec="microseconds")
 
     def process_result_value(self, value: str | None, _: Dialect) -> datetime | None:
-        """The moment, aware of its zone."""
-        return None if value is None else datetime.fromisoformat(value)
+        """The moment, aware of its zone. One that cannot be read must not keep all other rows from being read."""
+        try:
+            return None if value is None else datetime.fromisoformat(value).astimezone(UTC)
+        except (TypeError, ValueError):
+            return datetime.fromtimestamp(0, UTC)
 
 
 METADATA = MetaData()
@@ -84,6 +88,7 @@ JOBS = Table(
     Column("created_at", UtcTime, nullable=False),
     Column("started_at", UtcTime),
     Column("ended_at", UtcTime),
+    Column("sequence", Integer, nullable=False, server_default="0"),
 )
 
 #: One JSON text per recording and name: the planes' history, the view.
@@ -106,9 +111,18 @@ class Migration:
     statements: Sequence[str]
 
 
-#: Version 1 is the first release: fresh databases only.
-MIGRATIONS: tuple[Migration, ...] = ()
-NEWEST_VERSION = 1
+#: Version 1 is the first release. 2: jobs have an order of their own, which no clock can turn around.
+MIGRATIONS: tuple[Migration, ...] = (
+    Migration(
+        2,
+        (
+            "ALTER TABLE jobs ADD COLUMN sequence INTEGER NOT NULL DEFAULT 0",
+            """UPDATE jobs SET sequence = (SELECT COUNT(*) FROM jobs AS earlier WHERE earlier.created_at < jobs.created_at
+            OR (earlier.created_at = jobs.created_at AND earlier.id <= jobs.id))""",
+        ),
+    ),
+)
+NEWEST_VERSION = 2
 
 
 def open_database(url: str) -> Engine:
@@ -131,6 +145,7 @@ def open_database(url: str) -> Engine:
         ) from error
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "handle_error", _tell_full_disk)
     try:
         migrate(engine, MIGRATIONS, newest=NEWEST_VERSION)
     except SQLAlchemyError as error:
@@ -163,13 +178,13 @@ def migrate(engine: Engine, migrations: Sequence[Migration], *, newest: int) -> 
                 connection.execute(update(SCHEMA_VERSION).values(version=step.version))
 
 
-def check_database(engine: Engine) -> None:
-    """Raise Unavailable unless the store answers."""
+def touch_database(engine: Engine) -> None:
+    """Raise Unavailable unless the store can be written."""
     try:
-        with engine.connect() as connection:
-            connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
+        with engine.begin() as connection:
+            connection.execute(update(SCHEMA_VERSION).values(version=SCHEMA_VERSION.c.version))
     except SQLAlchemyError as error:
-        raise Unavailable("store.unusable", f"The record store does not answer: {_cause(error)}.") from error
+        raise Unavailable("store.unusable", f"The record store cannot be written: {_cause(error)}.") from error
 
 
 def _shortly(error: ArgumentError | NoSuchModuleError) -> str:
@@ -181,9 +196,20 @@ def _cause(error: SQLAlchemyError) -> str:
     return str(getattr(error, "orig", None) or error).splitlines()[0]
 
 
+def _tell_full_disk(context: ExceptionContext) -> None:
+    """A full disk as the sentence it is, wherever a transaction meets it."""
+    error = context.original_exception
+    if isinstance(error, sqlite3.OperationalError) and error.sqlite_errorname == "SQLITE_FULL":
+        raise DiskFull(
+            "store.disk_full",
+            "The data directory's disk is full, nothing was changed: free some space, then try again.",
+        ) from error
+
+
 def _prepare_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
     cursor = connection.cursor()
-    # WAL lets readers go on while a job's state is written; foreign keys are off by default in SQLite.
-    for pragma in ("journal_mode=WAL", "synchronous=NORMAL", "foreign_keys=ON"):
+    # WAL lets readers go on while a job's state is written; foreign keys are off by default in SQLite. FULL: what was
+    # acknowledged outlives a power cut; NORMAL may lose the last transactions.
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()

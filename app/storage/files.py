@@ -1,6 +1,6 @@
 """Where files live. Every path is made of ids this program drew; nothing a user typed becomes a path.
 
-uploads/{recording}             bytes as they arrive, with tuspyserver's .info beside them
+uploads/{recording}             bytes as they arrive, with their state beside them (partial.py)
 recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
 recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
 recordings/{recording}/unpacked/       what an archive holds, while jobs read it
@@ -12,15 +12,25 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import tempfile
+from collections.abc import Collection
+from contextlib import ExitStack
 from pathlib import Path
 
-from app.server.errors import BadRequest, DiskFull, NotFound, Unavailable
-from app.server.settings import AppSettings
+from app.errors import BadRequest, DiskFull, NotFound, Unavailable
+from app.settings import AppSettings
+from app.storage.lock import sole_use
+from app.storage.partial import PartialFile
 from app.storage.records import RecordingRecord
 from calib_core import api
 
 #: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
 SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
+
+
+#: Room for the store's transactions when the disk is full: a deletion writes a few pages of 4 KiB.
+RESERVE_BYTES = 8 * 2**20
+RESERVE_NAME = "reserve"
 
 
 def suffix_of(name: str) -> str:
@@ -49,9 +59,10 @@ class DataFolder:
     def __init__(self, settings: AppSettings) -> None:
         self.root = settings.data_dir
         self._min_free_bytes = settings.min_free_bytes
+        self._held = ExitStack()
 
     def prepare(self) -> None:
-        """Make the folders, readable by their owner only."""
+        """Make the folders, readable by their owner only, and keep other servers out of them until `release`."""
         try:
             for folder in (self.root, self.uploads, self.root / "recordings", self.root / "jobs"):
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -60,7 +71,28 @@ class DataFolder:
                 "data_dir.unusable",
                 f"The data directory {self.root} cannot be made ({error.strerror}): name another with --data-dir.",
             ) from error
-        self.check_writable()
+        self._held.enter_context(sole_use(self.root))
+        self.keep_reserve()
+
+    def release(self) -> None:
+        """Let another server use the folders."""
+        self._held.close()
+
+    def keep_reserve(self) -> None:
+        """Hold back some room, or give it away where there is none left: deleting and failing need a few pages too.
+
+        Called before every transaction of the store; looking costs microseconds.
+        """
+        reserve = self.root / RESERVE_NAME
+        try:
+            free = shutil.disk_usage(self.root).free
+            if free < RESERVE_BYTES:
+                reserve.unlink(missing_ok=True)
+            elif free > 4 * RESERVE_BYTES and not reserve.exists():
+                with reserve.open("wb") as file:
+                    os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
+        except OSError:
+            return  # another program was faster; the next look decides anew
 
     def remove_all_unpacked(self) -> None:
         """Delete what jobs had unpacked that a server's end has cut off."""
@@ -68,20 +100,26 @@ class DataFolder:
             api.discard_archives(folder)
 
     def check_writable(self) -> None:
-        """Raise Unavailable unless files can be made."""
-        if not os.access(self.uploads, os.W_OK):
+        """Raise Unavailable unless a file can be made, filled and removed: rights, space and the disk itself."""
+        try:
+            with tempfile.TemporaryFile(dir=self.uploads) as file:
+                file.write(b"0" * 4096)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
             raise Unavailable(
-                "data_dir.unusable", f"The data directory {self.root} cannot be written: check its rights."
-            )
+                "data_dir.unusable",
+                f"The data directory {self.root} cannot be written ({error.strerror}): check its rights and its disk.",
+            ) from error
 
     @property
     def uploads(self) -> Path:
         """The folder of bytes as they arrive."""
         return self.root / "uploads"
 
-    def upload(self, recording_id: str) -> Path:
+    def partial(self, recording_id: str) -> PartialFile:
         """The file an upload arrives in."""
-        return self.uploads / recording_id
+        return PartialFile(self.uploads / recording_id)
 
     def recording(self, recording_id: str) -> Path:
         """The recording's folder."""
@@ -116,14 +154,14 @@ class DataFolder:
         """The job's folder."""
         return self.root / "jobs" / job_id
 
-    def check_room(self, incoming_bytes: int) -> None:
-        """Raise DiskFull unless so many more bytes leave enough disk free."""
-        free = shutil.disk_usage(self.root).free
+    def check_room(self, incoming_bytes: int, *, promised_bytes: int = 0) -> None:
+        """Raise DiskFull unless so many more bytes leave enough disk free.   promised_bytes: to uploads under way."""
+        free = shutil.disk_usage(self.root).free - promised_bytes
         if free - incoming_bytes < self._min_free_bytes:
             raise DiskFull(
                 "upload.disk_full",
-                f"The recording has {incoming_bytes / 1e9:.2f} GB, the data directory's disk has {free / 1e9:.2f} GB "
-                f"free and keeps {self._min_free_bytes / 1e9:.2f} GB of it: delete recordings or take a larger one.",
+                f"{incoming_bytes / 1e9:.2f} GB more do not fit: the data directory's disk has {max(free, 0) / 1e9:.2f} GB "
+                f"to give and keeps {self._min_free_bytes / 1e9:.2f} GB free; delete recordings, or take a larger disk.",
             )
 
     def remove_recording(self, recording_id: str, job_ids: list[str]) -> None:
@@ -133,6 +171,17 @@ class DataFolder:
         self.remove_upload(recording_id)
 
     def remove_upload(self, recording_id: str) -> None:
-        """Delete the bytes of an upload and what tus knows of it."""
-        for name in (recording_id, f"{recording_id}.info"):
-            (self.uploads / name).unlink(missing_ok=True)
+        """Delete the bytes of an upload and what is known of them."""
+        self.partial(recording_id).remove()
+
+    def keep_only_uploads(self, recording_ids: Collection[str]) -> None:
+        """Delete what belongs to no upload of these recordings: of finished ones, and of earlier versions."""
+        kept = [self.partial(recording_id) for recording_id in recording_ids]
+        names = {path for partial in kept for path in (partial.path, partial.state_path)}
+        for path in self.uploads.iterdir():
+            if path in names:
+                continue
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)

@@ -28,7 +28,7 @@ class RecordingRecord:
 
 @dataclass(frozen=True, slots=True)
 class JobRecord:
-    """One run. `request_json` is the NewJob that started it; `planes_json` what was confirmed at that time."""
+    """One run. `request_json` is what it was asked for; `sequence` grows with every job, whatever the clock says."""
 
     id: str
     recording_id: str
@@ -41,3 +41,4 @@ class JobRecord:
     created_at: datetime
     started_at: datetime | None
     ended_at: datetime | None
+    sequence: int = 0

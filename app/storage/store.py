@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
-from sqlalchemy import Engine, delete, insert, select, update
+from sqlalchemy import Engine, delete, func, insert, select, update
 
 from app.schemas.jobs import JobState
 from app.storage.database import DOCUMENTS, JOBS, RECORDINGS
@@ -53,10 +53,13 @@ class JobStore:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def add(self, record: JobRecord) -> None:
-        """Keep a new job."""
+    def add(self, record: JobRecord) -> JobRecord:
+        """The new job as kept: behind all others."""
         with self._engine.begin() as connection:
-            connection.execute(insert(JOBS).values(**asdict(record)))
+            last = connection.execute(select(func.max(JOBS.c.sequence))).scalar_one()
+            kept = replace(record, sequence=(last or 0) + 1)
+            connection.execute(insert(JOBS).values(**asdict(kept)))
+        return kept
 
     def find(self, job_id: str) -> JobRecord | None:
         """The job, or None."""
@@ -66,13 +69,13 @@ class JobStore:
 
     def of_recording(self, recording_id: str) -> list[JobRecord]:
         """The recording's jobs, newest first."""
-        query = select(JOBS).where(JOBS.c.recording_id == recording_id).order_by(JOBS.c.created_at.desc())
+        query = select(JOBS).where(JOBS.c.recording_id == recording_id).order_by(JOBS.c.sequence.desc())
         with self._engine.connect() as connection:
             return [JobRecord(**row) for row in connection.execute(query).mappings().all()]
 
     def in_states(self, states: Sequence[JobState]) -> list[JobRecord]:
         """Jobs in any of the states, oldest first."""
-        query = select(JOBS).where(JOBS.c.state.in_(states)).order_by(JOBS.c.created_at)
+        query = select(JOBS).where(JOBS.c.state.in_(states)).order_by(JOBS.c.sequence)
         with self._engine.connect() as connection:
             return [JobRecord(**row) for row in connection.execute(query).mappings().all()]
 

@@ -12,10 +12,12 @@ measures angular rate and specific force with white noise of its density.
     motion.py     how errors of the motion grow between instants
     lidar.py      one row a return
     eliminate.py  a square-root information filter over the instants, by QR only
+    blocks.py     what real sensors add, as further unknowns
     bound.py      the bound of a scenario
 """
 
-from bench.bound.bound import Bound, bound_of
+from bench.bound.blocks import Blocks
+from bench.bound.bound import Bound, bound_of, with_parameters
 from bench.bound.model import Assumptions
 
-__all__ = ["Assumptions", "Bound", "bound_of"]
+__all__ = ["Assumptions", "Blocks", "Bound", "bound_of", "with_parameters"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.bound.blocks import JERK_STEP_S, Blocks, add_to_steps, imu_frame
 from bench.bound.eliminate import covariance_of_last, solution_of_last, stepped, triangle_of
 from bench.bound.lidar import Faces, Returns, all_returns, faces_of, rows_of
 from bench.bound.model import CALIBRATION, Assumptions, Columns, FloatArray
@@ -59,13 +60,44 @@ def bound_of(
     assumed: Assumptions = Assumptions(),  # noqa: B008  frozen
 ) -> Bound:
     """The bound of a recording of `calib_core.simulate`. To the covariance the seed matters only by which returns were lost."""
-    simulation = prepare(scenario, seed=seed, duration_s=duration_s)
+    eliminated = _eliminated(prepare(scenario, seed=seed, duration_s=duration_s), assumed, parameters=0)
+    triangle = eliminated.triangle
+    return Bound(
+        covariance_of_last(triangle, CALIBRATION),
+        eliminated.points,
+        eliminated.planes,
+        solution_of_last(triangle, CALIBRATION),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Eliminated:
+    """Everything that moves, and all returns, taken into one triangle about what lasts, the calibration last of it."""
+
+    triangle: FloatArray
+    points: int
+    planes: tuple[str, ...]
+
+
+def with_parameters(simulation: Simulation, assumed: Assumptions) -> tuple[FloatArray, Blocks]:
+    """(size + 7, size + 7) triangle about the parameters of real sensors, without priors, and the calibration."""
+    blocks = Blocks(len(simulation.scenario.lidar.pattern.ring))
+    triangle = _eliminated(simulation, assumed, parameters=blocks.size).triangle
+    count = blocks.size + CALIBRATION
+    information = triangle[-count:, -count - 1 : -1].copy()
+    # A turn of all lasers alike is one of the lidar's frame, which is where they look in the mean.
+    turns = information[:, blocks.places["laser_azimuth"]]
+    turns -= turns.mean(axis=1, keepdims=True)
+    return information, blocks
+
+
+def _eliminated(simulation: Simulation, assumed: Assumptions, *, parameters: int) -> Eliminated:
     truth = simulation.truth
     faces = faces_of(simulation)
     sweeps = list(all_returns(simulation, truth, faces, assumed))
     counts = np.bincount(np.concatenate([s.plane for s in sweeps]), minlength=len(faces.normals))
-    numbers = [int(face) for face in np.flatnonzero(counts >= LEAST_RETURNS)]
-    columns, noise = unknowns(simulation, assumed, len(numbers))
+    numbers = [int(face) for face in np.flatnonzero(counts * assumed.every >= LEAST_RETURNS)]
+    columns, noise = unknowns(simulation, assumed, len(numbers), parameters)
     triangle = opening(columns, assumed, truth.gravity_m_s2)
     held = columns.held(assumed.known)
     for back, disturbance, rows, drawn in instants(simulation, truth, faces, numbers, sweeps, columns, noise, assumed):
@@ -73,15 +105,12 @@ def bound_of(
         rows[:, held] = 0.0
         triangle = stepped(triangle, back, disturbance, rows, drawn)
     names = tuple(simulation.scenario.scene.faces[face].name for face in numbers)
-    return Bound(
-        covariance_of_last(triangle, CALIBRATION),
-        int(counts[numbers].sum()),
-        names,
-        solution_of_last(triangle, CALIBRATION),
-    )
+    return Eliminated(triangle, int(counts[numbers].sum()), names)
 
 
-def unknowns(simulation: Simulation, assumed: Assumptions, planes: int) -> tuple[Columns, ImuNoise]:
+def unknowns(
+    simulation: Simulation, assumed: Assumptions, planes: int, parameters: int = 0
+) -> tuple[Columns, ImuNoise]:
     """The columns and the IMU's noise under the assumptions."""
     imu = simulation.scenario.imu
     noise = ImuNoise(
@@ -90,7 +119,7 @@ def unknowns(simulation: Simulation, assumed: Assumptions, planes: int) -> tuple
         imu.gyroscope_random_walk if assumed.gyro_walk is None else assumed.gyro_walk,
         imu.accelerometer_random_walk if assumed.accel_walk is None else assumed.accel_walk,
     )
-    return Columns(noise.gyro_walk > 0 or noise.accel_walk > 0, planes), noise
+    return Columns(noise.gyro_walk > 0 or noise.accel_walk > 0, planes, parameters), noise
 
 
 def opening(columns: Columns, assumed: Assumptions, gravity_m_s2: float) -> FloatArray:
@@ -129,8 +158,16 @@ def instants(
     back = steps_back(middles.R_world, force, h, columns)
     disturbance = noise_back(force, h, noise, columns)
     drawn = drawn_noise(simulation, truth, middles_s, middles.R_world, h, noise, columns)
+    blocks = Blocks(len(simulation.scenario.lidar.pattern.ring))
+    if columns.parameters:
+        around = [
+            imu_frame(truth.imu(middles_s + step), truth.gravity_world_m_s2)
+            for step in (0.0, -JERK_STEP_S, JERK_STEP_S)
+        ]
+        jerk = (around[2] - around[1]) / (2.0 * JERK_STEP_S)
+        add_to_steps(back, columns, blocks.rate_errors(middles.omega_rad_s), blocks.force_errors(around[0], jerk))
     scenario = simulation.scenario
-    range_std_m = scenario.lidar.range_std_m * assumed.range_noise_factor
+    range_std_m = scenario.lidar.range_std_m * assumed.range_noise_factor / np.sqrt(assumed.every)
     pending = iter(sweeps)
     rows = np.zeros((0, columns.size + 1))
     nearest = np.zeros(0, dtype=np.intp)
@@ -145,6 +182,11 @@ def instants(
             mine = np.rint((seen.t_s - first_s) / h).astype(np.intp)
             after_s = seen.t_s - first_s - h * mine
             new = rows_of(seen, truth.R_imu_lidar, faces, numbers, after_s, range_std_m, columns)
+            if columns.parameters:
+                normals = np.einsum("nji,nj->ni", seen.R_imu @ truth.R_imu_lidar, faces.normals[seen.plane])
+                offset = new[:, columns.calibration.stop - 1] * range_std_m
+                middle_s = truth.middle_ns * 1e-9
+                new[:, columns.extra] = blocks.range_errors(seen, normals, middle_s, offset) / range_std_m
             rows, nearest = np.vstack([rows, new]), np.concatenate([nearest, mine])
         end = int(np.searchsorted(nearest, number, side="right"))
         yield back[number], disturbance[number], rows[:end], drawn[number]

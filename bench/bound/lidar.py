@@ -26,6 +26,7 @@ class Returns:
     """Returns from planes. t_s: (N,) of their firing column.   plane: (N,) face of the scene.   x_m: (N, 3) where the ray
     met it, lidar frame.   hit_m: (N, 3) the same in the world.   arm_m: (N, 3) from the IMU to it, world.
     R_imu: (N, 3, 3).   sweep_m_s: (N, 3) velocity of the hit's place if it were fixed to the rig, world.
+    ray: (N, 3) lidar frame, as published.   range_m: (N,) along it.   laser: (N,) channel in firing order.
     cosine: (N,) normal . ray, negative.   beside_m: (N,) distance to the nearest other plane.   range_error_m: (N,) of what
     the lidar measured.
     """
@@ -37,6 +38,9 @@ class Returns:
     arm_m: FloatArray
     R_imu: FloatArray
     sweep_m_s: FloatArray
+    ray: FloatArray
+    range_m: FloatArray
+    laser: NDArray[np.intp]
     cosine: FloatArray
     beside_m: FloatArray
     range_error_m: FloatArray
@@ -97,6 +101,9 @@ def returns_of(simulation: Simulation, truth: Truth, faces: Faces, index: int) -
         arm_m=arm,
         R_imu=imu.R_world[column],
         sweep_m_s=imu.v_m_s[column] + np.cross(turning, arm),
+        ray=ray,
+        range_m=-height / cosine,
+        laser=channel,
         cosine=cosine,
         beside_m=distance.min(axis=1),
         range_error_m=np.einsum("ni,ni->n", sweep.xyz_m[column, channel] - x, ray),
@@ -139,4 +146,5 @@ def all_returns(simulation: Simulation, truth: Truth, faces: Faces, assumed: Ass
     """Sweep by sweep, what may be used."""
     for index in range(simulation.n_scans):
         seen = returns_of(simulation, truth, faces, index)
+        seen = seen.chosen(slice(index % assumed.every, None, assumed.every))
         yield seen.chosen((seen.beside_m >= assumed.margin_m) & (np.abs(seen.cosine) >= assumed.min_cosine))

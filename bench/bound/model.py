@@ -37,6 +37,7 @@ class Assumptions:
     min_cosine: float = 0.0
     imu_noise_factor: float = 1.0
     range_noise_factor: float = 1.0
+    every: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +45,13 @@ class Columns:
     """Columns by name: the moving unknowns first, the lasting ones after them, the calibration last.
 
     biases_walk: the biases move.   planes: how many.   Order: turn 3, velocity 3, position 3, [gyro bias 3, accelerometer
-    bias 3 where they walk] | planes 3 each, gravity 3, [biases 6 where they last], rotation 3, lever arm 3, time offset.
+    bias 3 where they walk] | planes 3 each, gravity 3, [biases 6 where they last], parameters of real sensors, rotation 3,
+    lever arm 3, time offset.   parameters: how many of those of blocks.py.
     """
 
     biases_walk: bool
     planes: int
+    parameters: int = 0
 
     turn = slice(0, 3)
     velocity = slice(3, 6)
@@ -86,6 +89,11 @@ class Columns:
         return slice(self.gyro_bias.stop, self.gyro_bias.stop + 3)
 
     @property
+    def extra(self) -> slice:
+        """The parameters of real sensors."""
+        return slice(self.size - CALIBRATION - self.parameters, self.size - CALIBRATION)
+
+    @property
     def calibration(self) -> slice:
         """Rotation, lever arm, time offset: the contract's order."""
         return slice(self.size - CALIBRATION, self.size)
@@ -93,7 +101,7 @@ class Columns:
     @property
     def size(self) -> int:
         """All of them."""
-        return 9 + 3 * self.planes + 3 + 6 + CALIBRATION
+        return 9 + 3 * self.planes + 3 + 6 + self.parameters + CALIBRATION
 
     def held(self, known: Sequence[Known]) -> list[int]:
         """Columns of what is taken as known."""

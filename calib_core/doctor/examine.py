@@ -33,6 +33,7 @@ from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.clouds.layouts import Layout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
+from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
@@ -46,8 +47,6 @@ from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import (
     CLOUD_TYPES,
-    FOREIGN_PACKET_TYPES,
-    PACKET_TYPES,
     choose_imu,
     choose_lidar,
     imu_topics,

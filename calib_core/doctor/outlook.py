@@ -10,8 +10,9 @@ import numpy as np
 from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, PlanesReport
 from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
-from calib_core.full.assess.observability import LIMITS, UNITS, Knowledge
+from calib_core.full.assess.observability import Knowledge
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
+from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.planes.segment import determinacy
 from calib_core.types import FloatArray, ImuData, PlaneProposals, Recording
 

@@ -10,7 +10,7 @@ LOOKED_S = 61.0
 #: Points of a scan in which planes may be looked for: a single scan has to show them.
 _DENSE_POINTS = 15_000
 
-#: Shares of the recording from which the planes may be followed anew (pipeline/follow.py).
+#: Shares of the recording from which the planes may be followed anew (full/odometry/reference.py).
 _ELSEWHERE = (0.12, 0.25, 0.5, 0.75, 0.88)
 
 

@@ -19,6 +19,8 @@ from calib_core.types import FloatArray
 #: A point whose image tells rows from columns, one direction from the other, and every sign.
 CHECK_POINT_M = (1.0, 2.0, 3.0)
 DECIMALS = 12
+#: R R^T may miss the identity by this: entries written with five decimals do, by 2e-5; 0.006 deg is nobody's edit.
+ORTHONORMAL = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,7 @@ def extrinsic_of(result: CalibrationResult) -> Extrinsic:
             f"`{result.status}` and holds none; calibrate a recording with more motion first.",
             code="export.refused",
         )
+    check_numbers(result)
     recording = result.provenance.recording
     lidar_frame, imu_frame, frame_notes = _frames(recording.lidar_frame_id, recording.imu_frame_id)
     matrix = np.array(result.T_imu_lidar.matrix, dtype=np.float64)
@@ -102,6 +105,43 @@ def extrinsic_of(result: CalibrationResult) -> Extrinsic:
         imu_frame=imu_frame,
         source=f"{_printable(recording.name)}, topics {topics}, status {result.status}.",
         notes=(*frame_notes, *_weak_notes(result)),
+    )
+
+
+def check_numbers(result: CalibrationResult) -> None:
+    """Raise InputError unless the document's pose is one: finite, a rotation, its last row 0 0 0 1; and its biases too.
+
+    A file may have been edited, or written half. Programs read a NaN in a URDF as zero, and a mirrored or stretched
+    frame as it stands.
+    """
+    transform = result.T_imu_lidar
+    rows = [] if transform is None else transform.matrix
+    if [len(row) for row in rows] != [4, 4, 4, 4]:
+        raise _no_pose("a matrix T_imu_lidar of 4 rows of 4 numbers", "another shape")
+    matrix = np.array(rows, dtype=np.float64)
+    if not np.isfinite(matrix).all():
+        raise _no_pose("finite numbers in the matrix T_imu_lidar", "one that is not")
+    if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
+        raise _no_pose("0 0 0 1 in the last row of the matrix T_imu_lidar", " ".join(f"{each:g}" for each in matrix[3]))
+    R = matrix[:3, :3]
+    error = float(np.abs(R @ R.T - np.eye(3)).max())
+    if error > ORTHONORMAL or float(np.linalg.det(R)) < 0.0:
+        found = f"columns that miss that by {error:.2g}" if error > ORTHONORMAL else "a mirror"
+        raise _no_pose("a rotation in the matrix T_imu_lidar, its columns at right angles and of length 1", found)
+    for name, values in (
+        ("gyroscope_bias_rad_s", result.gyroscope_bias_rad_s),
+        ("accelerometer_bias_m_s2", result.accelerometer_bias_m_s2),
+    ):
+        if values is not None and (len(values) != 3 or not np.isfinite(values).all()):
+            raise _no_pose(f"three finite numbers as {name}", "others")
+    if result.gravity_m_s2 is not None and not 0.0 < result.gravity_m_s2 < np.inf:
+        raise _no_pose("a positive gravity_m_s2", f"{result.gravity_m_s2:g}")
+
+
+def _no_pose(expected: str, found: str) -> InputError:
+    return InputError(
+        f"Expected {expected}, but found {found} in this result; export the file that the calibration wrote, unchanged.",
+        code="export.no_pose",
     )
 
 

@@ -20,11 +20,13 @@ def add_links_kernel(
     D_gravity: FloatArray,
     D_gyro: FloatArray,
     D_accel: FloatArray,
+    D_nuisance: FloatArray,
     residual: FloatArray,
     node: IntArray,
     fraction: FloatArray,
     nodes: int,
     gravity_start: int,
+    nuisance_column: IntArray,
     diagonal: FloatArray,
     lower: FloatArray,
     border: FloatArray,
@@ -35,17 +37,22 @@ def add_links_kernel(
     """Adds J' J and J' r of whitened links to an arrow system (solver/arrow.py).
 
     first, second: (L, 9, 9) by the link's two knots.   D_gravity, D_gyro, D_accel: (L, 9, 3).   residual: (L, 9).
+    D_nuisance: (L, 9, N), in the shared columns nuisance_column (N,).
     node, fraction: (L,): the bias is (1 - fraction) of node and fraction of the next; one node where nodes is 1.
     gravity_start: column of gravity; gyro bias nodes follow it, accelerometer nodes follow those.
     """
     links = first.shape[0]
-    per_link = 15 if nodes > 1 else 9
+    extra = nuisance_column.shape[0]
+    walking = 15 if nodes > 1 else 9
+    per_link = walking + extra
     shared = np.empty((9, per_link))
     border_first, border_second = np.empty((9, per_link)), np.empty((9, per_link))
     own = np.empty((per_link, per_link))
     column = np.empty(per_link, np.int64)
     gyro_start = gravity_start + 3
     accel_start = gyro_start + 3 * nodes
+    for c in range(extra):
+        column[walking + c] = nuisance_column[c]
     for link in range(links):
         k, left, f = link, node[link], fraction[link]
         for c in range(3):
@@ -63,6 +70,8 @@ def add_links_kernel(
                 if nodes > 1:
                     shared[r, 9 + c] = f * D_gyro[link, r, c]
                     shared[r, 12 + c] = f * D_accel[link, r, c]
+            for c in range(extra):
+                shared[r, walking + c] = D_nuisance[link, r, c]
         # Summed up in small arrays of fixed columns, then put in place once: the inner loops run along memory.
         border_first[:], border_second[:], own[:] = 0.0, 0.0, 0.0
         for m in range(9):
@@ -102,6 +111,7 @@ def add_bins_kernel(
     scatter: FloatArray,
     scattered: FloatArray,
     planes_start: int,
+    clock_column: int,
     diagonal: FloatArray,
     border: FloatArray,
     corner: FloatArray,
@@ -110,23 +120,27 @@ def add_bins_kernel(
 ) -> None:
     """Adds J' M J and J' M a of bins to an arrow system: knot's 9, the calibration's first 7 columns, the plane's 3.
 
-    knot, plane: (B,).   J: (B, 4, 19) of [n_lidar, w_lidar].   scatter: (B, 5, 5) M.   scattered: (B, 5) M a.
-    planes_start: column of the first plane.
+    knot, plane: (B,).   J: (B, 4, 19) of [n_lidar, w_lidar], or (B, 4, 20) where the clocks' rate has a column.
+    scatter: (B, 5, 5) M.   scattered: (B, 5) M a.   planes_start: column of the first plane.   clock_column: of the rate.
     """
-    column = np.empty(10, np.int64)
-    weighted = np.empty((4, 19))
+    width = J.shape[2]
+    shared = width - 9
+    column = np.empty(shared, np.int64)
+    weighted = np.empty((4, width))
     for b in range(knot.shape[0]):
         k = knot[b]
         for c in range(7):
             column[c] = c
         for c in range(3):
             column[7 + c] = planes_start + 3 * plane[b] + c
+        if shared > 10:
+            column[10] = clock_column
         for i in range(4):
-            for c in range(19):
+            for c in range(width):
                 weighted[i, c] = 0.0
             for m in range(4):
                 w = scatter[b, i, m]
-                for c in range(19):
+                for c in range(width):
                     weighted[i, c] += w * J[b, m, c]
         for m in range(4):
             force = scattered[b, m]
@@ -137,10 +151,10 @@ def add_bins_kernel(
                 gradient[k, i] += value * force
                 for j in range(9):
                     diagonal[k, i, j] += value * weighted[m, j]
-                for c in range(10):
+                for c in range(shared):
                     border[k, i, column[c]] += value * weighted[m, 9 + c]
-            for c in range(10):
+            for c in range(shared):
                 value = J[b, m, 9 + c]
                 gradient_shared[column[c]] += value * force
-                for e in range(10):
+                for e in range(shared):
                     corner[column[c], column[e]] += value * weighted[m, 9 + e]

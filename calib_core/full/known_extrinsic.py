@@ -8,46 +8,76 @@ turning is what smears a cloud most.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from calib_core.calibrate import calibrate
 from calib_core.deskew import deskew_points
-from calib_core.errors import SettingsError
+from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.full.calibrate import calibrate_full
+from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.geometry import exp
+from calib_core.maps.accumulate import covers
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
 from calib_core.types import Float32Array, FloatArray, ImuData, InitialGuess, Recording, Scan, Trajectory
 
 #: Held to a micrometre, a microradian and a microsecond.
 HELD_STD = 1e-6
-#: A scan may begin or end this long outside of the solved motion: the solve's own first and last knots.
-_OVERHANG_S = 0.02
 
 
-def deskewer(
+@dataclass(frozen=True)
+class HeldMotion:
+    """The motion of a recording with its calibration held.
+
+    solved: where planes gave it; None where they did not.   turning: the gyroscope's alone, all through.
+    """
+
+    solved: Trajectory | None
+    turning: Trajectory
+
+    def deskew(self, scan: Scan) -> Float32Array:
+        """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
+        return deskew_points(
+            scan, self.solved if self.solved is not None and covers(self.solved, scan) else self.turning
+        )
+
+
+def held_motion(
     recording: Recording,
     result: CalibrationResult,
     *,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
-) -> Callable[[Scan], Float32Array]:
-    """A function that takes the motion out of a scan of `recording`: (N, 3) [m], lidar frame, first point's time."""
+) -> HeldMotion:
+    """The motion of `recording` with the result's calibration held."""
     guess, priors = held_calibration(result)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
-    settings = _as_solved(result).model_copy(update={"priors": priors})
-    done = calibrate(recording, settings, initial_guess=guess, on_event=on_event, should_cancel=should_cancel)
-    solved = done.trajectory
+    settings = _as_solved(result).model_copy(update={"priors": priors, "crispness": False})
+    solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
     if solved is None:
         text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
+    return HeldMotion(solved, turning)
 
-    def deskew(scan: Scan) -> Float32Array:
-        return deskew_points(scan, solved if solved is not None and covers(solved, scan) else turning)
 
-    return deskew
+def _solved_motion(
+    recording: Recording,
+    settings: CalibrateSettings,
+    guess: InitialGuess,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
+) -> Trajectory | None:
+    """The motion by the joint solve; None where the recording does not give it."""
+    try:
+        require_length(recording, "the motion")
+        # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
+        with threadpool_limits(limits=1, user_api="blas"):
+            return calibrate_full(prepare(recording, settings, on_event, should_cancel), None, guess).trajectory
+    except Refused:
+        return None
 
 
 def _as_solved(result: CalibrationResult) -> CalibrateSettings:
@@ -59,18 +89,6 @@ def _as_solved(result: CalibrationResult) -> CalibrateSettings:
             return CalibrateSettings(imu_sampling="even")
         case _:
             return CalibrateSettings()
-
-
-def covers(trajectory: Trajectory, scan: Scan) -> bool:
-    """Whether the motion is known, and not bridged, all through the sweep."""
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
-    end_s = start_s + (float(scan.points["offset_ns"].max()) * 1e-9 if scan.points.size else 0.0)
-    t = trajectory.times_s
-    if start_s < t[0] - _OVERHANG_S or end_s > t[-1] + _OVERHANG_S:
-        return False
-    first = max(int(np.searchsorted(t, start_s, side="right")) - 1, 0)
-    last = min(int(np.searchsorted(t, end_s, side="left")), t.size - 1)
-    return bool(trajectory.valid[first : last + 1].all())
 
 
 def turning_alone(imu: ImuData, calibration: InitialGuess, gyro_bias_rad_s: FloatArray) -> Trajectory:
@@ -101,10 +119,15 @@ def held_calibration(result: CalibrationResult) -> tuple[InitialGuess, tuple[Pri
             f"Expected a calibration to take the motion out with, but the result of {result.provenance.recording.name} "
             f"has the status `{result.status}` and holds none; calibrate a recording with more motion first."
         )
-    T = np.array(result.T_imu_lidar.matrix)
-    guess = InitialGuess(R_imu_lidar=T[:3, :3], p_imu_lidar=T[:3, 3], time_offset_ns=result.time_offset_ns)
-    x, y, z = (float(value) for value in T[:3, 3])
+    return held(np.array(result.T_imu_lidar.matrix), result.time_offset_ns)
+
+
+def held(T_imu_lidar: FloatArray, time_offset_ns: int) -> tuple[InitialGuess, tuple[Prior, ...]]:
+    """A calibration as a start, and priors that keep it there. T_imu_lidar: (4, 4)."""
+    R_imu_lidar, p_imu_lidar = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
+    guess = InitialGuess(R_imu_lidar=R_imu_lidar, p_imu_lidar=p_imu_lidar, time_offset_ns=time_offset_ns)
+    x, y, z = (float(value) for value in p_imu_lidar)
     turns = (Prior(axis="rx", value=0.0, std=HELD_STD), Prior(axis="ry", value=0.0, std=HELD_STD))
     places = (Prior(axis="tx", value=x, std=HELD_STD), Prior(axis="ty", value=y, std=HELD_STD))
-    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=result.time_offset_ns * 1e-9, std=HELD_STD))
+    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=time_offset_ns * 1e-9, std=HELD_STD))
     return guess, (*turns, Prior(axis="rz", value=0.0, std=HELD_STD), *places, *last)

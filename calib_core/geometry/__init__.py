@@ -1,6 +1,7 @@
 """Rotations and rigid transforms; knows NumPy only."""
 
 from calib_core.geometry.axes import plane_axes
+from calib_core.geometry.forms import euler_xyz_deg, quaternion_xyzw, transform_matrix
 from calib_core.geometry.so3 import (
     cross,
     exp,
@@ -14,12 +15,15 @@ from calib_core.geometry.so3 import (
 
 __all__ = [
     "cross",
+    "euler_xyz_deg",
     "exp",
     "hat",
     "log",
     "mean_rotation",
     "nearest_rotation",
     "plane_axes",
+    "quaternion_xyzw",
     "right_jacobian",
     "right_jacobian_inverse",
+    "transform_matrix",
 ]

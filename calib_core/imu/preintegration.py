@@ -49,7 +49,7 @@ class UpsampledImu:
 
     knots_s: (K,) IMU clock.   gyro, accel: (L, G, 3).   knot_gyro, knot_accel: (K, 3).
     excess_var: (L, 6) posterior variance beyond the reading noise, as an extra white density (times seconds).
-    linked: (L,) False where the IMU was silent for too long to bridge.
+    linked: (L,) False where the IMU was silent for too long to bridge.   accel_delay_s: with which it was asked.
     """
 
     knots_s: FloatArray
@@ -60,6 +60,7 @@ class UpsampledImu:
     knot_accel: FloatArray
     excess_density2: FloatArray
     linked: BoolArray
+    accel_delay_s: float = 0.0
 
     def part(self, first: int, last: int) -> UpsampledImu:
         """The knots first..last (exclusive) and the links among them."""
@@ -73,6 +74,7 @@ class UpsampledImu:
             self.knot_accel[knots],
             self.excess_density2[links],
             self.linked[links],
+            self.accel_delay_s,
         )
 
 
@@ -127,12 +129,18 @@ def interpolating(hyper: Hyper, period_s: float) -> Hyper:
 
 
 def upsample(
-    stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper
+    stamps_s: FloatArray,
+    gyro_rad_s: FloatArray,
+    accel_m_s2: FloatArray,
+    knots_s: FloatArray,
+    hyper: Hyper,
+    *,
+    accel_delay_s: float = 0.0,
 ) -> UpsampledImu:
     """The readings at every knot and at every link's Gauss points.
 
     stamps_s: (Q,) increasing.   gyro_rad_s, accel_m_s2: (Q, 3).   knots_s: (K,) equally spaced within the stamps.
-    hyper: of the six channels, gyro first.
+    hyper: of the six channels, gyro first.   accel_delay_s: what the accelerometer says of an instant is stamped that later.
     """
     measured_noise, hyper = hyper.noise_std, interpolating(hyper, float(np.median(np.diff(stamps_s))))
     h = float(knots_s[1] - knots_s[0])
@@ -144,6 +152,9 @@ def upsample(
     order = np.argsort(query, kind="stable")
     values = np.hstack([gyro_rad_s, accel_m_s2])
     sorted_mean, sorted_var = windowed_posterior(stamps_s, values, query[order], hyper)
+    if accel_delay_s != 0.0:
+        later, _ = windowed_posterior(stamps_s, values, query[order] + accel_delay_s, hyper)
+        sorted_mean[:, 3:] = later[:, 3:]
     mean = np.empty_like(sorted_mean)
     var = np.empty_like(sorted_var)
     mean[order], var[order] = sorted_mean, sorted_var
@@ -162,6 +173,7 @@ def upsample(
         # The interpolation's error is one and the same throughout a gap: its integral grows with the gap's length.
         excess_density2=excess * np.maximum(gap, period)[:, None],
         linked=gap < max(0.06, 6.0 * period),
+        accel_delay_s=accel_delay_s,
     )
 
 

@@ -26,13 +26,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.errors import Cancelled
+from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.paper import report
 from calib_core.paper.front_end import Selection, run_front_end
 from calib_core.paper.prepare import Run, prepare
 from calib_core.paper.problem import PaperState, covariance_of_calibration
-from calib_core.paper.records import FrontEnd, PaperOptions, PaperRefusal, PaperSolution
+from calib_core.paper.records import FrontEnd, PaperOptions, PaperSolution
 from calib_core.paper.rounds import Round, expand, reweighted
 from calib_core.paper.solve import Descent, descend
 from calib_core.settings import CalibrateSettings
@@ -55,12 +55,12 @@ def calibrate_paper(
     options: PaperOptions = _PUBLISHED,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
-) -> PaperSolution | PaperRefusal:
-    """The calibration by the published method, or why there is none.
+) -> PaperSolution:
+    """The calibration by the published method. Raises Refused where there is none, and Cancelled.
 
     planes: in the lidar frame at the first point of scan `first_scan`, during which the sensors are taken to stand
     still;
-    None: detected in it.   Raises Cancelled.
+    None: detected in it.
     """
     front = track_planes(
         recording, settings, planes=planes, first_scan=first_scan, on_event=on_event, should_cancel=should_cancel
@@ -105,12 +105,10 @@ def solve_tracked(
     options: PaperOptions = _PUBLISHED,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
-) -> PaperSolution | PaperRefusal:
+) -> PaperSolution:
     """The calibration from tracked scans, so that several solves can share them."""
     total = max(recording.scans_total, len(recording.scans))
-    refused = _check(front, total)
-    if refused is not None:
-        return refused
+    _check(front)
     on_event(StageEvent(stage="initialise", fraction=0.0, text="start values from the scans' rough poses"))
     run = prepare(recording, settings, front, initial_guess, options)
     descent, rounds = _solve(run, on_event, should_cancel)
@@ -129,21 +127,21 @@ def _selection(settings: CalibrateSettings) -> Selection:
     )
 
 
-def _check(front: FrontEnd, total: int) -> PaperRefusal | None:
+def _check(front: FrontEnd) -> None:
+    """Raises Refused where too few planes or scans were found."""
     used, dropped = len(front.scans), len(front.dropped)
     if len(front.planes) < _MIN_PLANES:
         text = (
             f"expected {_MIN_PLANES} planes of different directions in the first scan's field of view, found "
             f"{len(front.planes)}; record a corner from close by, or use --method full"
         )
-        return report.refusal("paper.planes", text, used=used, dropped=dropped, total=total)
+        raise Refused("paper.planes", text)
     if used < _MIN_SCANS:
         text = (
             f"expected at least {_MIN_SCANS} scans that show all {len(front.planes)} planes, found {used} of "
             f"{used + dropped}; keep the corner in view, or use --method full"
         )
-        return report.refusal("paper.scans", text, used=used, dropped=dropped, total=total)
-    return None
+        raise Refused("paper.scans", text)
 
 
 def _solve(run: Run, on_event: OnEvent, should_cancel: ShouldCancel) -> tuple[Descent, Round]:

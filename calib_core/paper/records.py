@@ -112,13 +112,3 @@ class PaperSolution:
     cost: float
     trajectory: Trajectory
     messages: tuple[Finding, ...]
-
-
-@dataclass(frozen=True)
-class PaperRefusal:
-    """Why there is no answer: messages has the reason."""
-
-    scans_used: int
-    scans_dropped: int
-    scans_total: int
-    messages: tuple[Finding, ...]

@@ -1,4 +1,4 @@
-"""The solve's outcome as records: solution or refusal, progress events, trajectory."""
+"""The solve's outcome as records: progress events, trajectory."""
 
 from __future__ import annotations
 
@@ -8,18 +8,13 @@ from scipy.spatial.transform import Rotation
 from calib_core.events import IterationEvent, PlaneResidual
 from calib_core.paper.preintegration import ScanPreintegration
 from calib_core.paper.problem import PaperState, covariance_of_calibration
-from calib_core.paper.records import FrontEnd, PaperRefusal, PlaneFitQuality
+from calib_core.paper.records import FrontEnd, PlaneFitQuality
 from calib_core.paper.timeline import Timeline
 from calib_core.solver.arrow import ArrowSystem, solve_arrow
-from calib_core.types import Finding, FloatArray, IntArray, Trajectory
+from calib_core.types import FloatArray, IntArray, Trajectory
 
 #: Poses of the reported trajectory per scan.
 _POSES_PER_SCAN = 10
-
-
-def refusal(code: str, text: str, *, used: int, dropped: int, total: int) -> PaperRefusal:
-    """A refusal with its one reason."""
-    return PaperRefusal(used, dropped, total, (Finding(code, "error", text),))
 
 
 def plane_qualities(front: FrontEnd, plane_of_point: IntArray, dist_m: FloatArray) -> tuple[PlaneFitQuality, ...]:

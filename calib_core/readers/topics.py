@@ -6,23 +6,11 @@ from collections.abc import Callable, Sequence
 
 from calib_core.errors import TopicError
 from calib_core.readers.clouds import livox, pointcloud2
+from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES, unsupported_packets
 from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.imu import messages as imu_messages
 
 CLOUD_TYPES = (pointcloud2.TYPE, *livox.TYPES)
-#: Raw packets that are decoded here.
-PACKET_TYPES = ("velodyne_msgs/msg/VelodyneScan",)
-#: Raw packets that are recognised and refused with a sentence.
-FOREIGN_PACKET_TYPES = {
-    "pandar_msgs/msg/PandarScan": "Hesai",
-    "hesai_ros_driver/msg/UdpFrame": "Hesai",
-    "nebula_msgs/msg/NebulaPackets": "Nebula",
-    "ouster_ros/msg/PacketMsg": "Ouster",
-    "ouster_sensor_msgs/msg/PacketMsg": "Ouster",
-    "rslidar_msg/msg/RslidarPacket": "RoboSense",
-    "rslidar_msgs/msg/rslidarScan": "RoboSense",
-    "seyond/msg/SeyondScan": "Seyond",
-}
 
 
 def lidar_topics(topics: Sequence[TopicSummary]) -> list[TopicSummary]:
@@ -58,17 +46,6 @@ def choose_lidar(
 def choose_imu(topics: Sequence[TopicSummary], wanted: str | None, recording: str) -> TopicSummary:
     """The IMU topic: the one named, or the only one that fits."""
     return _choose(topics, imu_topics(topics), wanted, recording, "IMU", "--imu-topic")
-
-
-def unsupported_packets(topic: TopicSummary, model: str = "") -> TopicError:
-    """The sentence for raw packets that are not decoded."""
-    vendor = FOREIGN_PACKET_TYPES[topic.type]
-    sensor = f"{vendor} {model}".strip()
-    return TopicError(
-        f"The topic {topic.name} holds raw {sensor} packets ({topic.type}), which are not decoded here;"
-        f" replay them through the {vendor} driver and record its point cloud.",
-        code="recording.packets",
-    )
 
 
 def _choose(

@@ -7,15 +7,18 @@ integration or projection code with the estimator.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib_core.errors import SettingsError
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
-from calib_core.simulate.generate import Simulation, generate, prepare, run
+from calib_core.simulate.faults import Fault, parse_faults
+from calib_core.simulate.generate import generate, run
 from calib_core.simulate.scenario import Mounting, Scenario
 from calib_core.simulate.scenarios import SCENARIOS
 from calib_core.simulate.sensors import HeaderAt
+from calib_core.simulate.simulation import Simulation, prepare
 from calib_core.simulate.truth import Truth, TruthFile
 
 if TYPE_CHECKING:
@@ -23,12 +26,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SCENARIOS",
+    "Fault",
     "Mounting",
     "Scenario",
     "Simulation",
     "Truth",
     "TruthFile",
     "generate",
+    "parse_faults",
     "prepare",
     "simulate",
     "truth_path",
@@ -50,13 +55,14 @@ def simulate(
     duration_s: float | None = None,
     noise: bool = True,
     header_at: HeaderAt | None = None,
+    faults: Sequence[Fault] = (),
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Path:
     """Write a recording to `out` (.bag: ROS 1; .mcap; no suffix: a ROS 2 folder) and its truth beside it.
 
     mounting: T_imu_lidar as x, y, z, qx, qy, qz, qw.   header_at: which packet stamps a Velodyne cloud.   None: the
-    scenario's own.   Returns the truth's path. Raises SettingsError and Cancelled.
+    scenario's own.   faults: of sensors, clocks and room.   Returns the truth's path. Raises SettingsError and Cancelled.
     """
     from calib_core.simulate import bags
 
@@ -69,6 +75,7 @@ def simulate(
         duration_s=duration_s,
         noise=noise,
         header_at=header_at,
+        faults=faults,
     )
     truth_file = truth_path(out)
     if out.exists() and not truth_file.exists():

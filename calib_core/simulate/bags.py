@@ -21,8 +21,8 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from calib_core.errors import SettingsError
-from calib_core.simulate.generate import ImuRecords
 from calib_core.simulate.layouts import Cloud, StructArray
+from calib_core.simulate.simulation import ImuRecords
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Msg

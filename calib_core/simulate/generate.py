@@ -1,181 +1,27 @@
-"""A scenario made into sensor messages, scan by scan, with their truth; and gathered into a Recording in memory.
-
-Two clocks: the lidar's is the reference, an IMU message taken at lidar time t is stamped t - time_offset. Simulated
-time 0 is `EPOCH_NS` of the lidar clock. Every stream of random numbers has its own seed (recording, stream, sweep), so
-a sweep's noise depends neither on the recording's length nor on the order in which sweeps are made.
-"""
+"""A simulation's sweeps made one after the other, and gathered into a Recording in memory."""
 
 from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from calib_core.errors import Cancelled, SettingsError
+from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.simulate import imu as imu_module
-from calib_core.simulate import lidar as lidar_module
-from calib_core.simulate import scenarios
-from calib_core.simulate.imu import ImuMessages
-from calib_core.simulate.layouts import Cloud, encode, scan_of
-from calib_core.simulate.lidar import Sweep
-from calib_core.simulate.motion import seconds
+from calib_core.simulate.faults import Fault
+from calib_core.simulate.layouts import Cloud, scan_of
 from calib_core.simulate.scenario import Mounting, Scenario
-from calib_core.simulate.sensors import HeaderAt, Imu
+from calib_core.simulate.sensors import HeaderAt
+from calib_core.simulate.simulation import STANDARD_GRAVITY_M_S2, Simulation, prepare
 from calib_core.simulate.truth import Truth
-from calib_core.types import FloatArray, ImuData, IntArray, LidarInfo, Recording, Scan
+from calib_core.types import ImuData, LidarInfo, Recording, Scan
 
-#: Lidar clock at simulated time 0.
-EPOCH_NS = 1_700_000_000_123_456_789
-#: The IMU is recorded this long before the first sweep and after the last.
-IMU_MARGIN_S = 0.2
-STANDARD_GRAVITY_M_S2 = 9.80665
 #: Clocks further apart than this have different epochs, and a reader has to compare receive times.
 SAME_EPOCH_NS = 10_000_000_000
 _N_THREADS = min(4, os.cpu_count() or 1)
-_LIDAR_STREAM, _IMU_STREAM, _FAULT_STREAM, _LATENCY_STREAM = range(4)
-
-
-@dataclass(frozen=True, slots=True)
-class ImuRecords:
-    """IMU messages as published, in the order they arrive.
-
-    stamps_ns: (Q,) IMU clock.   received_ns: (Q,) the recorder's clock, which is the lidar's.
-    gyro_rad_s: (Q, 3).   accel: (Q, 3) in the driver's unit.
-    """
-
-    stamps_ns: IntArray
-    received_ns: IntArray
-    gyro_rad_s: FloatArray
-    accel: FloatArray
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """One scenario with one seed."""
-
-    scenario: Scenario
-    seed: int
-
-    def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise SettingsError(
-                f"expected a seed of 0 or more for the simulation, found {self.seed}; give a whole number of 0 or more",
-                code="simulate.seed",
-            )
-
-    @property
-    def n_scans(self) -> int:
-        """Sweeps in the recording."""
-        return self.scenario.lidar.pattern.count(self.scenario.duration_s)
-
-    def sweep(self, index: int) -> Sweep:
-        """Sweep number `index` before the driver rounds it."""
-        scenario = self.scenario
-        lidar = scenario.lidar if scenario.noise else lidar_module.noise_free(scenario.lidar)
-        firings = lidar.pattern.firings(index)
-        columns = self._motion.lidar(seconds(firings.column_ns))
-        rays = lidar_module.firings_rays(firings, columns, self._home_m)
-        return lidar_module.measure(
-            lidar, scenario.scene, firings, rays, index, self._rng(_LIDAR_STREAM, index), scenario.outliers
-        )
-
-    def cloud(self, index: int) -> Cloud:
-        """Sweep number `index` as the lidar's driver publishes it."""
-        return encode(self.sweep(index), self.scenario.lidar, EPOCH_NS)
-
-    def received_ns(self, cloud: Cloud) -> int:
-        """When the recorder got the cloud: when the sweep was over and the driver had packed it."""
-        latency_s = 0.0015 + 0.0003 * float(self._rng(_LATENCY_STREAM, cloud.index).exponential())
-        return cloud.end_ns + round(latency_s * 1e9)
-
-    @cached_property
-    def imu_messages(self) -> ImuMessages:
-        """What the IMU measured, in the order it is sent."""
-        scenario = self.scenario
-        imu = scenario.imu if scenario.noise else _silent(scenario)
-        instants = imu_module.sample_instants_ns(imu, -IMU_MARGIN_S, scenario.duration_s + IMU_MARGIN_S)
-        messages = imu_module.measure(
-            imu,
-            instants,
-            self._motion.imu(seconds(instants)),
-            scenario.gravity_m_s2,
-            (np.asarray(scenario.gyro_bias_rad_s), np.asarray(scenario.accel_bias_m_s2)),
-            self._rng(_IMU_STREAM),
-        )
-        return imu_module.spoil(messages, scenario.imu_faults, self._rng(_FAULT_STREAM))
-
-    @cached_property
-    def imu_records(self) -> ImuRecords:
-        """The same as published."""
-        messages, truth = self.imu_messages, self.truth
-        in_g = self.scenario.imu.accelerometer_unit == "g"
-        latency_s = 0.0008 + 0.0002 * self._rng(_LATENCY_STREAM, 1 << 30).exponential(size=messages.true_ns.shape)
-        received = EPOCH_NS + messages.true_ns + np.rint(latency_s * 1e9).astype(np.int64)
-        return ImuRecords(
-            EPOCH_NS + messages.true_ns - truth.time_offset_ns + messages.stamp_error_ns,
-            np.maximum.accumulate(received),
-            messages.gyro_rad_s,
-            messages.accel_m_s2 / STANDARD_GRAVITY_M_S2 if in_g else messages.accel_m_s2,
-        )
-
-    @cached_property
-    def truth(self) -> Truth:
-        """The answer."""
-        first = scan_of(self.cloud(0))
-        messages = self.imu_messages
-        return replace(
-            self._motion,
-            map_time_ns=first.stamp_ns,
-            gyro_bias_rad_s=messages.gyro_bias_rad_s.mean(axis=0),
-            accel_bias_m_s2=messages.accel_bias_m_s2.mean(axis=0),
-        )
-
-    @cached_property
-    def _motion(self) -> Truth:
-        """The truth as far as it is known before anything is measured."""
-        return Truth(self.scenario, self.seed, EPOCH_NS, EPOCH_NS, np.zeros(3), np.zeros(3))
-
-    @cached_property
-    def _home_m(self) -> FloatArray:
-        home: FloatArray = self._motion.lidar(np.zeros(1)).p_m[0]
-        return home
-
-    def _rng(self, stream: int, index: int = 0) -> np.random.Generator:
-        return np.random.Generator(np.random.SFC64(np.random.SeedSequence([self.seed, stream, index])))
-
-
-def _silent(scenario: Scenario) -> Imu:
-    return replace(
-        scenario.imu,
-        gyroscope_noise_density_rad_s_sqrt_hz=0.0,
-        accelerometer_noise_density_m_s2_sqrt_hz=0.0,
-        gyroscope_random_walk=0.0,
-        accelerometer_random_walk=0.0,
-    )
-
-
-def prepare(
-    scenario: str | Scenario,
-    *,
-    seed: int = 0,
-    mounting: Mounting | None = None,
-    time_offset_s: float | None = None,
-    duration_s: float | None = None,
-    noise: bool = True,
-    header_at: HeaderAt | None = None,
-) -> Simulation:
-    """A simulation ready to be run. Raises SettingsError for an unknown name or an impossible wish."""
-    chosen = scenarios.named(scenario) if isinstance(scenario, str) else scenario
-    changed = chosen.changed(
-        mounting=mounting, time_offset_s=time_offset_s, duration_s=duration_s, noise=noise, header_at=header_at
-    )
-    return Simulation(changed, seed)
 
 
 def generate(
@@ -187,6 +33,8 @@ def generate(
     duration_s: float | None = None,
     noise: bool = True,
     header_at: HeaderAt | None = None,
+    faults: Sequence[Fault] = (),
+    salt: str = "",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> tuple[Recording, Truth]:
@@ -199,6 +47,8 @@ def generate(
         duration_s=duration_s,
         noise=noise,
         header_at=header_at,
+        faults=faults,
+        salt=salt,
     )
     clouds = [
         (scan_of(cloud), simulation.received_ns(cloud) - cloud.stamp_ns)

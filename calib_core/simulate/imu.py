@@ -5,7 +5,7 @@ f = R_world_imu^T (a - g) + b_f + noise,     w = w_imu + b_w + noise,     g = (0
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,16 +58,16 @@ def exact_readings(imu_motion: Kinematics, gravity_m_s2: float) -> tuple[FloatAr
 def measure(
     imu: Imu,
     instants_ns: IntArray,
-    imu_motion: Kinematics,
-    gravity_m_s2: float,
+    readings: tuple[FloatArray, FloatArray],
     biases: tuple[FloatArray, FloatArray],
     rng: np.random.Generator,
 ) -> ImuMessages:
     """Readings with white noise of density x sqrt(rate) and biases that walk.
 
+    readings: angular rate and specific force without either, (Q, 3) each.
     biases: of gyroscope and accelerometer at the first sample, (3,) each.
     """
-    gyro, accel = exact_readings(imu_motion, gravity_m_s2)
+    gyro, accel = readings
     n = instants_ns.shape[0]
     white = rng.standard_normal((2, n, 3))
     steps = rng.standard_normal((2, n, 3)) / np.sqrt(imu.rate_hz)
@@ -103,10 +103,15 @@ def spoil(messages: ImuMessages, faults: ImuFaults, rng: np.random.Generator) ->
     order = order[np.argsort(rank[order], kind="stable")]
     spoiled = ImuMessages(
         messages.true_ns,
-        np.rint(jitter * 1e9).astype(np.int64),
+        messages.stamp_error_ns + np.rint(jitter * 1e9).astype(np.int64),
         messages.gyro_rad_s,
         messages.accel_m_s2,
         messages.gyro_bias_rad_s,
         messages.accel_bias_m_s2,
     )
     return spoiled.take(order)
+
+
+def stamped_late(messages: ImuMessages, error_ns: IntArray) -> ImuMessages:
+    """The messages with stamps that are off by this much more. error_ns: (Q,)."""
+    return replace(messages, stamp_error_ns=messages.stamp_error_ns + error_ns)

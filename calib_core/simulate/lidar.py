@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.simulate.bodies import Rays
+from calib_core.simulate.faults.lidar import IDEAL_LIDAR, LidarDeviations
 from calib_core.simulate.motion import Kinematics, seconds
 from calib_core.simulate.patterns import Firings
 from calib_core.simulate.scene import Hits, Scene
@@ -110,10 +111,13 @@ def measure(
     index: int,
     rng: np.random.Generator,
     outliers: Outliers | None = None,
+    deviations: LidarDeviations = IDEAL_LIDAR,
 ) -> Sweep:
     """What the lidar reports for these rays: range noise along the ray, lost and wrong returns.
 
-    The range noise is drawn first, so that two scenarios that differ only in lost or wrong returns share it.
+    firings: as the driver publishes them; the rays are those really fired.   deviations: of the
+    ranges. The range noise is drawn first, so that two scenarios that differ only
+    in lost or wrong returns share it.
     """
     shape = firings.directions.shape[1:]
     n = rays.t_s.shape[0]
@@ -121,7 +125,9 @@ def measure(
     hits = scene.cast(rays)
     reflectivity = scene.reflectivity[hits.surface]
     seen = _answers(lidar, hits, reflectivity)
-    range_m = np.where(seen, hits.range_m, 0.0) + lidar.range_std_m * noise
+    true_m = np.where(seen, hits.range_m, 0.0).reshape(shape)
+    range_m = deviations.published_ranges(true_m, hits.cos_incidence.reshape(shape)).reshape(-1)
+    range_m = range_m + lidar.range_std_m * noise
     surface = hits.surface
     if lidar.miss_probability:
         seen &= rng.random(n) >= lidar.miss_probability

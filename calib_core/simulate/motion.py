@@ -129,8 +129,8 @@ class Sway:
         """Kinematics of the body at t_s: (N,) [s]."""
         t = jets.time(np.asarray(t_s, dtype=np.float64))
         ramp = jets.smooth_step(t, self.start.static_s, self.start.ramp_s)
-        position = [_waves(waves, t) * ramp for waves in self.position]
-        angles = [(turn.axis, _waves(turn.waves, t) * ramp) for turn in self.turns]
+        position = [waves_jet(waves, t) * ramp for waves in self.position]
+        angles = [(turn.axis, waves_jet(turn.waves, t) * ramp) for turn in self.turns]
         return _assemble(self.base, position, angles)
 
 
@@ -157,11 +157,12 @@ class FigureEight:
         dy = jets.cos(u.scaled(2.0)).scaled(2.0 * self.width_m)
         ramp = jets.smooth_step(t, self.start.static_s, self.start.ramp_s)
         angles = [((0.0, 0.0, 1.0), jets.atan2(dy, dx))]
-        angles += [(turn.axis, _waves(turn.waves, t) * ramp) for turn in self.turns]
+        angles += [(turn.axis, waves_jet(turn.waves, t) * ramp) for turn in self.turns]
         return _assemble(self.base, [x, y, jets.constant(0.0, t)], angles)
 
 
-def _waves(waves: tuple[Wave, ...], t: Jet) -> Jet:
+def waves_jet(waves: tuple[Wave, ...], t: Jet) -> Jet:
+    """The sum of the waves as a function of time."""
     total = jets.constant(0.0, t)
     for wave in waves:
         phase = t.scaled(2.0 * np.pi * wave.frequency_hz).shifted(wave.phase_rad)
@@ -175,12 +176,7 @@ def _assemble(base: Pose, position: list[Jet], angles: list[tuple[Vector, Jet]])
     omega, alpha = np.zeros((n, 3)), np.zeros((n, 3))
     for axis, angle in angles:
         unit = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
-        S = _turn(unit, angle.f)
-        omega_turned = np.einsum("nji,nj->ni", S, omega)
-        alpha_turned = np.einsum("nji,nj->ni", S, alpha)
-        alpha = alpha_turned - angle.df[:, None] * np.cross(unit, omega_turned) + angle.ddf[:, None] * unit
-        omega = omega_turned + angle.df[:, None] * unit
-        R = R @ S
+        R, omega, alpha = turned(R, omega, alpha, unit, angle)
     return Kinematics(
         R,
         base.p + np.stack([jet.f for jet in position], axis=1),
@@ -189,6 +185,17 @@ def _assemble(base: Pose, position: list[Jet], angles: list[tuple[Vector, Jet]])
         omega,
         alpha,
     )
+
+
+def turned(
+    R: FloatArray, omega: FloatArray, alpha: FloatArray, unit: FloatArray, angle: Jet
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One stage more: R, omega, alpha after a turn about the unit axis by the angle, as at the top."""
+    S = _turn(unit, angle.f)
+    omega_turned = np.einsum("nji,nj->ni", S, omega)
+    alpha_turned = np.einsum("nji,nj->ni", S, alpha)
+    alpha = alpha_turned - angle.df[:, None] * np.cross(unit, omega_turned) + angle.ddf[:, None] * unit
+    return R @ S, omega_turned + angle.df[:, None] * unit, alpha
 
 
 def _turn(unit: FloatArray, angle_rad: FloatArray) -> FloatArray:

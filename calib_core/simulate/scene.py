@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calib_core.simulate.bodies import Body, Rays
 from calib_core.simulate.motion import Vector
+from calib_core.simulate.uneven import Bend, Pane
 from calib_core.types import BoolArray, FloatArray
 
 
@@ -20,7 +21,8 @@ from calib_core.types import BoolArray, FloatArray
 class Hits:
     """What each ray met first. range_m: (N,), inf for nothing.
 
-    cos_incidence: (N,) in 0..1.   surface: (N,) index into the scene's faces, then its bodies; -1 for nothing.
+    cos_incidence: (N,) in 0..1.   surface: (N,) index into the scene's faces, then its bodies, then what is behind its
+    panes; -1 for nothing.
     """
 
     range_m: FloatArray
@@ -32,7 +34,7 @@ class Hits:
 class Face:
     """A plane through `point_m`. `normal` points to the side that is seen; any length.
 
-    outline_m: corners of a convex polygon in the plane, in order; empty for an unbounded plane.
+    outline_m: corners of a convex polygon in the plane, in order; empty for an unbounded plane.   bend: off flat.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Face:
     point_m: Vector
     outline_m: tuple[Vector, ...] = ()
     reflectivity: float = 0.5
+    bend: Bend | None = None
 
     @property
     def unit_normal(self) -> FloatArray:
@@ -56,10 +59,11 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Everything a ray can meet. The faces are the calibration's planes; bodies are clutter."""
+    """Everything a ray can meet. The faces are the calibration's planes; bodies are clutter, panes windows in faces."""
 
     faces: tuple[Face, ...]
     bodies: tuple[Body, ...] = field(default=())
+    panes: tuple[Pane, ...] = field(default=())
 
     def cast(self, rays: Rays) -> Hits:
         """What each ray meets first. Works with closeness, 1 / range: 0 is a miss, no infinities on the way."""
@@ -70,13 +74,19 @@ class Scene:
         spread_m = max(float(np.linalg.norm(np.ptp(places, axis=1))) for places in (rays.origins_m, rays.lidar_m))
         for index, body in enumerate(self.bodies, start=len(self.faces)):
             _cast_body(index, body, rays, hits, spread_m)
+        for index, face in enumerate(self.faces):
+            if face.bend is not None:
+                _bend(index, face, face.bend, rays, hits)
+        for index, pane in enumerate(self.panes, start=len(self.faces) + len(self.bodies)):
+            _look_through(index, pane, self.faces[pane.face].unit_normal, rays, hits)
         with np.errstate(divide="ignore"):
             return Hits(1.0 / hits.closeness_1_m, hits.cosine, hits.surface)
 
     @property
     def reflectivity(self) -> FloatArray:
-        """Of faces, then bodies: indexable by `Hits.surface`; one more at the end for no hit (index -1)."""
-        return np.array([f.reflectivity for f in self.faces] + [b.reflectivity for b in self.bodies] + [0.0])
+        """Of faces, bodies, panes: indexable by `Hits.surface`; one more at the end for no hit (index -1)."""
+        known = [[f.reflectivity for f in self.faces], [b.reflectivity for b in self.bodies]]
+        return np.array([*known[0], *known[1], *(pane.reflectivity for pane in self.panes), 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,3 +158,19 @@ def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest, spread_m: flo
     nearer = 1.0 / reach > hits.closeness_1_m[chosen]
     hit = chosen[nearer]
     hits.closeness_1_m[hit], hits.cosine[hit], hits.surface[hit] = 1.0 / reach[nearer], cosine[nearer], index
+
+
+def _bend(index: int, face: Face, bend: Bend, rays: Rays, hits: _Nearest) -> None:
+    """The rays that met this face end where it really is."""
+    mine = np.flatnonzero(hits.surface == index)
+    if mine.size:
+        hits.closeness_1_m[mine] = bend.closeness(rays.subset(mine), face.unit_normal, face.offset_m)
+
+
+def _look_through(index: int, pane: Pane, normal: FloatArray, rays: Rays, hits: _Nearest) -> None:
+    """The rays that met this pane's face within it, slantwise, end behind it."""
+    mine = np.flatnonzero(hits.surface == pane.face)
+    if mine.size:
+        passes, behind = pane.closeness(rays.subset(mine), normal, hits.closeness_1_m[mine], hits.cosine[mine])
+        through = mine[passes]
+        hits.closeness_1_m[through], hits.surface[through] = behind[passes], index

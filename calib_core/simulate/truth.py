@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from scipy.spatial.transform import Rotation
 
 from calib_core.result import Transform
+from calib_core.simulate.faults import IDEAL, Drawn
+from calib_core.simulate.faults.named import parameters
 from calib_core.simulate.motion import Kinematics
 from calib_core.simulate.scenario import Scenario
 from calib_core.types import FloatArray, Plane
@@ -37,8 +39,21 @@ class TruthNoise(_Model):
     range_std_m: float
 
 
+class TruthParameter(_Model):
+    """One parameter of a real sensor: the names, units and signs of `calib_core.intrinsics`, and of the simulator's own."""
+
+    block: str
+    name: str
+    unit: str
+    value: float
+
+
 class TruthFile(_Model):
-    """The truth as it lies beside a simulated recording: the result's keys and signs."""
+    """The truth as it lies beside a simulated recording: the result's keys and signs.
+
+    faults: those put in.   intrinsics: of the sensors that have any; what is not listed is 0.   time_offset_s holds at
+    time_offset_at_s, seconds after the first scan: the middle of the first and the last scan.
+    """
 
     schema_: str = Field(default="unsweep.truth/1", alias="schema")
     scenario: str
@@ -52,6 +67,10 @@ class TruthFile(_Model):
     gravity_m_s2: float
     planes: list[TruthPlane]
     noise: TruthNoise
+    faults: list[str] = []
+    intrinsics: list[TruthParameter] = []
+    clock_rate_ppm: float = 0.0
+    time_offset_at_s: float = 0.0
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
 
@@ -66,6 +85,7 @@ class Truth:
 
     World: the scene's, z up, gravity (0, 0, -gravity_m_s2). Times `t_s`: (N,) seconds of the lidar clock after
     `epoch_ns`.   map: the lidar frame at `map_time_ns`, the first scan's time.   Biases: means over the readings.
+    faults: what sensors and clocks really are; where clocks run apart, time_offset_s is that of `middle_ns`.
     """
 
     scenario: Scenario
@@ -74,6 +94,7 @@ class Truth:
     map_time_ns: int
     gyro_bias_rad_s: FloatArray
     accel_bias_m_s2: FloatArray
+    faults: Drawn = IDEAL
 
     @property
     def R_imu_lidar(self) -> FloatArray:
@@ -101,6 +122,33 @@ class Truth:
     def time_offset_s(self) -> float:
         """The same in seconds."""
         return self.time_offset_ns / 1e9
+
+    @property
+    def middle_ns(self) -> float:
+        """Middle of the first and the last scan's first shots, after `epoch_ns`."""
+        pattern = self.scenario.lidar.pattern
+        last = pattern.count(self.scenario.duration_s) - 1
+        return 0.5 * float(sum(int(pattern.firings(index).column_ns[0]) for index in (0, last)))
+
+    @property
+    def time_offset_at_s(self) -> float:
+        """Lidar time after the first scan at which time_offset_s holds."""
+        return (self.middle_ns - (self.map_time_ns - self.epoch_ns)) * 1e-9
+
+    def time_offset_ns_at(self, after_s: float) -> int:
+        """The offset at a lidar time [s] after the first scan."""
+        rate = self.faults.clock_rate_ppm * 1e-6
+        return self.time_offset_ns + round(rate * (after_s - self.time_offset_at_s) * 1e9)
+
+    @property
+    def intrinsics(self) -> list[TruthParameter]:
+        """What sets the sensors apart from ideal ones."""
+        lidar = self.scenario.lidar
+        rings = list(range(len(lidar.pattern.ring))) if lidar.layout == "ouster" else lidar.pattern.ring.tolist()
+        return [
+            TruthParameter(block=block, name=name, unit=unit, value=value)
+            for block, name, unit, value in parameters(self.faults, rings)
+        ]
 
     @property
     def gravity_m_s2(self) -> float:
@@ -172,4 +220,8 @@ class Truth:
                 accelerometer_random_walk=on * imu.accelerometer_random_walk,
                 range_std_m=on * scenario.lidar.range_std_m,
             ),
+            faults=list(self.faults.names),
+            intrinsics=self.intrinsics,
+            clock_rate_ppm=self.faults.clock_rate_ppm,
+            time_offset_at_s=self.time_offset_at_s,
         )

@@ -12,13 +12,14 @@ of the shared parameters with the chain marginalised: the calibration's own info
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib_core.solver.information import ROUND_OFF, covariance
 from calib_core.solver.kernels import eliminate_kernel, substitute_kernel
-from calib_core.types import FloatArray
+from calib_core.threads import workers
+from calib_core.types import FloatArray, IntArray
 
 
 class NotPositiveDefinite(ArithmeticError):
@@ -70,9 +71,7 @@ class ArrowSolution:
     gradient_shared: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
-#: Relative to unit diagonal: what the border's information cannot resolve after eliminating the chain in double precision.
-ROUND_OFF = 1e-11
-#: Of a long product, each on a thread of its own.
+#: Of a long product, each of which a thread may take.
 _PARTS = 4
 #: Stands for the information of what is held fixed.
 FROZEN = 1e12
@@ -90,16 +89,24 @@ def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
 def _gram(W: FloatArray) -> FloatArray:
     """W' W, (S, S), in as many parts whatever the number of cores: the sum's rounding must not depend on it."""
     edges = np.linspace(0, len(W), _PARTS + 1).astype(int)
-    with ThreadPoolExecutor(_PARTS) as pool:
-        parts = list(pool.map(lambda k: W[edges[k] : edges[k + 1]].T @ W[edges[k] : edges[k + 1]], range(_PARTS)))
+    parts = list(workers().map(lambda k: W[edges[k] : edges[k + 1]].T @ W[edges[k] : edges[k + 1]], range(_PARTS)))
     return np.asarray(sum(parts[1:], start=parts[0]))
 
 
-def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
-    """One Gauss-Newton (damping 0) or Levenberg-Marquardt step, damping relative to H's diagonal.
+@dataclass(frozen=True)
+class _Chain:
+    """The chain eliminated: factors L, M and W of solver/kernels.py in units of `scale`, and what is left on the free border."""
 
-    Raises NotPositiveDefinite where the damped chain is not positive definite.
-    """
+    L: FloatArray
+    M: FloatArray
+    W: FloatArray
+    scale: FloatArray
+    free: IntArray
+    schur: FloatArray
+    reduced: FloatArray
+
+
+def _eliminated(system: ArrowSystem, damping: float) -> _Chain:
     knots, n, _ = system.diagonal.shape
     size = system.corner.shape[0]
     free = np.setdiff1d(np.arange(size), system.frozen)
@@ -124,11 +131,43 @@ def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     product = _gram(W.reshape(knots * n, shared + 1))
     schur = corner - product[:shared, :shared]
     reduced = gradient_shared - product[:shared, shared]
-    schur = 0.5 * (schur + schur.T)
+    return _Chain(diagonal, lower, W, scale, free, 0.5 * (schur + schur.T), reduced)
+
+
+def unit_responses(system: ArrowSystem, count: int) -> tuple[FloatArray, FloatArray]:
+    """The first `count` columns of H^-1 E on the shared unknowns: chain (K, n, count) and border (S, count).
+
+    A factor with Jacobian J and residual r moves the first unknowns by -(J X)' r, X these columns: its influence. Frozen
+    columns respond to nothing. Raises NotPositiveDefinite.
+    """
+    chain = _eliminated(system, 0.0)
+    shared = len(chain.free)
+    inverse = covariance(chain.schur).matrix
+    picked = np.searchsorted(chain.free, np.arange(count))
+    asked = (picked < shared) & (chain.free[np.minimum(picked, shared - 1)] == np.arange(count))
+    border, along = np.zeros((system.corner.shape[0], count)), np.zeros((*system.gradient.shape, count))
+    for c in np.flatnonzero(asked):
+        own = inverse[:, picked[c]]
+        border[chain.free, c] = own
+        step = -(chain.W[:, :, :shared] @ own)
+        substitute_kernel(chain.L, chain.M, step)
+        along[:, :, c] = step * chain.scale
+    return along, border
+
+
+def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
+    """One Gauss-Newton (damping 0) or Levenberg-Marquardt step, damping relative to H's diagonal.
+
+    Raises NotPositiveDefinite where the damped chain is not positive definite.
+    """
+    chain = _eliminated(system, damping)
+    size, free, shared = system.corner.shape[0], chain.free, len(chain.free)
+    W, schur, reduced = chain.W, chain.schur, chain.reduced
+    gradient_shared = system.gradient_shared[free]
     moved = _shared_step(schur, reduced) if shared else np.zeros(0)
     step = -(W @ np.append(moved, 1.0))
-    substitute_kernel(diagonal, lower, step)
-    step *= scale
+    substitute_kernel(chain.L, chain.M, step)
+    step *= chain.scale
     step_shared, information, remaining = np.zeros(size), np.eye(size) * FROZEN, np.zeros(size)
     step_shared[free] = moved
     remaining[free] = reduced

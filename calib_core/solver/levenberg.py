@@ -17,6 +17,11 @@ import numpy as np
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, NotPositiveDefinite, solve_arrow
 
 E = TypeVar("E")
+#: Of a cost: what summing hundreds of thousands of squares in double precision cannot tell apart.
+COST_ROUND_OFF = 1e-12
+#: Steps tried at one linearisation, each ten times as damped as the one before: from none at all to a thousand times the
+#: curvature.
+_TRIALS = 12
 
 
 class Problem(Protocol[E]):
@@ -64,7 +69,10 @@ def minimise(
     tolerance: float = 1e-6,
     on_step: Callable[[E, float, ArrowSolution], None] | None = None,
 ) -> Minimum[E]:
-    """The least-squares estimate from a start. tolerance: of the predicted decrease of the cost."""
+    """The least-squares estimate from a start.
+
+    tolerance: it has converged where an undamped step would lower the cost by less than this, or than its round-off.
+    """
     end, system, damping = _descend(problem, estimate, max_iterations, tolerance, on_step)
     if damping == 0.0 or system is None or end.solution is None:
         return end
@@ -90,9 +98,10 @@ def _descend(
     first = np.inf
     for iteration in range(max_iterations):
         system = problem.linearise(estimate)
-        accepted = False
+        solution, used = None, 0.0  # an earlier linearisation's says nothing of this one
+        accepted = negligible = False
         candidate, new_cost = estimate, cost
-        for _ in range(12):
+        for _ in range(_TRIALS):
             try:
                 solution, used = solve_arrow(system, damping=damping), damping
             except NotPositiveDefinite:
@@ -100,22 +109,23 @@ def _descend(
                 continue
             if iteration == 0 and not np.isfinite(first):
                 first = solution.predicted_decrease
+            negligible = solution.predicted_decrease < max(tolerance, COST_ROUND_OFF * cost)
             candidate = problem.moved(estimate, solution)
             new_cost = problem.cost(candidate)
-            if np.isfinite(new_cost) and new_cost <= cost + 1e-12 * abs(cost):
-                accepted = True
+            accepted = bool(np.isfinite(new_cost) and new_cost <= cost + COST_ROUND_OFF * abs(cost))
+            if accepted or negligible:
                 break
-            if solution.predicted_decrease < tolerance * max(1.0, 1e-6 * cost):
-                return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first), system, used
             damping = max(damping * 10.0, 1e-6)
         if solution is None:
             return Minimum(estimate, cost, None, Outcome.SINGULAR, iteration + 1, first), system, used
+        if accepted:
+            estimate, cost = candidate, new_cost
+            if on_step is not None:
+                on_step(estimate, cost, solution)
+        # A damped step that is small says nothing of how far the minimum is.
+        if negligible and used == 0.0:
+            return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first), system, used
         if not accepted:
             return Minimum(estimate, cost, solution, Outcome.STALLED, iteration + 1, first), system, used
-        estimate, cost = candidate, new_cost
-        if on_step is not None:
-            on_step(estimate, cost, solution)
-        if damping == 0.0 and solution.predicted_decrease < tolerance:
-            return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first), system, used
         damping = 0.0 if damping <= 1e-6 else damping * 0.1
     return Minimum(estimate, cost, solution, Outcome.EXHAUSTED, max_iterations, first), system, used

@@ -6,13 +6,22 @@ import { previousOf } from "../src/features/start/uploads";
 
 const turn = (deg: number): number[][] => {
   const [c, s] = [Math.cos((deg * Math.PI) / 180), Math.sin((deg * Math.PI) / 180)];
-  return [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
+  return [
+    [c, -s, 0, 0],
+    [s, c, 0, 0],
+    [0, 0, 1, 0],
+    [0, 0, 0, 1],
+  ];
 };
 
 const result = (deg: number, x: number, dt: number): CalibrationResult =>
   ({
     T_imu_lidar: { matrix: turn(deg), translation_m: [x, 0, 0] },
-    uncertainty: { rotation_std_deg: [0.3, 0.3, 0.3], translation_std_m: [0.003, 0.003, 0.003], time_offset_std_s: 0.0003 },
+    uncertainty: {
+      rotation_std_deg: [0.3, 0.3, 0.3],
+      translation_std_m: [0.003, 0.003, 0.003],
+      time_offset_std_s: 0.0003,
+    },
     time_offset_s: dt,
   }) as unknown as CalibrationResult;
 
@@ -38,7 +47,11 @@ describe("two runs", () => {
 describe("recordings", () => {
   const of = (name: string, size: number, at: string, verdict: Recording["verdict"]) =>
     ({ name, size_bytes: size, created_at: at, state: "ready", verdict, latest_job: null }) as unknown as Recording;
-  const all = [of("room 10.bag", 5, "2026-01-01", "good"), of("room 9.bag", 9, "2026-01-02", "unusable"), of("car.bag", 7, "2026-01-03", "limited")];
+  const all = [
+    of("room 10.bag", 5, "2026-01-01", "good"),
+    of("room 9.bag", 9, "2026-01-02", "unusable"),
+    of("car.bag", 7, "2026-01-03", "limited"),
+  ];
 
   // Fails when only the name is searched, or when 10 comes before 9.
   it("are found by name or verdict, and sorted", () => {
@@ -52,7 +65,9 @@ describe("recordings", () => {
 describe("an upload", () => {
   // Fails when a look-up that is refused is waited for: the upload would never begin.
   it("begins anew where the browser keeps nothing", async () => {
-    expect(await previousOf({ findPreviousUploads: vi.fn().mockRejectedValue(new Error("forbidden")) })).toBeUndefined();
+    expect(
+      await previousOf({ findPreviousUploads: vi.fn().mockRejectedValue(new Error("forbidden")) }),
+    ).toBeUndefined();
     expect(await previousOf({ findPreviousUploads: vi.fn().mockResolvedValue([]) })).toBeUndefined();
   });
 });

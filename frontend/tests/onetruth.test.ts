@@ -10,8 +10,16 @@ import { standingOf } from "../src/features/start/recent";
 import { stdText, wrapped } from "../src/ui/format";
 
 const outcome = {
-  kind: "solve", status: "calibrated", verdict: "", euler_xyz_deg: [1, 2, -179], rotation_std_deg: [0.1, 0.2, 0.3], translation_m: [0.1, 0.2, 0.3],
-  translation_std_m: [0.003, 0.002, 0.001], time_offset_s: 0.004, time_offset_std_s: 0.001, point_to_plane_rms_m: 0.01,
+  kind: "solve",
+  status: "calibrated",
+  verdict: "",
+  euler_xyz_deg: [1, 2, -179],
+  rotation_std_deg: [0.1, 0.2, 0.3],
+  translation_m: [0.1, 0.2, 0.3],
+  translation_std_m: [0.003, 0.002, 0.001],
+  time_offset_s: 0.004,
+  time_offset_std_s: 0.001,
+  point_to_plane_rms_m: 0.01,
 } as unknown as NonNullable<Parameters<typeof answerOf>[0]>;
 
 describe("one truth", () => {
@@ -45,8 +53,15 @@ describe("one truth", () => {
 
   // Fails when the list says "Ready" of what the doctor calls unusable.
   it("shows the doctor's verdict in the list", () => {
-    const ready = { state: "ready", latest_job: { kind: "planes", state: "done", result: null } } as unknown as Recording;
-    expect(standingOf({ ...ready, verdict: "unusable" })).toEqual({ tone: "error", text: "Not usable as it is", screen: "recording" });
+    const ready = {
+      state: "ready",
+      latest_job: { kind: "planes", state: "done", result: null },
+    } as unknown as Recording;
+    expect(standingOf({ ...ready, verdict: "unusable" })).toEqual({
+      tone: "error",
+      text: "Not usable as it is",
+      screen: "recording",
+    });
     expect(standingOf({ ...ready, verdict: "good" }).tone).toBe("good");
   });
 });
@@ -69,11 +84,16 @@ describe("progress", () => {
 });
 
 describe("the next step of a refusal", () => {
-  const recording = { report: { imu: { gyroscope_unit: "rad_s" } }, read_settings: { gyroscope_unit: null } } as unknown as Recording;
+  const recording = {
+    report: { imu: { gyroscope_unit: "rad_s" } },
+    read_settings: { gyroscope_unit: null },
+  } as unknown as Recording;
 
   // Fails when the unit that is in use already is offered.
   it("offers the other unit, and only where the unit is in doubt", () => {
-    expect(otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar")?.change).toEqual({ gyroscope_unit: "deg_s" });
+    expect(otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar")?.change).toEqual({
+      gyroscope_unit: "deg_s",
+    });
     expect(otherUnit(recording, "the lidar stood still")).toBeNull();
   });
 });

@@ -16,7 +16,7 @@ from app.schemas.planes import Operation
 from app.schemas.view import RecordingMessage
 from app.server.main import create_app
 from app.server.openapi import document
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 
 ROUTES = [
     route

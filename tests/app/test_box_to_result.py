@@ -8,15 +8,15 @@ import shlex
 import numpy as np
 import pytest
 
-from app.arrays.proposals import read_proposals
+from app.arrays.proposals import proposal_arrays, read_proposals
 from app.cli import main as cli
-from app.jobs.functions import proposal_arrays, run_job
 from app.jobs.orders import Order, StoredRequest
 from app.planes.operations import apply
 from app.planes.service import ordered
 from app.planes.state import suggested
 from app.results.command import command_of
 from app.schemas.planes import Restrict, Side
+from app.work.functions import run_job
 from calib_core import api
 from calib_core.result import CalibrationResult
 from calib_core.settings import ReadSettings

@@ -235,7 +235,18 @@ def test_negative_lists_are_values(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     words = ["simulate", "paper-normal", str(tmp_path / "room.bag"), "--mounting", "-0.1,0,0,0,0,0,1"]
     assert cli.run([*words, "--time-offset-s", "-.15", "--noise", "none", "--quiet"]) == 0
     assert asked["mounting"] == (-0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    assert (asked["time_offset_s"], asked["noise"]) == (-0.15, False)
+    assert (asked["time_offset_s"], asked["noise"], asked["faults"]) == (-0.15, False, "")
+
+
+def test_faults_are_asked_for_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fails if an unknown fault is left out in silence, or the truth beside the recording lacks what was put in."""
+    words = ["simulate", "static", str(tmp_path / "room.bag"), "--duration-s", "0.5", "--quiet", "--faults"]
+    assert cli.run([*words, "accel-scale=0.5%,clock-rate=40"]) == 0
+    truth = json.loads((tmp_path / "room.truth.json").read_text())
+    assert truth["clock_rate_ppm"] == 40.0
+    assert [each["block"] for each in truth["intrinsics"]] == ["accelerometer_scale"] * 3 + ["clock_rate"]
+    assert cli.run([*words, "acel-scale"]) == 2
+    assert "'acel-scale'" in last_line(capsys)
 
 
 def test_export_prints_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

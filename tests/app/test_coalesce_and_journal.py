@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 from hypothesis import given, settings
@@ -92,3 +93,32 @@ def test_a_limited_journal_keeps_numbers_while_it_forgets():
     assert (journal.oldest, journal.end) == (7, 10)
     assert journal.since(8) == ([(8, 88), (9, 99)], False)
     assert journal.since(0)[0][0] == (7, 77)
+
+
+def test_threads_that_tell_at_once_send_one_after_the_other_and_nothing_empty():
+    """Pools of threads report progress into one pipe, which takes one message at a time. Oracle: who is inside `send`.
+
+    Mutations: no lock (two are inside, a pipe would mix their bytes); flushing without it (None is sent).
+    """
+    sent, inside, most = [], [0], [0]
+
+    def send(event):
+        inside[0] += 1
+        most[0] = max(most[0], inside[0])
+        time.sleep(0.0005)
+        sent.append(event)
+        inside[0] -= 1
+
+    coalesce = Coalescer(send, clock=time.monotonic, interval_s=0.0)
+
+    def tell(name):
+        for number in range(40):
+            coalesce(stage(name, number))
+            coalesce(log(number))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(tell, STAGES))
+    coalesce.flush()
+    assert most == [1]
+    assert None not in sent
+    assert sum(isinstance(event, LogEvent) for event in sent) == 40 * len(STAGES)

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.jobs.functions import PROPOSED, recording_arrays, run_job, run_planes
-from app.jobs.head import CLOUD, first_cloud, is_final, propose_from_head
+from app.arrays.recording import recording_arrays
 from app.jobs.orders import Order
+from app.work.functions import PROPOSED, run_job, run_planes
+from app.work.head import CLOUD, first_cloud, is_final, propose_from_head
 from calib_core import api
 from calib_core.events import LogEvent, ignore_event, never_cancel
 from calib_core.settings import ReadSettings

@@ -23,10 +23,16 @@ def test_the_kept_name_is_told_as_the_persons():
     assert told == "The file holiday.bag is no readable recording; holiday.bag is kept."
 
 
-@pytest.mark.parametrize("text", ["/data/recordings/ab12/source.bag", "my-source.bag", "source.bagged"])
-def test_paths_and_longer_names_stay(text):
+@pytest.mark.parametrize("text", ["/other/place/source.bag", "my-source.bag", "source.bagged"])
+def test_foreign_paths_and_longer_names_stay(text):
     """Mutation: a plain str.replace."""
     assert by_name(order("holiday.bag"), text) == text
+
+
+def test_where_the_server_keeps_things_is_not_told():
+    """Mutation: the path left in the sentence, for whoever looks at the recording."""
+    text = "Cannot open /data/recordings/ab12/source.bag nor /data/recordings/ab12/1-2/a.bag nor /data/jobs/cd34/x.json"
+    assert by_name(order("holiday.bag"), text) == "Cannot open holiday.bag nor 1-2/a.bag nor x.json"
 
 
 def test_a_name_with_odd_signs_leaves_a_document_readable():

@@ -8,9 +8,9 @@ import pytest
 from app.planes.operations import apply
 from app.planes.state import suggested
 from app.planes.strength import foreseen, information, share_left
-from app.results.limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from app.results.verdict import DISAGREEMENT, solve_outcome, verdict
 from app.schemas.planes import Confirm, Drop
+from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.full.assess.observability import LIMITS, UNITS
 from calib_core.result import COVARIANCE_ORDER, Message

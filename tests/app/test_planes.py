@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
+from app.errors import BadRequest
 from app.planes.geometry import (
     convex_hull,
     fit_plane,
@@ -21,7 +22,6 @@ from app.planes.operations import apply, free_name
 from app.planes.state import PlaneHistory, PlaneSet, suggested
 from app.planes.wire import determinacy
 from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Restrict, Side, Toggle, UseSuggestion
-from app.server.errors import BadRequest
 from calib_core.types import Plane, PlanePatch
 from tests.app.support import world
 

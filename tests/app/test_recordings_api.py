@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -120,3 +122,25 @@ def test_still_spans_are_where_neither_sensor_varies():
     accel[300:500] += rng.normal(0, 2.0, (200, 3))
     spans = still_windows(t_s, gyro, accel)
     np.testing.assert_allclose([(s.start_s, s.end_s) for s in spans], [(0, 3), (5, 9.99)], atol=0.011)
+
+
+@pytest.mark.usefixtures("folder")
+def test_names_that_are_no_names_are_answered(shared_live, folder):
+    """Mutation: asking the file system for a name of 5000 letters, or putting bytes that are no text into JSON: a 500."""
+    (folder / "day" / os.fsdecode(b"r\xff\xfe.bag")).write_bytes(b"x")
+    for path in ("x" * 5000, "day/" + "y" * 5000, "a/" * 3000):
+        assert shared_live.http.get("/api/folder", params={"path": path}).status_code == 404
+        assert shared_live.http.post("/api/recordings", json={"folder_path": path}).status_code == 404
+    entries = shared_live.http.get("/api/folder", params={"path": "day"}).json()["entries"]
+    assert ("r\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}.bag", "file") in [
+        (e["name"], e["kind"]) for e in entries
+    ]
+
+
+def test_a_number_too_long_to_be_one_starts_an_event_stream_anew(shared_live):
+    """Mutation: int() of 5000 digits is a ValueError and a 500."""
+    recording_id = shared_live.ready()
+    jobs = shared_live.http.get(f"/api/recordings/{recording_id}/jobs").json()
+    path = f"/api/jobs/{jobs[0]['id']}/events"
+    found = shared_live.events(path, until=lambda _: True, headers={"Last-Event-ID": "9" * 5000})
+    assert found[0][0] == "0"

@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from app.cli.commands import _read_settings, _solve_settings
 from app.cli.parser import build_parser
+from app.errors import BadRequest
 from app.jobs.orders import OrderedPlane, StoredRequest
 from app.results.command import command_of
 from app.results.extrinsic_text import parse_extrinsic
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.schemas.jobs import InitialGuess
-from app.server.errors import BadRequest
 from calib_core import api
 from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, Prior, ReadSettings
 from tests.app.support import world

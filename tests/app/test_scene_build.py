@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from app.arrays.recording import read_recording, write_recording
+from app.planes import palette
 from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
-from app.scene import palette
 from app.scene.aim import whole_view
 from app.scene.apply import quat_wxyz, rotation_matrix
 from app.scene.build import Solved, build_first, build_planes, thinned

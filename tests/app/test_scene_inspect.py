@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.scene import palette
+from app.planes import palette
 from app.scene.build import Solved, build_unsolved
 from app.scene.converge import build_converging
 from app.scene.inspect import Look, Motions, build_inspection

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from app.planes.operations import apply
+from app.planes.palette import uniform
 from app.planes.state import PlaneHistory, suggested
 from app.planes.upright import named, room_of
 from app.planes.wire import determinacy, wire_planes
 from app.scene.aim import Stage, hidden, stage_of, stand, wall_of
 from app.scene.cutaway import pieces
 from app.scene.items import Cloud, point_size_m
-from app.scene.palette import uniform
 from app.scene.support import CELLS, support_of
 from app.scene.upright import vertical_of
 from app.schemas.planes import Drop, Rename

@@ -7,10 +7,10 @@ import threading
 import numpy as np
 import pytest
 
-from app.jobs.functions import run_job
 from app.jobs.orders import Order
 from app.scene.throttle import Throttle
 from app.schemas.view import ViewState
+from app.work.functions import run_job
 from calib_core.errors import Cancelled
 from tests.app.support import world
 
@@ -28,7 +28,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
     """One scene's lock is held here as a slow scene would. Mutation: one lock for all recordings: the other never answers."""
     other = shared_live.upload("any.bag")
     hub = shared_live.services.scenes
-    hub.port(solved[0])
+    hub.dial(solved[0]).close()
     answers = []
     with hub._lock_of(solved[0]):
         asking = threading.Thread(
@@ -39,7 +39,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
         asking.start()
         asking.join(20)
         assert not asking.is_alive()
-        hub.port(other)
+        hub.dial(other).close()
     assert answers[0]["dark"] is True
     assert shared_live.http.get(f"/api/recordings/{solved[0]}/view").json()["dark"] is False
 
@@ -79,6 +79,38 @@ def test_an_old_extrinsic_is_read_shown_and_taken_away(shared_live, solved):
     assert shared_live.http.post(url, json={"old": None}).json()["old_blur"] is None
     refused = shared_live.http.post("/api/extrinsic", json={"text": "1 2 3"})
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "extrinsic.unfit")
+
+
+def test_an_extrinsic_is_audited_before_any_solve(shared_live):
+    """The answer itself passes; 5 m off fails unless the limits allow it. Mutations: the limits not handed on; the
+    report of a solve given out; a text that is no extrinsic queued."""
+    recording_id = shared_live.ready()
+    rows = world.transform_matrix()
+    url = f"/api/recordings/{recording_id}/audits"
+
+    # The world's covariance is the unit matrix, a radian and a metre each: only limits as wide can be held against it.
+    wide = {"rotation_deg": 180, "translation_mm": 4000, "time_offset_ms": 4000}
+
+    def audited(x_m, limits):
+        moved = rows.copy()
+        moved[0, 3] += x_m
+        text = "\n".join(" ".join(f"{value:.9f}" for value in row) for row in moved)
+        job = shared_live.http.post(url, json={"extrinsic": text, "limits": limits})
+        assert (job.status_code, job.json()["kind"]) == (201, "audit")
+        done = shared_live.finish(job.json()["id"])
+        report = shared_live.http.get(f"/api/audits/{done['id']}").json()
+        assert done["result"] == {"kind": "audit", "verdict": report["verdict"], "text": report["text"]}
+        return report
+
+    assert audited(0.0, wide)["verdict"] == "passed"
+    off = audited(5.0, wide)
+    assert (off["verdict"], round(off["axes"][3]["difference"])) == ("failed", 5000)
+    assert audited(5.0, {**wide, "translation_mm": 6000})["verdict"] == "passed"
+    refused = shared_live.http.post(url, json={"extrinsic": "1 2 3"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "extrinsic.unfit")
+    solve = shared_live.start(recording_id)
+    shared_live.finish(solve)
+    assert shared_live.http.get(f"/api/audits/{solve}").status_code == 409
 
 
 def test_scans_command_and_scene_page_of_a_run(shared_live, solved):

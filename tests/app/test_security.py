@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import httpx2
 import pytest
+from starlette.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from app.server.security import COOKIE, Gatekeeper, check_host
-from app.server.settings import AppSettings
+from app.server.brake import Brake
+from app.server.security import Gatekeeper, check_host
+from app.server.sessions import COOKIE, Sessions
+from app.settings import AppSettings
 from tests.app.support.live import serving
 
 TOKEN = "correct-horse-battery"
+NOWHERE = Path("/nowhere/at/all")
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +45,13 @@ def test_without_the_token_nothing_is_told_but_that_the_server_lives(guarded):
         assert (page.status_code, page.headers["content-type"]) == (401, "text/plain; charset=utf-8")
 
 
+@pytest.fixture
+def no_brake(monkeypatch):
+    """Any number of tries; the brake has tests of its own."""
+    monkeypatch.setattr(Brake, "wrong", lambda *_: None)
+
+
+@pytest.mark.usefixtures("no_brake")
 @pytest.mark.parametrize("wrong", ["x", "correct-horse-batterz", TOKEN + "x", "ünïcode"])
 def test_wrong_tokens_are_no_token(guarded, wrong):
     """Mutation: comparing prefixes accepts the longer one."""
@@ -48,23 +61,33 @@ def test_wrong_tokens_are_no_token(guarded, wrong):
         assert http.get("/api/info", headers={"Cookie": f"{COOKIE}={wrong}".encode()}).status_code == 401
 
 
-def test_the_printed_address_sets_a_cookie_and_leaves_the_address_bar(guarded):
-    """Mutation: no HttpOnly lets a script read the token."""
+def test_the_printed_address_begins_a_session_and_leaves_the_address_bar(guarded):
+    """A page of ours leads on, so that the strict cookie goes along though a link on another site was followed.
+
+    Mutations: no HttpOnly lets a script read the cookie; Lax lets another site's form use it; the token in the cookie.
+    """
     with stranger(guarded) as http:
         answer = http.get("/r/1?tab=planes", params={"token": TOKEN, "tab": "planes"})
-        assert (answer.status_code, answer.headers["location"]) == (303, "/r/1?tab=planes")
+        assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-store")
+        assert 'content="0;url=/r/1?tab=planes"' in answer.text
         cookie = answer.headers["set-cookie"]
         assert "HttpOnly" in cookie
-        assert "SameSite=lax" in cookie
+        assert "SameSite=strict" in cookie
+        assert TOKEN not in cookie + answer.text
         assert http.get("/api/info").status_code == 200
     assert guarded.http.get("/api/info").status_code == 200  # the bearer
 
 
-def test_the_redirect_after_the_token_stays_on_this_server():
-    """Mutation: taking the path as it is: //evil.example is another host to a browser."""
-    gate = Gatekeeper(app=None, settings=AppSettings(token=TOKEN))
-    scope = {"method": "GET", "path": "//evil.example/", "query_string": f"token={TOKEN}".encode()}
-    assert gate._cookie_redirect(scope).headers["location"] == "/evil.example/"
+@pytest.mark.parametrize("path", ["//evil.example/", "/\\evil.example/", '/"><script>', "/r/1\r\nX: y"])
+def test_where_it_leads_on_to_is_on_this_server(path):
+    """Mutations: taking the path as it is: //evil.example is another host to a browser; not quoting it."""
+    gate = Gatekeeper(app=None, settings=AppSettings(token=TOKEN), sessions=Sessions(TOKEN, NOWHERE, lifetime_s=9))
+    scope = {"type": "http", "method": "GET", "path": path, "query_string": f"token={TOKEN}".encode(), "headers": []}
+    page = gate._begin(scope, Headers(scope=scope)).body.decode()
+    target = page.split("url=", 1)[1].split('"', 1)[0]
+    assert target.startswith("/")
+    assert target[1] not in "/\\"
+    assert not set(target) & set('<>"\r\n')
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from app.server.client import CompressText, install_client
+import hatch_build
+from app.server.client import STATIC, CompressText, install_client
 from app.server.errors import install_error_handler
 
 
@@ -79,3 +80,8 @@ def test_an_unbuilt_client_says_so(tmp_path):
     """Mutation: a traceback."""
     answer = client_of(tmp_path).get("/")
     assert "not built" in answer.text
+
+
+def test_the_client_is_looked_for_where_the_build_puts_it():
+    """Oracle: the build's own path. Mutation: a path beside the module, which moved and left the page behind."""
+    assert STATIC == hatch_build.ROOT / "app" / "static"

@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import create_engine, create_mock_engine, text
 from sqlalchemy.dialects import postgresql
 
-from app.server.errors import Unavailable
+from app.errors import Unavailable
 from app.storage.database import METADATA, open_database
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import base64
+import errno
+import hashlib
+import os
+import random
+import time
+from types import SimpleNamespace
 
 import pytest
 
-from app.server.errors import BadRequest
+from app.errors import BadRequest
 from app.storage.files import display_name, suffix_of
 from tests.app.support.live import serving
 
@@ -14,14 +20,17 @@ TUS = {"Tus-Resumable": "1.0.0"}
 
 
 def create(live, name, size, **headers):
-    metadata = f"filename {base64.b64encode(name.encode()).decode()}"
-    return live.http.post(
-        "/api/uploads", headers={**TUS, "Upload-Length": str(size), "Upload-Metadata": metadata, **headers}
-    )
+    told = {**TUS, "Upload-Length": str(size), "Upload-Metadata": metadata(name), **headers}
+    return live.http.post("/api/uploads", headers=told)
 
 
-def patch(live, where, offset, chunk):
-    headers = {**TUS, "Upload-Offset": str(offset), "Content-Type": "application/offset+octet-stream"}
+def metadata(name, **more):
+    pairs = {"filename": name, **more}
+    return ",".join(f"{key} {base64.b64encode(value.encode()).decode()}" for key, value in pairs.items())
+
+
+def patch(live, where, offset, chunk, **more):
+    headers = {**TUS, "Upload-Offset": str(offset), "Content-Type": "application/offset+octet-stream", **more}
     return live.http.patch(where, headers=headers, content=chunk)
 
 
@@ -57,13 +66,170 @@ def test_an_upload_goes_on_after_the_server_was_restarted(tmp_path):
         assert live.http.get(f"/api/recordings/{recording_id}").json()["name"] == "room one.bag"
 
 
-def test_an_upload_whose_last_byte_came_just_before_a_crash_is_finished_at_the_next_start(tmp_path):
-    """Mutation: resume() without finish_upload leaves it "receiving" for ever."""
+@pytest.mark.parametrize("moved", [False, True])
+def test_an_upload_whose_last_byte_came_just_before_a_crash_is_finished_at_the_next_start(tmp_path, moved):
+    """Mutation: resume() without finish_upload, or without looking for a file moved already, leaves it "receiving"."""
     with serving(tmp_path) as live:
         recording_id = create(live, "room.bag", 4).headers["x-recording-id"]
-    (tmp_path / "uploads" / recording_id).write_bytes(b"data")
+        partial = live.services.files.partial(recording_id)
+        partial.path.write_bytes(b"data")
+        partial.note(4)
+        source = tmp_path / "recordings" / recording_id / "source.bag"
+        if moved:
+            source.parent.mkdir()
+            partial.path.rename(source)
     with serving(tmp_path) as live:
         live.wait(lambda: live.job_states(recording_id).get("inspect") == "done")
+        assert source.read_bytes() == b"data"
+        assert list((tmp_path / "uploads").iterdir()) == []
+
+
+def test_bytes_that_no_sync_vouches_for_are_sent_again(tmp_path):
+    """A power cut leaves a file longer than what was written. Mutation: believing the file's length stores the zeros."""
+    content = bytes(range(256)) * 10
+    with serving(tmp_path) as live:
+        where = create(live, "room.bag", len(content)).headers["location"]
+        assert patch(live, where, 0, content[:100]).status_code == 204
+        recording_id = where.rsplit("/", 1)[-1]
+    with (tmp_path / "uploads" / recording_id).open("ab") as file:
+        file.write(bytes(500))
+    with serving(tmp_path) as live:
+        assert live.http.head(where, headers=TUS).headers["upload-offset"] == "100"
+        assert patch(live, where, 600, content[600:]).status_code == 409
+        assert patch(live, where, 100, content[100:]).status_code == 204
+        assert (tmp_path / "recordings" / recording_id / "source.bag").read_bytes() == content
+
+
+def test_bytes_come_with_the_announcement_within_what_was_announced(tmp_path):
+    """Mutation: a creation whose body nobody bounds stores 629 MB under a declared length of 10."""
+    kind = {"Content-Type": "application/offset+octet-stream"}
+    with serving(tmp_path, max_body_bytes=1000) as live:
+        headers = {**TUS, "Upload-Metadata": metadata("room.bag"), **kind}
+        part = live.http.post("/api/uploads", headers={**headers, "Upload-Length": "5000"}, content=b"a" * 3000)
+        assert (part.status_code, part.headers["upload-offset"]) == (201, "3000")
+        whole = live.http.post("/api/uploads", headers={**headers, "Upload-Length": "5"}, content=b"whole")
+        source = tmp_path / "recordings" / whole.headers["x-recording-id"] / "source.bag"
+        assert source.read_bytes() == b"whole"
+        long = live.http.post("/api/uploads", headers={**headers, "Upload-Length": "10"}, content=b"a" * 3000)
+        assert (long.status_code, long.json()["error"]["code"]) == (413, "upload.too_large")
+        other = live.http.post(
+            "/api/uploads", headers={**headers, "Upload-Length": "9", "Content-Type": "a/b"}, content=b"a"
+        )
+        assert other.status_code == 415
+        assert len(live.http.get("/api/recordings").json()) == 2
+
+
+def test_a_body_is_bounded_wherever_no_recording_is_expected(tmp_path):
+    """Mutation: exempting every path below /api/uploads/ takes 2 GB of memory."""
+    with serving(tmp_path, max_body_bytes=1000) as live:
+        for method, path in [
+            ("POST", "/api/uploads/" + "0" * 32),
+            ("PUT", "/api/uploads/" + "0" * 32),
+            ("POST", "/api/recordings/upload"),
+            ("POST", "/api/recordings/upload/more"),
+            ("PATCH", "/api/uploads/x"),
+        ]:
+            answer = live.http.request(method, path, headers=TUS, content=b"x" * 1001)
+            assert (answer.status_code, answer.json()["error"]["code"]) == (413, "request.too_large"), (method, path)
+
+
+def test_what_is_announced_is_reserved(tmp_path, monkeypatch):
+    """Oracle: a disk of 1000 bytes. Mutation: asking only for what is free now promises the same bytes twice."""
+    monkeypatch.setattr("app.storage.files.shutil.disk_usage", lambda _: SimpleNamespace(free=1000))
+    with serving(tmp_path) as live:
+        first = create(live, "a.bag", 600)
+        assert first.status_code == 201
+        refused = create(live, "b.bag", 600)
+        assert (refused.status_code, refused.json()["error"]["code"]) == (507, "upload.disk_full")
+        assert live.http.delete(first.headers["location"], headers=TUS).status_code == 204
+        assert live.http.get("/api/recordings").json() == []
+        assert create(live, "b.bag", 600).status_code == 201
+
+
+@pytest.mark.parametrize("length", ["-5", "1e3", "", "9" * 400, "٣", "0x10"])
+def test_lengths_that_are_none_are_refused(shared_live, length):
+    """Mutation: int() takes "-5" and "٣"."""
+    answer = shared_live.http.post(
+        "/api/uploads",
+        headers={**TUS, "Upload-Metadata": metadata("a.bag"), "Upload-Length": length.encode()},
+    )
+    assert (answer.status_code, answer.json()["error"]["code"]) == (422, "upload.no_length")
+
+
+def test_addresses_that_are_no_uploads_and_versions_that_are_none(shared_live):
+    """Mutation: joining the path to the folder of uploads makes "." the folder itself."""
+    for upload_id in ("%2e", "..%2f..%2fetc", "0" * 32, "x" * 5000):
+        for method in ("HEAD", "PATCH", "DELETE"):
+            kind = {"Content-Type": "application/offset+octet-stream", "Upload-Offset": "0"}
+            answer = shared_live.http.request(method, f"/api/uploads/{upload_id}", headers={**TUS, **kind})
+            assert answer.status_code in {404, 405}, (method, upload_id)
+    old = shared_live.http.post("/api/uploads", headers={"Tus-Resumable": "0.2.2"})
+    assert (old.status_code, old.headers["tus-version"]) == (412, "1.0.0")
+    told = shared_live.http.options("/api/uploads")
+    assert {"creation", "termination", "checksum", "expiration"} <= set(told.headers["tus-extension"].split(","))
+
+
+def test_a_part_with_a_wrong_checksum_is_not_kept(tmp_path):
+    """Oracle: hashlib. Mutation: appending before the hash is compared keeps the damaged bytes."""
+    content = b"abc" * 1000
+    right = "sha256 " + base64.b64encode(hashlib.sha256(content).digest()).decode()
+    with serving(tmp_path) as live:
+        where = create(live, "room.bag", len(content)).headers["location"]
+        damaged = patch(live, where, 0, b"x" + content[1:], **{"Upload-Checksum": right})
+        assert (damaged.status_code, damaged.json()["error"]["code"]) == (460, "upload.checksum")
+        assert live.http.head(where, headers=TUS).headers["upload-offset"] == "0"
+        assert patch(live, where, 0, content, **{"Upload-Checksum": "md5 AAAA"}).status_code == 400
+        assert patch(live, where, 0, content, **{"Upload-Checksum": right}).status_code == 204
+
+
+def test_a_whole_that_hashes_to_something_else_becomes_no_recording(tmp_path):
+    """Oracle: hashlib. Mutation: finishing without comparing shows the recording as ready."""
+    sha256 = hashlib.sha256(b"what was sent").hexdigest()
+    with serving(tmp_path) as live:
+        headers = {**TUS, "Upload-Length": "13", "Upload-Metadata": metadata("room.bag", sha256=sha256)}
+        for content, status in ((b"what was SENT", 460), (b"what was sent", 204)):
+            where = live.http.post("/api/uploads", headers=headers).headers["location"]
+            assert patch(live, where, 0, content).status_code == status
+        assert [recording["size_bytes"] for recording in live.http.get("/api/recordings").json()] == [13]
+
+
+def test_a_disk_that_fills_stops_the_upload_with_a_sentence_and_it_goes_on_afterwards(tmp_path, monkeypatch):
+    """Oracle: the bytes sent. Mutation: an OSError that nobody catches is a 500; one that keeps no offset starts anew."""
+    content = random.Random(1).randbytes(9 * 2**20)
+    room = 5 * 2**20 + 17
+
+    def full(descriptor, block):
+        """As much as there is room for, then none."""
+        nonlocal room
+        if room == 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written = os.write(descriptor, block[:room])
+        room -= written
+        return written
+
+    with serving(tmp_path) as live:
+        where = create(live, "room.bag", len(content)).headers["location"]
+        with monkeypatch.context() as disk:
+            # Only this module's: other processes are spoken to by os.write too.
+            disk.setattr("app.storage.partial.os", SimpleNamespace(**(vars(os) | {"write": full})))
+            answer = patch(live, where, 0, content)
+        assert (answer.status_code, answer.json()["error"]["code"]) == (507, "upload.disk_full")
+        offset = int(live.http.head(where, headers=TUS).headers["upload-offset"])
+        assert offset == 5 * 2**20 + 17
+        assert patch(live, where, offset, content[offset:]).status_code == 204
+        stored = tmp_path / "recordings" / where.rsplit("/", 1)[-1] / "source.bag"
+        assert stored.read_bytes() == content
+
+
+def test_an_upload_given_up_long_ago_goes_when_the_next_is_announced(tmp_path):
+    """Oracle: a clock set back. Mutation: looking only when the server starts."""
+    with serving(tmp_path, upload_expiry_days=5) as live:
+        where = create(live, "old.bag", 10).headers["location"]
+        state = live.services.files.partial(where.rsplit("/", 1)[-1]).state_path
+        long_ago = time.time() - 6 * 86400
+        os.utime(state, (long_ago, long_ago))
+        create(live, "new.bag", 10)
+        assert [recording["name"] for recording in live.http.get("/api/recordings").json()] == ["new.bag"]
 
 
 def test_uploads_that_cannot_be_taken_are_refused_before_a_byte_is_sent(tmp_path):

@@ -97,7 +97,7 @@ def test_a_crash_is_a_failure_of_its_seed(monkeypatch: pytest.MonkeyPatch) -> No
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("calib_core.simulate.generate", lambda scenario, seed: (None, None))
+    monkeypatch.setattr("calib_core.simulate.generate", lambda scenario, seed, salt: (None, None))
     monkeypatch.setattr("calib_core.api.calibrate", broken)
     run = solve_once("paper-normal", 4, label="v")
     assert (run.status, run.code, run.seed, run.is_solved) == ("crashed", "ZeroDivisionError", 4, False)
@@ -215,7 +215,7 @@ def test_the_report_judges(tmp_path: Path) -> None:
 
     assert row_of("paper-normal", 9)[-2] == "yes"
     assert row_of("handheld", 9)[-2] == "**no**, 20 of 100 runs"
-    assert row_of("paper-normal", 13)[-1] == "yes"
+    assert row_of("paper-normal", 14)[-1] == "yes"
     assert row_of("imu-faults", 7)[-1] == "**no**, 30 of 100 runs"
     assert row_of("outliers", 7)[2:6] == ("30", "1.40 / 1.40 / 1.40", "<= 1.5", "31, 33")
     mended, first = sorted((cells for cells in lines if cells[0] == "any"), key=lambda cells: cells[3])

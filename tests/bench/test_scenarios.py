@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from bench.bounds import BoundRow
 from bench.scenarios import Row, nees_of_determined, read_rows, row_of, run, same, table, write_rows
-from calib_core.full.assess.observability import UNITS
+from calib_core.full.joint.undetermined import UNITS
 from calib_core.result import CalibrationResult
 from calib_core.simulate import Truth, prepare
 

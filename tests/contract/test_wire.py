@@ -12,7 +12,7 @@ from starlette.testclient import TestClient
 from app.schemas.common import ErrorBody
 from app.server.main import create_app
 from app.server.openapi import document
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 from tests.app.support.live import ProcessLauncher
 
 ROOT = Path(__file__).resolve().parents[2]

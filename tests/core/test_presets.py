@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple, fields
+
+import numpy as np
 import pytest
 
-from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS, find_imu_preset, find_lidar_preset
+from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR, ImuPrior, LidarPrior
+from calib_core.presets import (
+    IMU_PRESETS,
+    LIDAR_PRESETS,
+    USUAL_WALK,
+    find_imu_preset,
+    find_imu_prior,
+    find_lidar_preset,
+    find_lidar_prior,
+    random_walks,
+)
+from calib_core.settings import ImuNoise
 
 DEG_S, MICRO_G = 0.017453292519943295, 9.80665e-6
 
@@ -58,3 +72,94 @@ def test_every_preset_has_a_source_and_a_name_of_its_own() -> None:
     lidar = find_lidar_preset("/velodyne_points", "velodyne")
     assert lidar is not None
     assert lidar.range_std_m == 0.02
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        (("/velodyne_points", "velodyne"), "velodyne"),
+        (("vlp16_front",), "velodyne-vlp16"),
+        (("VLP-32C",), "velodyne-vlp32c"),
+        (("hdl32e",), "velodyne-hdl32e"),
+        (("/os0/points",), "ouster-os0"),
+        (("/os1_cloud_node/points",), "ouster-os"),
+        (("os2",), "ouster-os2"),
+        (("PandarXT-32",), "hesai-xt32"),
+        (("Pandar64",), "hesai-pandar40"),
+        (("/hesai/pandar",), "hesai"),
+        (("rs16",), "robosense-16"),
+        (("/rslidar_points", "rslidar"), "robosense"),
+        (("rs_bpearl", "bpearl"), "robosense-bpearl"),
+        (("/livox/lidar", "livox_frame"), "livox-avia"),
+        (("livox_hap",), "livox-hap"),
+        (("/happy/points",), None),
+    ],
+)
+def test_lidars_are_found_by_their_names(texts: tuple[str, ...], expected: str | None) -> None:
+    """Mutation: the general before the particular."""
+    found = find_lidar_preset(*texts)
+    assert (found.name if found else None) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("mti-30", "xsens-mti-30"),
+        ("mti-300", "xsens-mti-300"),
+        ("mti-1", "xsens-mti-3"),
+        ("mti-680g", "xsens-mti-630"),
+        ("vn200", "vectornav-vn100"),
+        ("bmi270", "bosch-bmi270"),
+        ("icm-42688-p", "tdk-icm42688"),
+        ("lsm6dsox", "st-lsm6"),
+        ("adis16477", "adis16475"),
+        ("adis16448", "adis16448"),
+        ("adis16460", "adis16470"),
+    ],
+)
+def test_models_of_one_maker_are_told_apart(text: str, expected: str) -> None:
+    """Mutation: `mti-3` before `mti-30` and `mti-300`."""
+    found = find_imu_preset(text)
+    assert found is not None
+    assert found.name == expected
+
+
+def test_a_random_walk_is_no_larger_than_its_allan_deviation() -> None:
+    """Simulated: the Allan deviation of the walk alone, at 100 s, is the in-run bias stability of the sheet (MTi-1: 10
+    deg/h). Mutation: the walk without its factor sqrt(3)."""
+    gyro, accel = random_walks("xsens-mti-3")
+    rng = np.random.default_rng(7)
+    walk = np.cumsum(gyro * rng.standard_normal((400, 20_000)) * np.sqrt(0.1), axis=1)
+    means = walk.reshape(400, 20, 1000).mean(axis=2)
+    deviation = np.sqrt(0.5 * np.mean(np.diff(means, axis=1) ** 2))
+    assert deviation == pytest.approx(10.0 * DEG_S / 3600.0, rel=0.03)
+    assert accel / gyro == pytest.approx(30.0 * MICRO_G / (10.0 * DEG_S / 3600.0))
+
+
+def test_a_presets_walks_are_used_and_an_unnamed_imu_walks_more_than_any_named_one() -> None:
+    """Mutation: the usual walk whatever was named."""
+    own = ImuNoise(
+        gyroscope_noise_density_rad_s_sqrt_hz=1e-4,
+        accelerometer_noise_density_m_s2_sqrt_hz=1e-3,
+        gyroscope_random_walk=1e-6,
+        accelerometer_random_walk=2e-6,
+    )
+    assert random_walks(own) == (1e-6, 2e-6)
+    assert random_walks(None) == random_walks("nobody knows") == USUAL_WALK
+    for preset in IMU_PRESETS:
+        walks = random_walks(preset.name)
+        assert walks == (preset.noise.gyroscope_random_walk, preset.noise.accelerometer_random_walk)
+        assert walks <= USUAL_WALK
+        assert walks[1] <= USUAL_WALK[1]
+
+
+def test_priors_go_with_the_sensor() -> None:
+    """Mutations: one prior for all; an unknown sensor taken for a good one; degrees for radians, per cent for shares."""
+    assert find_imu_prior("/imu/data", "imu_link") is UNKNOWN_IMU
+    assert find_lidar_prior("/points") is UNKNOWN_LIDAR
+    assert find_imu_prior("xsens").accelerometer_scale_std < 0.3 * UNKNOWN_IMU.accelerometer_scale_std
+    assert find_lidar_prior("os1").laser_elevation_std_rad < 0.3 * UNKNOWN_LIDAR.laser_elevation_std_rad
+    for record, presets in ((ImuPrior, IMU_PRESETS), (LidarPrior, LIDAR_PRESETS)):
+        names = [field.name for field in fields(record)]
+        for preset in presets:
+            assert all(0.0 < value <= 0.02 for value in astuple(preset.prior)), (preset.name, names)

@@ -7,30 +7,17 @@ eigenvectors, in units of 1 deg, 10 mm and 1 ms, are the directions that are kno
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import WeakDirection
-from calib_core.types import BoolArray, FloatArray
+from calib_core.types import FloatArray
 
-#: One unit of each parameter: 1 deg, 10 mm, 1 ms.
-UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
-#: A direction is weak where its spread along any parameter exceeds 0.5 deg, 20 mm or 2 ms.
-LIMITS = np.array([0.5] * 3 + [2.0] * 3 + [2.0])
-#: The standing prior of 1 rad, 10 m, 10 s in the same units: along an undetermined direction this is all there is.
-STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
-#: Spread of a direction along any parameter, in the scaled units, beyond which it counts as undetermined and is held.
-UNDETERMINED = np.array([2.0] * 3 + [10.0] * 3 + [10.0])
 _LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
-_NAMES = (
-    "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
-    "translation along the IMU's x axis", "translation along the IMU's y axis", "translation along the IMU's z axis",
-    "time offset",
-)  # fmt: skip
 _SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
 #: A direction with so much of its length in one kind of parameter is of that kind.
 _ONE_KIND = 0.99
@@ -54,58 +41,6 @@ class Knowledge:
         return bool((self.data_std > LIMITS * UNITS).any()) or bool(self.weak)
 
 
-def data_information(information: FloatArray, priors: Priors) -> FloatArray:
-    """(7, 7), in the scaled units: what the data alone say of the calibration. information: (S, S), priors included."""
-    calibration = np.linalg.inv(np.linalg.pinv(information, rcond=1e-15, hermitian=True)[:CALIBRATION, :CALIBRATION])
-    data = (calibration - priors.calibration_information()) * UNITS[:, None] * UNITS[None, :]
-    return 0.5 * (data + data.T)
-
-
-def undetermined(data: FloatArray) -> FloatArray:
-    """Directions (7, U), scaled units, in which the data say less than noise alone would seem to say.
-
-    Why a threshold far from zero: the information is evaluated at estimated motion, whose noise looks like excitation.
-    A lever arm along a fixed axis, truly unknown, seems known to half a metre after 20 s, and left free it wanders.
-    """
-    values, vectors = np.linalg.eigh(data)
-    spread = 1.0 / np.sqrt(np.maximum(values, 1e-16))
-    return _without_traces(vectors[:, _is_open(vectors, spread)])
-
-
-def _without_traces(directions: FloatArray) -> FloatArray:
-    """The directions (7, U), orthonormal, without parameters that take no real part in them.
-
-    Noise in the motion mixes a thousandth of a degree into ten undetermined millimetres; times the ten metres of the
-    standing prior that would pass for an unknown rotation. A part that even the whole prior does not make weak is none.
-    """
-    longest = 1.0 / np.sqrt(np.sum((directions / STANDING[:, None]) ** 2, axis=0))
-    takes_part = (np.abs(directions) * longest > LIMITS[:, None]).any(axis=1)
-    return np.asarray(np.linalg.qr(np.where(takes_part[:, None], directions, 0.0))[0])
-
-
-def still_undetermined(data: FloatArray, before: Sequence[FloatArray]) -> FloatArray:
-    """Directions (7, U), orthonormal: those undetermined now, and those held before that are not clearly determined.
-
-    before: unit vectors (7,) in the scaled units.
-    """
-    now = undetermined(data)
-    kept = []
-    for vector in before:
-        spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
-        if (np.abs(vector) * spread > 0.3 * UNDETERMINED).any():
-            kept.append(vector)
-    if not kept:
-        return now
-    both = np.column_stack([now, *kept])
-    left, size, _ = np.linalg.svd(both, full_matrices=False)
-    # Nearly the same direction twice is one direction.
-    return np.asarray(left[:, size > 0.3])
-
-
-def _is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:
-    return np.asarray((np.abs(vectors) * spread > UNDETERMINED[:, None]).any(axis=0))
-
-
 def assess(
     information: FloatArray,
     priors: Priors,
@@ -113,12 +48,17 @@ def assess(
     inflation: float = 1.0,
     frozen_offset: bool = False,
     offset_std_s: float = 0.0,
+    added: FloatArray | None = None,
 ) -> Knowledge:
     """From the shared parameters' information (S, S), priors included. inflation: factor on all standard deviations.
 
     offset_std_s: an error of the time offset that no residual knows of, added to its variance unless it is frozen.
+    added: (7, 7) covariance, scaled units, of what the information knows nothing of.
     """
     data = data_information(information, priors) / inflation**2
+    if added is not None:
+        data = np.asarray(np.linalg.solve(np.eye(CALIBRATION) + data @ added, data), dtype=np.float64)
+        data = 0.5 * (data + data.T)
     if frozen_offset:
         data[6, :] = data[:, 6] = 0.0
         data[6, 6] = 1e12
@@ -132,7 +72,7 @@ def assess(
     spread = np.minimum(spread, longest)
     data_std = np.sqrt((vectors**2) @ spread**2) * UNITS
     weak: list[WeakDirection] = []
-    opened = _is_open(vectors, spread)
+    opened = is_open(vectors, spread)
     for k in range(CALIBRATION):
         along = np.abs(vectors[:, k]) * spread[k]
         if (along > LIMITS).any():
@@ -153,7 +93,7 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
     alone = bool(abs(vector[largest]) > 0.95)
-    what = _NAMES[largest] if alone else _mixture(vector)
+    what = NAMES[largest] if alone else _mixture(vector)
     if undetermined:
         text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
     else:
@@ -166,7 +106,9 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
 
 def _mixture(vector: FloatArray) -> str:
     """A direction that is none of the seven parameters alone."""
-    rotation, lever = (", ".join(f"{v:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6)))
+    rotation, lever = (
+        ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6))
+    )
     if np.linalg.norm(vector[3:6]) > _ONE_KIND:
         return f"the lever arm along ({lever}) of the IMU's axes"
     if np.linalg.norm(vector[:3]) > _ONE_KIND:
@@ -182,6 +124,14 @@ def _amount(vector: FloatArray, spread: float, largest: int) -> str:
     if largest < 6:
         return f"{size * 10:.3g} mm"
     return f"{size:.2g} ms"
+
+
+def named_direction(covariance: FloatArray) -> str:
+    """Along what a covariance (7, 7), scaled units, reaches farthest, in words."""
+    vector = np.linalg.eigh(covariance)[1][:, -1]
+    largest = int(np.argmax(np.abs(vector)))
+    vector = vector * np.sign(vector[largest])
+    return NAMES[largest] if abs(vector[largest]) > 0.95 else _mixture(vector)
 
 
 def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[str]:

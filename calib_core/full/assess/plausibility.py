@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.full.assess.observability import assess
-from calib_core.full.assess.repeatability import BLOCKS, repeatability
-from calib_core.full.assess.residuals import away_m, misfit
-from calib_core.full.joint.schedule import Solved
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.residuals import away_m, misfit
+from calib_core.full.joint.state import GRAVITY
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.run import Context
+from calib_core.full.run import Run
 from calib_core.geometry import log
+from calib_core.solver.information import covariance
 
 #: Less motion than this over the whole recording is standing still.
 _LEAST_TURN_RAD = np.radians(1.0)
@@ -20,8 +20,6 @@ _LEAST_MOVE_M = 0.05
 #: How far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres.
 _WORST_MISFIT = 30.0
 _WORST_AWAY_M = 0.008
-#: The misfit of a recording without anything but noise is 0.4 to 1; beyond this it is taken for what it is.
-_USUAL_MISFIT = 1.5
 #: No working IMU is off by more than this.
 _WORST_GYRO_BIAS_RAD_S = 0.25
 _WORST_ACCEL_BIAS_M_S2 = 2.0
@@ -47,26 +45,7 @@ def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str]
     return "motion.none", stood
 
 
-def inflation(ctx: Context, solved: Solved, *, frozen_offset: bool) -> float:
-    """Factor on every standard deviation where the recording contradicts the noise model; says so."""
-    assert solved.minimum.solution is not None
-    information = solved.minimum.solution.information
-    plain = assess(information, solved.problem.priors, frozen_offset=frozen_offset)
-    repeat = repeatability(solved.problem, solved.estimate, information, plain.covariance)
-    rest = misfit(solved.problem, solved.estimate)
-    factor = max(repeat.inflation, np.sqrt(rest) if rest > _USUAL_MISFIT else 1.0)
-    if factor > 1.0:
-        ctx.say(
-            "warning",
-            "solve.disagreement",
-            f"the parts of the recording disagree by more than noise explains ({np.sqrt(repeat.ratio):.1f} times over "
-            f"{BLOCKS} blocks, {np.sqrt(rest):.1f} times plane by plane): a scale error of the IMU, ranges that are off, or "
-            f"surfaces that are not flat; all standard deviations are {factor:.1f} times what noise alone would give",
-        )
-    return float(factor)
-
-
-def implausible(ctx: Context, solved: Solved) -> str | None:
+def implausible(ctx: Run, solved: Solved) -> str | None:
     """Why an answer that the descent is content with cannot be true, or None."""
     hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
     gravity = ctx.settings.gravity
@@ -93,6 +72,6 @@ def implausible(ctx: Context, solved: Solved) -> str | None:
 def gravity_std(solved: Solved) -> float:
     """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
     assert solved.minimum.solution is not None
-    block = np.linalg.inv(solved.minimum.solution.information)[7:10, 7:10]
+    block = covariance(solved.minimum.solution.information).of(GRAVITY)
     up = solved.estimate.gravity / np.linalg.norm(solved.estimate.gravity)
-    return float(np.sqrt(max(up @ block @ up, 0.0)))
+    return float(np.sqrt(max(float(up @ block @ up), 0.0)))

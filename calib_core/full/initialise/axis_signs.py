@@ -15,6 +15,7 @@ from itertools import product
 
 import numpy as np
 
+from calib_core.full.initialise.agreement import agreement
 from calib_core.full.initialise.start import (
     GyroTurns,
     LidarTrack,
@@ -29,8 +30,11 @@ from calib_core.types import FloatArray, ImuData
 _SUSPICIOUS_RMS = 1.0
 #: A sign pattern must leave less than this share of the misfit as sent.
 _EXPLAINS = 0.35
-#: Radians taken for degrees are 57 times off; no mounting, lag or noise makes a factor of ten.
-_OTHER_UNIT = 10.0
+#: Radians taken for degrees are so many times off. The ratio of rates is good to a few per cent where they correlate as
+#: well as this; a track that was lost reaches 0.6 by chance.
+_DEGREES = 180.0 / np.pi
+TOGETHER = 0.9
+_STEADY = 0.3
 _MOVING_RAD_S = 0.1
 _FAST_PERCENT = 90.0
 #: A lag found through a rotation where there is a reflection is off by up to this.
@@ -38,19 +42,21 @@ _LAGS_S = np.arange(-0.12, 0.125, 0.01)
 
 
 def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
-    """A clause where the gyroscope turns many times as fast, or as slowly, as the lidar; else ""."""
-    # Rates and no turns: a turn read 57 times too large wraps around, and no lag can be trusted either.
-    during = (imu_s >= lidar.start_s[0] - 1.0) & (imu_s <= lidar.start_s[-1] + 1.0)
+    """A clause where the gyroscope turns as the lidar does, but 57 times as fast or as slowly; else "".
+
+    Only where the rates go together: the ratio to a track that was lost says nothing.
+    """
     speed = float(np.percentile(np.linalg.norm(lidar.omega_rad_s, axis=1), _FAST_PERCENT))
-    if speed < _MOVING_RAD_S or np.count_nonzero(during) < 100:
+    if speed < _MOVING_RAD_S:
         return ""
-    rates = imu.gyro_rad_s[during] - np.median(imu.gyro_rad_s[during], axis=0)
-    ratio = float(np.percentile(np.linalg.norm(rates, axis=1), _FAST_PERCENT)) / speed
-    if 1.0 / _OTHER_UNIT < ratio < _OTHER_UNIT:
+    found = agreement(lidar, imu_s, imu.gyro_rad_s)
+    if found.correlation < TOGETHER or found.ratio_spread > _STEADY:
         return ""
-    unit = "deg_s" if ratio > 1.0 else "rad_s"
+    if abs(abs(np.log(found.ratio)) - np.log(_DEGREES)) > _STEADY:
+        return ""
+    unit = "deg_s" if found.ratio > 1.0 else "rad_s"
     return (
-        f"the gyroscope turns {ratio:.3g} times as fast as the lidar, so its readings are in another unit than was"
+        f"the gyroscope turns {found.ratio:.3g} times as fast as the lidar, so its readings are in another unit than was"
         f" taken; pass --gyroscope-unit {unit}"
     )
 

@@ -29,7 +29,7 @@ from calib_core.full.odometry.register import ScanMotion
 from calib_core.geometry import exp, log, mean_rotation, nearest_rotation
 from calib_core.types import FloatArray, IntArray
 
-_GRID_HZ = 50.0
+GRID_HZ = 50.0
 
 
 @dataclass(frozen=True)
@@ -159,22 +159,22 @@ def _running_product(steps: FloatArray) -> FloatArray:
 def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: int = 6) -> list[tuple[float, float]]:
     """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first."""
     t0, t1 = turns.start_s[0], turns.end_s[-1]
-    lidar_t = np.arange(t0, t1, 1 / _GRID_HZ)
+    lidar_t = np.arange(t0, t1, 1 / GRID_HZ)
     norms = np.linalg.norm(turns.rate_rad_s, axis=1)
     # A few spans in which the track leapt would outweigh all others in a correlation.
     norms = np.minimum(norms, 2.0 * np.percentile(norms, 90.0))
     lidar = np.interp(lidar_t, 0.5 * (turns.start_s + turns.end_s), norms)
-    imu_t = np.arange(imu_s[0], imu_s[-1], 1 / _GRID_HZ)
+    imu_t = np.arange(imu_s[0], imu_s[-1], 1 / GRID_HZ)
     width = float(np.median(turns.end_s - turns.start_s))
     mean = gyro.over(imu_t - width / 2, imu_t + width / 2)
     imu = np.linalg.norm(mean, axis=1)
     valid = np.isfinite(imu)
     imu = np.where(valid, imu, 0.0)
-    correlation, overlap = _masked_correlation(lidar, imu, valid.astype(float))
+    correlation, overlap = masked_correlation(lidar, imu, valid.astype(float))
     # Sample k of the correlation pairs lidar sample i with imu sample i - (k - (len(imu) - 1)).
     shift = np.arange(len(correlation)) - (len(imu) - 1)
-    lag = t0 - imu_t[0] + shift / _GRID_HZ
-    least = min(0.5 * min(len(lidar), len(imu)), max(8.0 * _GRID_HZ, 0.3 * len(lidar)))
+    lag = t0 - imu_t[0] + shift / GRID_HZ
+    least = min(0.5 * min(len(lidar), len(imu)), max(8.0 * GRID_HZ, 0.3 * len(lidar)))
     score = np.where(overlap >= least, correlation, -np.inf)
     best: list[tuple[float, float]] = []
     while len(best) < count and np.isfinite(score.max()):
@@ -184,7 +184,7 @@ def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: i
     return best
 
 
-def _masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tuple[FloatArray, FloatArray]:
+def masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Pearson's correlation of a with b at every shift, over the samples that overlap, and how many do."""
     # scipy.signal has this ready, but takes a second to import.
     size = len(a) + len(b) - 1
@@ -208,6 +208,11 @@ def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray)
     gyro = GyroTurns(imu_s, gyro_rad_s)
     kinds = [(turns, candidate_lags(turns, gyro, imu_s)) for turns in turns_of(track)]
     turns, lags = max(kinds, key=lambda kind: kind[1][0][1] if kind[1] else -np.inf)
+    return fit_lags(turns, gyro, lags)
+
+
+def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]]) -> list[RotationStart]:
+    """The rotation at each lag, the lag refined on the residual; best first. lags: with their correlations."""
     starts = []
     for lag, correlation in lags:
         offsets = lag + np.arange(-0.06, 0.0601, 0.005)
@@ -265,7 +270,7 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     The second derivative of the lidar's smoothed position and the equally smoothed specific force differ by a rotation
     and a constant (gravity and bias): Kabsch on both, centred, at the lags where their norms agree.
     """
-    width_s, rate = 0.12, _GRID_HZ
+    width_s, rate = 0.12, GRID_HZ
     lidar_t = np.arange(track.start_s[0], track.start_s[-1], 1 / rate)
     imu_t = np.arange(imu_s[0], imu_s[-1], 1 / rate)
     if len(lidar_t) < 4 * rate or len(imu_t) < 4 * rate:
@@ -278,7 +283,7 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     force -= force.mean(axis=0)
     lidar -= lidar.mean(axis=0)
     a, b = np.linalg.norm(lidar, axis=1), np.linalg.norm(force, axis=1)
-    correlation, overlap = _masked_correlation(a, b, np.ones(len(b)))
+    correlation, overlap = masked_correlation(a, b, np.ones(len(b)))
     lags = track.start_s[0] - imu_t[0] + (np.arange(len(correlation)) - (len(b) - 1)) / rate
     score = np.where(overlap >= max(5 * rate, 0.3 * len(a)), correlation, -np.inf)
     starts = []

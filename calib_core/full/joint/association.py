@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import nnls
 
+from calib_core.factors.laser_features import LaserErrors, LaserFactors, LaserSums, collapse_features
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -25,13 +25,17 @@ from calib_core.factors.lidar_plane import (
 )
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.motion import Motion
-from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensors import laser_errors
 from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
-from calib_core.types import BoolArray, FloatArray, IntArray, Scan
+from calib_core.threads import workers
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray, Scan
 
 T = TypeVar("T")
+#: Told how many of the scans are done.
+OnScans = Callable[[int], None]
 #: Points that are worth a call of their own.
 _BATCH = 20_000
 #: Returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane than this many
@@ -39,15 +43,49 @@ _BATCH = 20_000
 _OFF_SIGMAS = 2.0
 
 
+def _ignore(_: int) -> None:
+    """For callers who do not ask how far it is."""
+
+
+@dataclass(frozen=True)
+class LaserMicro:
+    """Moments of many scans for the lidar's own parameters. time_s, scan: (B,) of their groups' middles, lidar clock."""
+
+    time_s: FloatArray
+    scan: IntArray
+    sums: LaserSums
+
+    def weighted(self, of_scan: FloatArray) -> LaserMicro:
+        """With every point counted as many times as its scan says: (M,)."""
+        weight = of_scan[self.scan].astype(np.float32)[:, None, None]
+        return replace(self, sums=replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight))
+
+    @staticmethod
+    def joined(parts: Sequence[LaserMicro]) -> LaserMicro:
+        """Those of several scans in a row."""
+        return LaserMicro(
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.scan for part in parts]),
+            LaserSums.joined([part.sums for part in parts]),
+        )
+
+
 @dataclass(frozen=True)
 class Micro:
-    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there."""
+    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
+
+    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out, and
+    time_offset_s.
+    """
 
     time_s: FloatArray
     scan: IntArray
     plane: IntArray
     scatter: FloatArray
     count: IntArray
+    lasers: LaserMicro | None = None
+    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    time_offset_s: float = 0.0
 
     @staticmethod
     def joined(parts: Sequence[Micro]) -> Micro:
@@ -58,10 +96,15 @@ class Micro:
             np.concatenate([part.plane for part in parts]),
             np.concatenate([part.scatter for part in parts]),
             np.concatenate([part.count for part in parts]),
+            LaserMicro.joined([part.lasers for part in parts if part.lasers is not None])
+            if any(part.lasers is not None for part in parts)
+            else None,
+            parts[0].nuisance,
+            parts[0].time_offset_s,
         )
 
     def part(self, some: BoolArray) -> Micro:
-        """Those of a mask (B,)."""
+        """Those of a mask (B,), without the lasers' moments."""
         return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
 
 
@@ -79,6 +122,7 @@ class View:
     estimate: Estimate
     settings: CalibrateSettings
     threads: int = 1
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
 
@@ -112,8 +156,9 @@ class View:
         clouds = [self.scans[i].points[::stride] for i in positions]
         points = clouds[0] if len(clouds) == 1 else np.concatenate(clouds)
         e = self.estimate
+        errors = self._errors()
         hits = find_hits(
-            points["xyz"],
+            self._corrected(points, errors),
             points["offset_ns"] * 1e-9,
             SlicePoses.joined([self.slice_poses(i) for i in positions]),
             e.normals,
@@ -122,9 +167,52 @@ class View:
             first_slice=np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds]),
             field_of_view_deg=self.settings.field_of_view_deg,
         )
+        if errors is not None and errors.incidence_m:
+            hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
         if stride > 1:
             self.thinned[key] = hits
         return hits
+
+    def _errors(self) -> LaserErrors | None:
+        """The lidar's own parameters as they are thought to be now; None where it is taken for ideal."""
+        if not self.nuisance.blocks:
+            return None
+        return laser_errors(self.nuisance, self.estimate.nuisance)
+
+    def _corrected(self, points: PointArray, errors: LaserErrors | None) -> Float32Array:
+        """Where points (N,) would lie were it not for their lasers' errors, (N, 3)."""
+        if errors is None or not errors.any():
+            return np.asarray(points["xyz"])
+        return errors.corrected(points["xyz"], self.lasers_of(points))
+
+    def lasers_of(self, points: PointArray) -> LaserArray:
+        """(N,) which laser each point is of: 0 where they are not told apart."""
+        if self.nuisance.lasers:
+            return np.asarray(points["ring"])
+        return np.zeros(len(points), np.uint16)
+
+    def laser_micro(
+        self, positions: Sequence[int], hits: Hits, keep: BoolArray, weight: FloatArray, stride: int
+    ) -> LaserMicro | None:
+        """The kept points' moments for the lidar's own parameters; None where none of these is in play."""
+        if not any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS)):
+            return None
+        # Slices go together that go to one knot, as they do when they are gathered.
+        counts = [self._slices(i) for i in positions]
+        centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
+        knot = self.motion.nearest_knot(centre_s - self.estimate.time_offset_s)
+        begins = np.concatenate([[True], np.diff(knot) != 0])
+        begins[np.cumsum(counts)[:-1]] = True
+        first = np.flatnonzero(begins)
+        middle = (first + np.append(first[1:], len(knot)) - 1) // 2
+        group = np.cumsum(begins) - 1
+        laser = np.concatenate([self.lasers_of(self.scans[i].points[::stride]) for i in positions])
+        sums = collapse_features(
+            hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
+            group=group, middle=middle,
+        )  # fmt: skip
+        scan = np.repeat(np.asarray(positions, np.int64), counts)[middle][sums.group]
+        return LaserMicro(centre_s[middle][sums.group], scan, sums)
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
@@ -152,7 +240,7 @@ class View:
         index = (points["offset_ns"] * 1e-9 / SLICE_S).astype(np.int64)
         usable = poses.usable[index]
         index = index[usable]
-        xyz = points["xyz"][usable].astype(np.float64)
+        xyz = self._corrected(points, self._errors())[usable].astype(np.float64)
         there = (poses.R[index] @ xyz[..., None])[..., 0] + poses.p[index]
         return there, np.flatnonzero(usable) * stride
 
@@ -163,11 +251,13 @@ class View:
         free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
         return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
 
-    def over_scans(self, positions: Sequence[int], job: Callable[[int], T]) -> list[T]:
+    def over_scans(self, positions: Sequence[int], job: Callable[[int], T], on_scans: OnScans = _ignore) -> list[T]:
         """A job for each scan, on several threads where allowed; results in the order of the positions."""
-        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]))
+        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans)
 
-    def over_batches(self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T]) -> list[T]:
+    def over_batches(
+        self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T], on_scans: OnScans = _ignore
+    ) -> list[T]:
         """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
         batches: list[list[int]] = []
         room = 0
@@ -178,14 +268,21 @@ class View:
                 room = _BATCH
             batches[-1].append(i)
             room -= points
-        return self._over(positions, batches, job)
+        return self._over(positions, batches, job, on_scans)
 
-    def _over(self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T]) -> list[T]:
+    def _over(
+        self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T], on_scans: OnScans
+    ) -> list[T]:
+        """The jobs' results in order; on_scans is told from the caller's own thread, which may stop it all by raising."""
         self.lay_out(positions)
-        if self.threads <= 1 or len(tasks) < 2:
-            return [job(task) for task in tasks]
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(job, tasks))
+        several = self.threads > 1 and len(tasks) > 1
+        results = []
+        done = 0
+        for task, result in zip(tasks, workers().map(job, tasks) if several else map(job, tasks), strict=True):
+            results.append(result)
+            done += len(task)
+            on_scans(done)
+        return results
 
 
 def associate(
@@ -196,9 +293,9 @@ def associate(
     extents: PlaneExtents | None,
     *,
     stride: int = 1,
-    on_scan: Callable[[int], None] | None = None,
+    on_scans: OnScans = _ignore,
 ) -> Micro:
-    """The micro-bins of the given scans. stride: use every so many-th point."""
+    """The micro-bins of the given scans. stride: use every so many-th point.   on_scans: told how many are done."""
     n_planes = len(view.estimate.normals)
     cap = view.settings.points_per_plane_per_scan
 
@@ -207,14 +304,17 @@ def associate(
         keep, weight = select(hits, noise, gate, extents)
         if cap is not None:
             keep = _capped(hits, keep, cap, seed=view.settings.random_seed + batch[0])
-        if on_scan is not None:
-            for position in batch:
-                on_scan(position)
-        return view.micro(batch, collapse(hits, keep, weight, n_planes))
+        micro = view.micro(batch, collapse(hits, keep, weight, n_planes))
+        return replace(
+            micro,
+            lasers=view.laser_micro(batch, hits, keep, weight, stride),
+            nuisance=view.estimate.nuisance,
+            time_offset_s=view.estimate.time_offset_s,
+        )
 
     if cap is None:
-        return Micro.joined(view.over_batches(positions, stride, some))
-    return Micro.joined(view.over_scans(positions, lambda position: some([position])))
+        return Micro.joined(view.over_batches(positions, stride, some, on_scans))
+    return Micro.joined(view.over_scans(positions, lambda position: some([position]), on_scans))
 
 
 def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
@@ -232,7 +332,8 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     # One pose a slice, shared by the planes seen in it.
     time_s, of_slice = np.unique(micro.time_s, return_inverse=True)
     imu_s = time_s - estimate.time_offset_s
-    knot = motion.nearest_knot(imu_s)
+    # With lasers told apart, slices stay with the knots that their lasers' moments were put together for.
+    knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     Rk_t = np.swapaxes(knots.R[knot], 1, 2)
@@ -242,12 +343,49 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     of_slice = of_slice[use]
     n_planes = len(estimate.normals)
     key = knot[of_slice] * n_planes + micro.plane[use]
+    # Points that were laid out for an ideal lidar are those of one whose parameters are zero.
+    laid_out = micro.nuisance if len(micro.nuisance) else np.zeros(len(estimate.nuisance))
     if len(key) == 0:
         empty = np.zeros(0, np.int64)
-        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s)
+        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s, LaserFactors.empty(), laid_out)
     keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
     count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
-    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s)
+    lasers = LaserFactors.empty()
+    if micro.lasers is not None:
+        lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s)
+    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
+
+
+def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float) -> LaserFactors:
+    """Moments moved to their knots under the current motion and summed: a knot, plane and laser each.
+
+    time_offset_s: with which slices were put together to knots.
+    """
+    time_s, of_group = np.unique(micro.time_s, return_inverse=True)
+    imu_s = time_s - estimate.time_offset_s
+    knot = motion.nearest_knot(time_s - time_offset_s)
+    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    back = np.swapaxes(knots.R[knot], 1, 2)
+    move = np.zeros((len(time_s), 5, 5))
+    move[:, :3, :3] = back @ poses.R
+    move[:, :3, 3] = (back @ (poses.p - knots.p[knot])[..., None])[..., 0]
+    move[:, 3, 3] = move[:, 4, 4] = 1.0
+    use = np.flatnonzero(poses.usable[of_group])
+    of_group, sums = of_group[use], micro.sums
+    n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
+    keys, place = np.unique(
+        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use], return_inverse=True
+    )
+    moved = sums.cross[use] @ np.swapaxes(move[of_group], 1, 2)
+    if len(keys) == 0:
+        return LaserFactors.empty()
+    order = np.argsort(place, kind="stable")
+    first = np.searchsorted(place[order], np.arange(len(keys)))
+    cross = np.add.reduceat(moved[order], first, axis=0)
+    gram = np.add.reduceat(sums.gram[use][order].astype(np.float64), first, axis=0)
+    pairs, pair = np.unique(keys // lasers, return_inverse=True)
+    return LaserFactors(pairs // n_planes, pairs % n_planes, pair, keys % lasers, cross, gram)
 
 
 def survey(
@@ -360,8 +498,3 @@ def _told(variance: float) -> float:
     Further digits change with a single point that comes or goes, and the cost of the whole solve with them.
     """
     return max(float(f"{np.sqrt(variance):.3g}"), 1e-4)
-
-
-def rebinned(problem: JointProblem, micro: Micro, estimate: Estimate) -> Bins:
-    """The lidar factors of a problem at an estimate."""
-    return gather(micro, problem.motion(estimate), estimate)

@@ -1,4 +1,4 @@
-"""How far the carried motion may have strayed in each direction since the planes that hold it were last seen.
+"""How far the propagated motion may have strayed in each direction since the planes that hold it were last seen.
 
 A small filter beside the estimate: position, velocity and a constant error of the acceleration (accelerometer bias,
 gravity and tilt together), in the map frame. Time lets it grow, a plane in view shrinks it along that plane's normal only.
@@ -7,29 +7,40 @@ It decides how wide a gate has to be, plane by plane: along a corridor the posit
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from calib_core.types import FloatArray
 
+#: What a solve of the whole leaves of the last knot's position and velocity.
 _POSITION_STD_M = 0.02
 _VELOCITY_STD_M_S = 0.05
-#: What a chunk of points leaves of a plane's distance: the calibration's and the map's error, not the noise of points.
+#: What a piece's points leave of a plane's distance: the calibration's and the map's error, not the noise of points.
 _SEEN_STD_M = 0.015
 
 
+@dataclass(frozen=True, slots=True)
 class Drift:
-    """Covariance (9, 9) of the errors of position [m], velocity [m/s] and acceleration [m/s2], map axes."""
+    """covariance: (9, 9) of the errors of position [m], velocity [m/s] and acceleration [m/s2], map axes.
 
-    def __init__(self, acceleration_cov: FloatArray, noise_m_s2_sqrt_hz: float) -> None:
-        """acceleration_cov: (3, 3).   noise_m_s2_sqrt_hz: white noise of the accelerometer."""
-        self._density2 = noise_m_s2_sqrt_hz**2
-        self._cov = np.zeros((9, 9))
-        self._cov[:3, :3] = np.eye(3) * _POSITION_STD_M**2
-        self._cov[3:6, 3:6] = np.eye(3) * _VELOCITY_STD_M_S**2
-        self._cov[6:, 6:] = acceleration_cov
+    noise_m_s2_sqrt_hz: white noise of the accelerometer.
+    """
 
-    def wait(self, span_s: float) -> None:
-        """Let time pass."""
+    covariance: FloatArray
+    noise_m_s2_sqrt_hz: float
+
+    @staticmethod
+    def begun(acceleration_cov: FloatArray, noise_m_s2_sqrt_hz: float) -> Drift:
+        """After a solve of the whole. acceleration_cov: (3, 3)."""
+        covariance = np.zeros((9, 9))
+        covariance[:3, :3] = np.eye(3) * _POSITION_STD_M**2
+        covariance[3:6, 3:6] = np.eye(3) * _VELOCITY_STD_M_S**2
+        covariance[6:, 6:] = acceleration_cov
+        return Drift(covariance, noise_m_s2_sqrt_hz)
+
+    def after(self, span_s: float) -> Drift:
+        """When time has passed."""
         t = span_s
         F = np.eye(9)
         F[:3, 3:6] = F[3:6, 6:] = np.eye(3) * t
@@ -37,20 +48,22 @@ class Drift:
         Q = np.zeros((9, 9))
         Q[:3, :3], Q[3:6, 3:6] = np.eye(3) * (t**3 / 3), np.eye(3) * t
         Q[:3, 3:6] = Q[3:6, :3] = np.eye(3) * (t**2 / 2)
-        self._cov = F @ self._cov @ F.T + Q * self._density2
+        covariance = F @ self.covariance @ F.T + Q * self.noise_m_s2_sqrt_hz**2
+        return Drift(covariance, self.noise_m_s2_sqrt_hz)
 
-    def see(self, normals: FloatArray) -> None:
-        """Planes have come into view and corrected the motion. normals: (P, 3)."""
+    def corrected(self, normals: FloatArray) -> Drift:
+        """When planes have come into view and corrected the motion. normals: (P, 3)."""
+        covariance = self.covariance.copy()
         for n in normals:
-            along = self._cov[:, :3] @ n
+            along = covariance[:, :3] @ n
             gain = along / (n @ along[:3] + _SEEN_STD_M**2)
-            self._cov -= np.outer(gain, along)
-        self._cov = 0.5 * (self._cov + self._cov.T)
+            covariance -= np.outer(gain, along)
+        return Drift(0.5 * (covariance + covariance.T), self.noise_m_s2_sqrt_hz)
 
     def along(self, normals: FloatArray) -> FloatArray:
         """Standard deviation of the position along each normal (P, 3): (P,) [m]."""
-        return np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", normals, self._cov[:3, :3], normals), 0.0))
+        return np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", normals, self.covariance[:3, :3], normals), 0.0))
 
     def farthest_m(self) -> float:
         """Standard deviation of the position along its worst direction."""
-        return float(np.sqrt(np.linalg.eigvalsh(self._cov[:3, :3])[-1]))
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))

@@ -2,86 +2,103 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.full.assess.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.association import gather
-from calib_core.planes.segment import SegmentSettings, segment_planes
+from calib_core.full.joint.doubt import plane_doubts, say_left_out
+from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
+from calib_core.full.joint.residuals import plane_chi2, plane_misfit
+from calib_core.full.joint.round import present_view, problem_of
+from calib_core.full.joint.schedule import PlaneSet
+from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.standing import LEAST_M
+from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
-if TYPE_CHECKING:
-    from calib_core.full.joint.schedule import Rounds
 
-#: A plane is none that scatters, or whose averages wander, so many times as much as others: walls stay below three.
-_BAD_TIMES = 5.0
-_WANDERING_TIMES = 4.0
-#: Fewer planes do not hold a pose.
-_FEWEST = 3
-
-
-def discover(rounds: Rounds, positions: list[int]) -> bool:
-    """Planes that the reference scan did not show, among the points that lie on none; whether any were found."""
-    view = rounds.present_view()
-    step = max(1, len(positions) // 60)
-    some = positions[::step]
-    strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, 1500, 0.15)))
+def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rules: PlaneSet) -> Estimation:
+    """With the planes that lie among the points of these scans on none so far; the same state where there are none."""
+    view = present_view(data, state)
+    some = positions[:: max(1, len(positions) // rules.scans)]
+    strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, rules.points_per_scan, rules.away_m)))
     eye = np.mean([view.slice_poses(i).p[0] for i in some], axis=0)
-    if len(strays) < 1000:
-        return False
-    settings = SegmentSettings(min_share=0.03, min_points=300, min_breadth_m=0.25, max_planes=6, distance_m=0.05)
+    if len(strays) < rules.fewest_points:
+        return state
+    settings = SegmentSettings(
+        min_share=rules.least_share,
+        min_points=rules.least_points,
+        min_breadth_m=rules.least_breadth_m,
+        max_planes=rules.most,
+        distance_m=rules.flat_m,
+    )
+    fits = segment_planes(strays, viewpoint_m=eye, seed=data.run.settings.random_seed, settings=settings)
+    found = new_ones(state.estimate, fits, strays, rules)
+    if not found:
+        return state
+    data.run.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
+    return with_planes(state, found)
+
+
+def new_ones(estimate: Estimate, fits: Sequence[PlaneFit], cloud_m: FloatArray, rules: PlaneSet) -> list[PlaneFit]:
+    """The fits that are none of the planes known already. cloud_m: (N, 3), in which they were found."""
     found = []
-    for fit in segment_planes(strays, viewpoint_m=eye, seed=rounds.ctx.settings.random_seed, settings=settings):
-        centre = strays[fit.inliers].mean(axis=0)
-        alike = rounds.estimate.normals @ fit.normal > np.cos(np.radians(8.0))
-        near = np.abs(rounds.estimate.normals @ centre + rounds.estimate.offsets_m) < 0.25
+    for fit in fits:
+        centre = cloud_m[fit.inliers].mean(axis=0)
+        alike = estimate.normals @ fit.normal > np.cos(np.radians(rules.same_normal_deg))
+        near = np.abs(estimate.normals @ centre + estimate.offsets_m) < rules.same_place_m
         if not (alike & near).any():
             found.append(fit)
-    if not found:
-        return False
-    e = rounds.estimate
-    rounds.estimate = replace(
+    return found
+
+
+def with_planes(state: Estimation, found: Sequence[PlaneFit]) -> Estimation:
+    """These planes after those there are, numbered on. Points are still given to the old ones only."""
+    e = state.estimate
+    estimate = replace(
         e,
         normals=np.vstack([e.normals, [f.normal for f in found]]),
         offsets_m=np.append(e.offsets_m, [f.offset_m for f in found]),
     )
-    first = len(rounds.names) + 1
-    rounds.names += [f"plane {first + k}" for k in range(len(found))]
-    rounds.outlines_m += [None] * len(found)
-    rounds.ctx.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
-    return True
+    first = len(state.planes) + 1
+    named = tuple(MapPlane(f"plane {first + k}") for k in range(len(found)))
+    return replace(state, estimate=estimate, planes=state.planes + named)
 
 
-def cull(rounds: Rounds, *, settled: bool = False) -> bool:
-    """Drop planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
+def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled: bool = False) -> Estimation:
+    """Without the planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
 
-    Returns whether any was.   settled: the motion is as good as it gets. Then a plane's averages count too: clutter may
-    scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
+    The same state where there are none.   settled: the motion is as good as it gets. Then a plane's averages count too:
+    clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
     """
-    assert rounds.micro is not None
-    problem = rounds.problem()
-    problem = replace(problem, bins=gather(rounds.micro, problem.motion(rounds.estimate), rounds.estimate))
-    chi2, points = plane_chi2(problem, rounds.estimate)
+    assert state.observations is not None
+    problem = problem_of(data, state)
+    problem = replace(problem, bins=gather(state.observations, problem.motion(state.estimate), state.estimate))
+    chi2, points = plane_chi2(problem, state.estimate)
     if points.sum() == 0:
-        return False
-    badness = over_usual(chi2, points) / _BAD_TIMES
+        return state
+    badness = over_usual(chi2, points) / rules.worst_scatter
     if settled:
-        badness = np.maximum(badness, over_usual(plane_misfit(problem, rounds.estimate), points) / _WANDERING_TIMES)
-    keep = kept_planes(badness, points)
-    if keep.all() or keep.sum() < _FEWEST:
-        return False
-    dropped = [name for name, kept in zip(rounds.names, keep, strict=True) if not kept]
-    rounds.ctx.say(
-        "warning", "planes.dropped", f"left out, because their points do not fit the motion: {', '.join(dropped)}"
-    )
-    rounds.names = [name for name, kept in zip(rounds.names, keep, strict=True) if kept]
-    rounds.outlines_m = [outline_m for outline_m, kept in zip(rounds.outlines_m, keep, strict=True) if kept]
-    e = rounds.estimate
-    rounds.estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
-    rounds.micro = None
-    return True
+        wandering = over_usual(plane_misfit(problem, state.estimate), points)
+        badness = np.maximum(badness, wandering / rules.worst_wandering)
+    doubt = plane_doubts(problem, state.estimate, LEAST_M if settled else rules.rough_m)
+    badness = np.maximum(badness, doubt.max(axis=1))
+    keep = kept_planes(badness, points, rules.fewest)
+    if keep.all() or keep.sum() < rules.fewest:
+        return state
+    dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
+    say_left_out(data.run, dropped, doubt[~keep])
+    return only_planes(state, keep)
+
+
+def only_planes(state: Estimation, keep: BoolArray) -> Estimation:
+    """With some of the planes (P,); points have to be given anew."""
+    planes = tuple(plane for plane, kept in zip(state.planes, keep, strict=True) if kept)
+    e = state.estimate
+    estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
+    return replace(state, estimate=estimate, planes=planes, observations=None)
 
 
 def over_usual(badness: FloatArray, points: FloatArray) -> FloatArray:
@@ -91,13 +108,13 @@ def over_usual(badness: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(badness / max(typical, 1e-30))
 
 
-def kept_planes(badness: FloatArray, points: FloatArray) -> BoolArray:
-    """Which planes stay, (P,): those that have points and a badness (P,) below one, but the three best of them in any case.
+def kept_planes(badness: FloatArray, points: FloatArray, fewest: int) -> BoolArray:
+    """Which planes stay, (P,): those that have points and a badness (P,) below one, but so many best of them in any case.
 
     Two good walls among much clutter: that a third is doubtful is no reason to keep everything.
     """
     ranked = np.where(points > 0, badness, np.inf)
     keep = ranked < 1.0
-    best = np.argsort(ranked, kind="stable")[:_FEWEST]
+    best = np.argsort(ranked, kind="stable")[:fewest]
     keep[best] |= np.isfinite(ranked[best])
     return keep

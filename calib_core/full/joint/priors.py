@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,7 +37,8 @@ class Priors:
     """Statements that are not measurements of this recording.
 
     R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
-    rows: on calibration columns 0..6.   bias walk densities: per sqrt(s); 0 with a single node.
+    rows: on calibration columns 0..6.   bias walk densities: per sqrt(s); 0 with a single node.   nuisance_std: (N,) of the
+    sensors' own parameters about those of ideal ones.
     """
 
     R_reference: FloatArray
@@ -49,6 +50,7 @@ class Priors:
     gyro_walk: float = 1e-5
     accel_walk: float = 1e-4
     held: tuple[Held, ...] = ()
+    nuisance_std: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def calibration_vector(self, estimate: Estimate) -> FloatArray:
         """(7,): turn from R_reference [rad], translation [m], time offset [s]: what the prior rows speak of."""
@@ -94,4 +96,6 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
                 step_std = max(walk * np.sqrt(nodes.times_s[k + 1] - nodes.times_s[k]), 1e-9)
                 columns = [place + 3 * k + axis, place + 3 * (k + 1) + axis]
                 add((values[k + 1, axis] - values[k, axis]) / step_std, columns, np.array([-1.0, 1.0]) / step_std)
+    for k, (value, own) in enumerate(zip(estimate.nuisance, priors.nuisance_std, strict=True)):
+        add(value / own, [layout.nuisance().start + k], np.array([1.0 / own]))
     return np.array(residuals), np.array(rows)

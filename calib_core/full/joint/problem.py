@@ -16,15 +16,18 @@ and a later time offset by delta looks the pose up earlier: phi = -omega delta, 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel, add_links_kernel
 from calib_core.factors.imu import link_factors, link_residuals
+from calib_core.factors.laser_features import LaserFactors, feature_changes, features_squares
+from calib_core.factors.laser_kernels import add_features_kernel
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
-from calib_core.full.joint.state import BIAS_START, GRAVITY, BiasNodes, Bins, Estimate, Layout
+from calib_core.full.joint.sensors import SensorColumns
+from calib_core.full.joint.state import GRAVITY, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import cross, exp, hat, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
@@ -50,10 +53,11 @@ class JointProblem:
     frozen: tuple[int, ...] = ()
     hold_velocity: bool = False
     planes_hold_frame: bool = False
+    sensors: SensorColumns = field(default_factory=SensorColumns)
 
     def layout(self, estimate: Estimate) -> Layout:
-        """The shared columns for this number of nodes and planes."""
-        return Layout(len(self.nodes.times_s), len(estimate.normals))
+        """The shared columns for this number of nodes, planes and parameters of the sensors."""
+        return Layout(len(self.nodes.times_s), len(estimate.normals), len(estimate.nuisance))
 
     def motion(self, estimate: Estimate) -> Motion:
         """The motion an estimate describes."""
@@ -67,9 +71,12 @@ class JointProblem:
 
     def cost(self, estimate: Estimate) -> float:
         """Half the sum of squares of everything."""
-        residual = link_residuals(self.links, estimate.states, estimate.gravity, *self._bias_changes(estimate))
+        residual = link_residuals(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
         a, _ = self.planes_seen(estimate)
         lidar = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
+        if len(self.bins.lasers.laser):
+            seen, _ = self._seen_by_lasers(estimate)
+            lidar += float(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)).sum())
         prior, _ = prior_rows(self.priors, self.nodes, estimate, self.layout(estimate))
         return 0.5 * float(np.sum(residual**2) + lidar + np.sum(prior**2))
 
@@ -110,7 +117,7 @@ class JointProblem:
         system.diagonal[:, vel, vel] += 1e-6
         pose = np.arange(6)
         system.diagonal[:, pose, pose] += 1e-6
-        planes = np.arange(BIAS_START + 6 * layout.nodes, layout.size)
+        planes = np.arange(layout.every_plane().start, layout.every_plane().stop)
         system.corner[planes, planes] += 1e-4  # a plane that no point sees stays where it is
         system.frozen = self.frozen
         return system
@@ -119,7 +126,7 @@ class JointProblem:
         """The estimate after a step."""
         s = solution.step_shared
         layout = self.layout(estimate)
-        planes = s[layout.plane(0).start :].reshape(-1, 3)
+        planes = s[layout.every_plane()].reshape(-1, 3)
         axes = plane_axes(estimate.normals)
         normals = estimate.normals + np.einsum("pi,pij->pj", planes[:, :2], axes)
         # Turning a normal about the origin and renormalising: the offset follows the same scale.
@@ -139,56 +146,154 @@ class JointProblem:
             accel_bias=estimate.accel_bias + s[layout.accel_bias()].reshape(-1, 3),
             normals=normals / length[:, None],
             offsets_m=(estimate.offsets_m + planes[:, 2]),
+            nuisance=estimate.nuisance + s[layout.nuisance()],
         )
 
-    def _bias_changes(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-        return (
-            self.nodes.at_links(estimate.gyro_bias) - self.links_gyro_bias,
-            self.nodes.at_links(estimate.accel_bias) - self.links_accel_bias,
-        )
+    def bias_changes(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """Of every link since its integration, (L, 3) each; a changed intrinsic parameter is one of them."""
+        gyro = self.nodes.at_links(estimate.gyro_bias) - self.links_gyro_bias
+        accel = self.nodes.at_links(estimate.accel_bias) - self.links_accel_bias
+        if len(self.sensors.imu_places):
+            change = estimate.nuisance[self.sensors.imu_places] - self.sensors.links_at
+            gyro = gyro + self.sensors.gyro @ change
+            accel = accel + self.sensors.accel @ change
+        return gyro, accel
+
+    def _clock_shift_s(self, estimate: Estimate, knot: IntArray) -> FloatArray | float:
+        """How much later than at their making the bins of these knots are, by a changed rate of the clocks."""
+        place = self.sensors.clock_place
+        if place < 0:
+            return 0.0
+        return np.asarray((estimate.nuisance[place] - self.bins.nuisance[place]) * self._clock_lever_s(estimate, knot))
+
+    def _clock_lever_s(self, estimate: Estimate, knot: IntArray) -> FloatArray:
+        """Seconds of offset for a ppm of rate, at knots."""
+        lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
+        return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
+
+    def sums(self, estimate: Estimate) -> FloatArray:
+        """Sum of weighted distances of every bin's points, (B,) [1/m]."""
+        a, _ = self.planes_seen(estimate)
+        total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
+        if len(self.bins.lasers.laser):
+            lasers = self.bins.lasers
+            change = feature_changes(self.laser_changes(estimate))[lasers.laser]
+            total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
+        return total
+
+    def squares(self, estimate: Estimate) -> FloatArray:
+        """Sum of weighted squared distances of every bin's points, (B,)."""
+        a, _ = self.planes_seen(estimate)
+        total = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
+        if len(self.bins.lasers.laser):
+            seen, _ = self._seen_by_lasers(estimate)
+            total += self._by_bin(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)))
+        return np.asarray(total)
+
+    def _by_bin(self, of_cluster: FloatArray) -> FloatArray:
+        """Summed over the lasers' clusters (C,) of each bin: (B,)."""
+        place = self.bin_of_pair()[self.bins.lasers.pair]
+        return np.bincount(place, of_cluster, len(self.bins.plane)).astype(np.float64)
+
+    def bin_of_pair(self) -> IntArray:
+        """(Q,) the bin of each pair of a knot and a plane that the lasers' moments are of: they are of the same points."""
+        lasers, bins = self.bins.lasers, self.bins
+        planes = int(max(bins.plane.max(initial=0), lasers.plane.max(initial=0))) + 1
+        keys = bins.knot * planes + bins.plane
+        order = np.argsort(keys)
+        place = np.searchsorted(keys[order], lasers.knot * planes + lasers.plane)
+        return np.asarray(order[np.minimum(place, len(keys) - 1)])
+
+    def laser_changes(self, estimate: Estimate) -> FloatArray:
+        """(L, 6) of each laser's columns since the points were laid out."""
+        change = estimate.nuisance - self.bins.nuisance
+        places = self.sensors.laser_places
+        return np.where(places >= 0, change[places], 0.0)
 
     def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
-        f = link_factors(self.links, estimate.states, estimate.gravity, *self._bias_changes(estimate))
+        f = link_factors(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
         system.cost += 0.5 * float(np.sum(f.residual**2))
+        columns = layout.nuisance().start + self.sensors.imu_places
+        own = np.zeros((len(f.residual), 9, len(columns)))
+        if len(columns):
+            own = f.r_D_gyro_bias @ self.sensors.gyro + f.r_D_accel_bias @ self.sensors.accel
         add_links_kernel(
-            f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, f.residual,
-            self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start,
+            f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
+            self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start, columns,
             system.diagonal, system.lower, system.border, system.corner, system.gradient, system.gradient_shared,
         )  # fmt: skip
 
     def planes_seen(self, estimate: Estimate) -> tuple[FloatArray, dict[str, FloatArray]]:
         """A = [n_lidar, w_lidar, 1] of every bin (B, 5), and what its Jacobian needs."""
-        b = self.bins
-        delta = estimate.time_offset_s - b.time_offset_s
-        omega = (self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))[b.knot]
-        v = estimate.states.v[b.knot]
-        R = estimate.states.R[b.knot] @ exp(-omega * delta)
-        p = estimate.states.p[b.knot] - v * delta
-        n = estimate.normals[b.plane]
+        return self._seen(estimate, self.bins.knot, self.bins.plane)
+
+    def _seen_by_lasers(self, estimate: Estimate) -> tuple[FloatArray, dict[str, FloatArray]]:
+        return self._seen(estimate, self.bins.lasers.knot, self.bins.lasers.plane)
+
+    def _seen(self, estimate: Estimate, knot: IntArray, plane: IntArray) -> tuple[FloatArray, dict[str, FloatArray]]:
+        delta = estimate.time_offset_s - self.bins.time_offset_s + self._clock_shift_s(estimate, knot)
+        delta = np.broadcast_to(delta, knot.shape)[:, None]
+        omega = (self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))[knot]
+        v = estimate.states.v[knot]
+        R = estimate.states.R[knot] @ exp(-omega * delta)
+        p = estimate.states.p[knot] - v * delta
+        n = estimate.normals[plane]
         m = np.einsum("bji,bj->bi", R, n)
         a = np.ones((len(n), 5))
         a[:, :3] = m @ estimate.R_imu_lidar
-        a[:, 3] = m @ estimate.p_imu_lidar + np.einsum("bi,bi->b", n, p) + estimate.offsets_m[b.plane]
-        return a, {"R": R, "p": p, "v": v, "omega": omega, "n": n, "m": m}
+        a[:, 3] = m @ estimate.p_imu_lidar + np.einsum("bi,bi->b", n, p) + estimate.offsets_m[plane]
+        return a, {"R": R, "p": p, "v": v, "omega": omega, "n": n, "m": m, "delta": delta[:, 0]}
+
+    def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """A = [n_lidar, w_lidar, 1] of every bin (B, 5) and the Jacobian of its first four (B, 4, 19 or 20)."""
+        a, part = self.planes_seen(estimate)
+        return a, self._jacobian(a, part, estimate, self.bins.knot, self.bins.plane)
+
+    def lasers_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """The same of every pair of a knot and a plane that the lasers' moments are of."""
+        lasers = self.bins.lasers
+        a, part = self._seen_by_lasers(estimate)
+        return a, self._jacobian(a, part, estimate, lasers.knot, lasers.plane)
+
+    def _jacobian(
+        self, a: FloatArray, part: dict[str, FloatArray], estimate: Estimate, knot: IntArray, plane: IntArray
+    ) -> FloatArray:
+        """Of [n_lidar, w_lidar] (B, 4, 19), and by the clocks' rate in a 20th column where that is in play."""
+        J = bin_jacobian(a, part, estimate, plane)
+        if self.sensors.clock_place < 0:
+            return J
+        lever = self._clock_lever_s(estimate, knot)
+        return np.concatenate([J, J[:, :, 15:16] * lever[:, None, None]], axis=2)
 
     def _add_bins(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
         b = self.bins
-        a, part = self.planes_seen(estimate)
-        J = bin_jacobian(a, part, estimate, b.plane, estimate.time_offset_s - b.time_offset_s)
+        a, J = self.bins_seen(estimate)
+        clock = layout.nuisance().start + self.sensors.clock_place
         Ma = (b.scatter @ a[..., None])[..., 0]
         system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
         add_bins_kernel(
-            b.knot, b.plane, J, b.scatter, Ma, layout.plane(0).start,
+            b.knot, b.plane, J, b.scatter, Ma, layout.every_plane().start, clock,
             system.diagonal, system.border, system.corner, system.gradient, system.gradient_shared,
+        )  # fmt: skip
+        if len(b.lasers.laser):
+            self._add_lasers(system, estimate, layout, b.lasers)
+
+    def _add_lasers(self, system: ArrowSystem, estimate: Estimate, layout: Layout, lasers: LaserFactors) -> None:
+        a, J = self.lasers_seen(estimate)
+        change = self.laser_changes(estimate)
+        places, start = self.sensors.laser_places, layout.nuisance().start
+        system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
+        add_features_kernel(
+            lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
+            np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
+            start + self.sensors.clock_place, system.gradient, system.border, system.corner, system.gradient_shared,
         )  # fmt: skip
 
 
-def bin_jacobian(
-    a: FloatArray, part: dict[str, FloatArray], estimate: Estimate, plane: IntArray, delta_s: float
-) -> FloatArray:
+def bin_jacobian(a: FloatArray, part: dict[str, FloatArray], estimate: Estimate, plane: IntArray) -> FloatArray:
     """Jacobian of [n_lidar, w_lidar] of every bin, (B, 4, 19): knot phi p v | theta p_c offset | plane."""
     Rc, pc = estimate.R_imu_lidar, estimate.p_imu_lidar
-    R, n, m, omega = part["R"], part["n"], part["m"], part["omega"]
+    R, n, m, omega, delta_s = part["R"], part["n"], part["m"], part["omega"], part["delta"][:, None]
     axes = plane_axes(estimate.normals)[plane]
     J = np.zeros((len(a), 4, 19))
     J[:, :3, 0:3] = Rc.T @ hat(m)

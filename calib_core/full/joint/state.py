@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib_core.factors.imu import KnotStates
+from calib_core.factors.laser_features import LaserFactors
 from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7
@@ -60,7 +61,8 @@ class BiasNodes:
 class Estimate:
     """Everything estimated. gyro_bias, accel_bias: (N, 3) at the nodes. normals: (P, 3), offsets_m: (P,), map frame.
 
-    time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].
+    time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].   nuisance: (N,) the sensors' own
+    parameters (nuisance.py), none where they are taken for ideal.
     """
 
     states: KnotStates
@@ -72,6 +74,7 @@ class Estimate:
     accel_bias: FloatArray
     normals: FloatArray
     offsets_m: FloatArray
+    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def seen_from(self, R: FloatArray, p: FloatArray) -> Estimate:
         """The same estimate with another map frame, whose axes and origin lie at R (3, 3), p (3,) of the present one."""
@@ -88,13 +91,30 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Bins:
-    """Lidar factors: one a knot and plane. knot, plane: (B,). scatter: (B, 5, 5). count: (B,). time_offset_s: of their making."""
+    """Lidar factors: one a knot and plane. knot, plane: (B,). scatter: (B, 5, 5). count: (B,). time_offset_s: of their making.
+
+    lasers: what they share with the lidar's own parameters.   nuisance: (N,) values with which the points were laid out.
+    """
 
     knot: IntArray
     plane: IntArray
     scatter: FloatArray
     count: IntArray
     time_offset_s: float
+    lasers: LaserFactors = field(default_factory=LaserFactors.empty)
+    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def within(self, first: int, last: int) -> Bins:
+        """Those of knots first..last (exclusive), counted from the first."""
+        mine = (self.knot >= first) & (self.knot < last)
+        return replace(
+            self,
+            knot=self.knot[mine] - first,
+            plane=self.plane[mine],
+            scatter=self.scatter[mine],
+            count=self.count[mine],
+            lasers=self.lasers.within(first, last),
+        )
 
 
 def no_bins(time_offset_s: float) -> Bins:
@@ -105,15 +125,16 @@ def no_bins(time_offset_s: float) -> Bins:
 
 @dataclass(frozen=True)
 class Layout:
-    """Shared columns by name."""
+    """Shared columns by name: calibration, gravity, biases, planes, the sensors' own parameters."""
 
     nodes: int
     planes: int
+    nuisances: int = 0
 
     @property
     def size(self) -> int:
         """Number of shared unknowns."""
-        return BIAS_START + 6 * self.nodes + 3 * self.planes
+        return BIAS_START + 6 * self.nodes + 3 * self.planes + self.nuisances
 
     def gyro_bias(self) -> slice:
         """Columns of the gyro bias nodes, node by node."""
@@ -127,3 +148,12 @@ class Layout:
         """Columns of plane j: two turns and the offset."""
         start = BIAS_START + 6 * self.nodes + 3 * j
         return slice(start, start + 3)
+
+    def every_plane(self) -> slice:
+        """Columns of all planes."""
+        start = BIAS_START + 6 * self.nodes
+        return slice(start, start + 3 * self.planes)
+
+    def nuisance(self) -> slice:
+        """Columns of the sensors' own parameters, in the order of nuisance.py."""
+        return slice(self.size - self.nuisances, self.size)

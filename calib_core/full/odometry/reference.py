@@ -1,31 +1,35 @@
 """From where to follow the planes: the reference scan again without its motion, and other scans where it leads nowhere.
 
 Planes found in a scan taken on the move are bent by that motion. Once its neighbours have told the motion, the scan is
-straightened and its planes are found anew. Where the planes around a scan are soon lost, others are tried, and the
-longest track is kept; the map frame is then that of its reference.
+straightened and its planes are found anew. Where the planes around a scan are soon lost, those are tried from which the
+planes tell most, and the longest track is kept; the map frame is then that of its reference.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
-from calib_core.full.odometry.track import track
+from calib_core.full.odometry.track import rate_within, track
+from calib_core.full.odometry.turning import Turning
 from calib_core.full.planes.propose import named_planes, scan_points
-from calib_core.full.run import Context
+from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.planes.segment import determinacy, segment_planes
 from calib_core.types import FloatArray, Plane
 
-#: Covering more of the scans than this is enough; elsewhere to start from, as shares of the recording.
+#: Covering more of the scans than this is enough; elsewhere to look from, as shares of the recording, and to start from.
 _ENOUGH = 0.6
-_ELSEWHERE = (0.5, 0.25, 0.75, 0.12, 0.88)
+_ELSEWHERE = (0.5, 0.25, 0.75, 0.12, 0.88, 0.38, 0.62, 0.97)
+_STARTS = 5
 _BETTER = 1.2
+#: A plane tells no more for having more points than this: its own error stays.
+_PLANE_POINTS = 400.0
 #: So much motion settles the start values of a solve.
 _SETTLED_S = 3.0
 _MOVING_RAD_S = 0.1
@@ -49,7 +53,17 @@ class Followed:
         """Scans whose motion was found, not bridged."""
         return sum(m.share > 0 for m in self.motions)
 
-    def worth(self, ctx: Context) -> float:
+    def seen_from(self, position: int) -> Followed | None:
+        """The same motion and planes in the frame of another of its scans; None where that scan is not one of them."""
+        origin = next((m for m in self.motions if m.position == position), None)
+        if origin is None:
+            return None
+        R, p = origin.R, origin.p
+        moved = [replace(m, R=R.T @ m.R, p=R.T @ (m.p - p), v_m_s=R.T @ m.v_m_s) for m in self.motions]
+        planes = [Plane(q.name, R.T @ q.normal, float(q.offset_m + q.normal @ p)) for q in self.planes]
+        return Followed(position, planes, moved)
+
+    def worth(self, ctx: Run) -> float:
         """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU.
 
         It does so only from start values that some seconds of motion have settled.
@@ -63,46 +77,64 @@ class Followed:
         return self.seen + (0.5 * later if ctx.clocks.sweep_s[moving].sum() > _SETTLED_S else 0.0)
 
 
-def follow(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
-    """The longest track. given: the planes are the user's: they are neither changed nor added to, nor is their frame left."""
+def follow(
+    ctx: Run,
+    planes: Sequence[Plane],
+    reference: int,
+    *,
+    turning: Turning | None = None,
+    may_leave: bool = True,
+) -> Followed:
+    """The longest track. planes: of the reference scan, in its frame.   turning: where the lidar's turns are known.
+
+    may_leave: for another reference scan where that leads further.
+    """
     scans = ctx.recording.scans
-    best = _attempt(ctx, planes, reference, given=given)
-    if given:
+    best = _unbent(ctx, _attempt(ctx, planes, reference, turning), turning)
+    if not may_leave or best.seen > _ENOUGH * len(scans):
         return best
-    best = _unbent(ctx, best)
-    for share in _ELSEWHERE:
-        if best.seen > _ENOUGH * len(scans):
-            break
-        position = round(share * (len(scans) - 1))
+    for _, position, found in _views(ctx, turning)[:_STARTS]:
         if best.motions[0].position <= position <= best.motions[-1].position:
             continue
-        found = _planes_of(ctx, scan_points(scans[position], ctx.settings.field_of_view_deg))
-        if not found:
-            continue
-        other = _unbent(ctx, _attempt(ctx, found, position, given=False))
+        other = _unbent(ctx, _attempt(ctx, found, position, turning), turning)
         if other.worth(ctx) > _BETTER * best.worth(ctx):
             best = other
-    if best.reference != reference:
-        at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
-        ctx.say(
-            "info",
-            "track.reference",
-            f"the planes are those of the scan at {at_s:.1f} s, from which the lidar can be followed over {best.seen} of "
-            f"{len(scans)} scans",
-        )
+        if best.seen > _ENOUGH * len(scans):
+            break
     return best
 
 
-def _attempt(ctx: Context, planes: Sequence[Plane], reference: int, *, given: bool) -> Followed:
+def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Plane]]]:
+    """Scans to start from with their planes, those first whose planes tell most of a position."""
+    scans = ctx.recording.scans
+    views = []
+    for share in _ELSEWHERE:
+        position = round(share * (len(scans) - 1))
+        rate = rate_within(scans[position], turning)
+        points = scan_points(scans[position], ctx.settings.field_of_view_deg)
+        if rate is not None and ctx.settings.field_of_view_deg is None:
+            tau = scans[position].points["offset_ns"] * 1e-9
+            points = straighten(points, tau, ScanMotion(position, np.eye(3), np.zeros(3), rate, np.zeros(3)))
+        fits = segment_planes(points, seed=ctx.settings.random_seed)
+        normals = np.array([f.normal for f in fits]).reshape(-1, 3)
+        if len(fits) < 3 or determinacy(normals) < _LEAST_DETERMINACY:
+            continue
+        worth = np.array([_PLANE_POINTS * n / (_PLANE_POINTS + n) for n in (f.inliers.sum() for f in fits)])
+        told = float(np.linalg.eigvalsh((normals * worth[:, None]).T @ normals)[0])
+        views.append((told, position, named_planes(fits)))
+    return sorted(views, key=lambda view: -view[0])
+
+
+def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> Followed:
     if ctx.should_cancel():
         raise Cancelled("the calibration was cancelled")
     ctx.stage("track", 0.0, "following the planes from scan to scan")
     known = PlaneMap.of(planes)
-    motions = track(ctx.recording.scans, known, reference, on_progress=lambda f: ctx.stage("track", f))
-    return Followed(reference, list(planes) if given else known.planes(planes), motions)
+    motions = track(ctx.recording.scans, known, reference, turning=turning, on_progress=lambda f: ctx.stage("track", f))
+    return Followed(reference, known.planes(planes), motions)
 
 
-def _unbent(ctx: Context, followed: Followed) -> Followed:
+def _unbent(ctx: Run, followed: Followed, turning: Turning | None) -> Followed:
     """The track again from planes of the straightened reference scan, where that scan moved and it helps."""
     at = [m.position for m in followed.motions].index(followed.reference)
     around = followed.motions[max(at - 1, 0) : at + 2]
@@ -121,11 +153,11 @@ def _unbent(ctx: Context, followed: Followed) -> Followed:
     found = _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion))
     if not found:
         return followed
-    again = _attempt(ctx, found, followed.reference, given=False)
+    again = _attempt(ctx, found, followed.reference, turning)
     return again if again.seen >= followed.seen else followed
 
 
-def _planes_of(ctx: Context, points_m: FloatArray) -> list[Plane]:
+def _planes_of(ctx: Run, points_m: FloatArray) -> list[Plane]:
     """The planes of a scan, none where they do not determine a pose. points_m: (N, 3)."""
     fits = segment_planes(points_m, seed=ctx.settings.random_seed)
     if len(fits) < 3 or determinacy(np.array([f.normal for f in fits])) < _LEAST_DETERMINACY:

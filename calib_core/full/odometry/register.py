@@ -47,6 +47,7 @@ class TrackSettings:
     outside_m: what a point off the known part of its plane counts as further away.   trusted_*: a pose less certain than
     that (1 sigma) does not count.   bridge_s: how long scans that tell no orientation are bridged.
     coast_s: how long the position may be unknown in some direction; it goes on at a velocity that fades within damping_s.
+    turning_*: 1 sigma of a turn from scan to scan, and of the rate in a sweep, where they come from a gyroscope.
     """
 
     sample: int = 5000
@@ -81,6 +82,8 @@ class TrackSettings:
     grow_turn_rad: float = 0.4
     grow_points: int = 4000
     grow_every: int = 5
+    turning_rad: float = 0.01
+    turning_rate_rad_s: float = 0.1
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
@@ -156,11 +159,13 @@ def register(
     settings: TrackSettings,
     position: int,
     scales_m: tuple[float, ...] | None = None,
+    known_rad: float | None = None,
 ) -> Registered:
     """One scan registered to planes from a predicted motion.
 
     points_m: (K, 3) lidar frame.   tau_s: (K,).   tie: (12,) information of the predicted rotation, position, rate,
     velocity. Of many points those of broad planes are thinned, so that a wall seen by a few still counts.
+    known_rad: 1 sigma of the predicted rotation where it is a measurement, and counts in the judgement of the pose.
     """
     scales = scales_m or settings.scales_m
     variance = settings.lidar_std_m**2
@@ -178,7 +183,8 @@ def register(
     look = _Look(some_m, some_s, planes, at, scales[-1], outside, None)
     worth = look.worth(n_planes, settings.sure_points, 2 * settings.least_points, settings.inlier_m)
     sure = _Look(some_m, some_s, planes, at, scales[-1], outside, worth).hessian[:6, :6]
-    covariance = np.linalg.inv(sure / variance + 1e-2 * np.eye(6))
+    told = np.repeat([1e-2 if known_rad is None else 1.0 / known_rad**2, 1e-2], 3)
+    covariance = np.linalg.inv(sure / variance + np.diag(told))
     rotation = np.linalg.eigvalsh(covariance[:3, :3])
     position_, directions = np.linalg.eigh(covariance[3:, 3:])
     look = _Look(points_m, tau_s, planes, at, scales[-1], outside, None)

@@ -5,6 +5,9 @@ Each scan is registered to the planes (register.py). Scans are followed outwards
 backward. On the way the planes' known parts spread and new planes join. A scan is trusted by what its points say: that
 they determine all six directions, and that enough of them lie on planes. One that is not is tried from other starts,
 then bridged; half a second of such scans ends the track.
+
+Where the lidar's turns are known from elsewhere (turning.py), each scan starts from them and hardly leaves them: what is
+left to the points is where it is, and a few flat things tell that. The track then ends only where the position is lost.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import Registered, ScanMotion, TrackSettings, register, sample_points, straighten
+from calib_core.full.odometry.turning import Turning
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Plane, Scan
 
@@ -26,6 +30,7 @@ def track(
     reference: int,
     *,
     settings: TrackSettings | None = None,
+    turning: Turning | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> list[ScanMotion]:
     """The motion over the longest unbroken run of scans around the reference, in order of time.
@@ -34,10 +39,10 @@ def track(
     """
     s = settings or TrackSettings()
     known = planes if isinstance(planes, PlaneMap) else PlaneMap.of(planes)
-    first = _first(scans, known, reference, s)
+    first = _first(scans, known, reference, s, turning)
     runs: list[list[ScanMotion]] = []
     for direction in (1, -1):
-        tracker = _Tracker(scans, known, s, direction, first)
+        tracker = _Tracker(scans, known, s, direction, first, turning)
         for done in tracker.run():
             if on_progress is not None:
                 on_progress(min(1.0, (done + sum(map(len, runs))) / len(scans)))
@@ -45,16 +50,31 @@ def track(
     return [*reversed(runs[1]), first, *runs[0]]
 
 
-def _first(scans: Sequence[Scan], known: PlaneMap, reference: int, s: TrackSettings) -> ScanMotion:
+def _first(
+    scans: Sequence[Scan], known: PlaneMap, reference: int, s: TrackSettings, turning: Turning | None
+) -> ScanMotion:
     """The reference scan's velocities, and how far the planes reach in it."""
     points, tau = sample_points(scans[reference], 20_000)
     known.seed(points, 0.12)
     still = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
     loose = np.repeat([1e8, 1e8, 1 / 2.0**2, 1 / 2.0**2], 3)
+    rate = rate_within(scans[reference], turning)
+    if rate is not None:
+        still = replace(still, omega_rad_s=rate)
+        loose[6:9] = 1 / s.turning_rate_rad_s**2
     few = sample_points(scans[reference], s.sample)
     first = register(*few, known, still, tie=loose, settings=s, position=reference).motion
     known.seed(straighten(points, tau, first))
     return first
+
+
+def rate_within(scan: Scan, turning: Turning | None) -> FloatArray | None:
+    """The rate (3,) [rad/s] at which the lidar turns during a scan, None where nothing but its points tells."""
+    sweep_ns = int(scan.points["offset_ns"].max()) if len(scan.points) else 0
+    if turning is None or sweep_ns == 0:
+        return None
+    turn = turning.between(scan.stamp_ns, scan.stamp_ns + sweep_ns)
+    return None if turn is None else log(turn) / (sweep_ns * 1e-9)
 
 
 _NONE = np.zeros(3)
@@ -69,6 +89,7 @@ class _Tracker:
     s: TrackSettings
     direction: int
     first: ScanMotion
+    turning: Turning | None = None
     followed: list[ScanMotion] = field(default_factory=list)
     _share: float = 1.0
     _rms: float = 0.0
@@ -90,7 +111,8 @@ class _Tracker:
         position = self.first.position + self.direction
         while 0 <= position < len(self.scans):
             away_s = self._between_s(good.position, position)
-            if self._between_s(oriented.position, position) > max(s.bridge_s, 1.5 * self._period_s(position)):
+            lost_s = s.bridge_s if self.turning is None else s.coast_s
+            if self._between_s(oriented.position, position) > max(lost_s, 1.5 * self._period_s(position)):
                 break
             if away_s > max(s.coast_s, 1.5 * self._period_s(position)):
                 break
@@ -149,20 +171,42 @@ class _Tracker:
         # Where a direction is seen for a moment of the sweep only, the way from the last scan tells its velocity better.
         mixed = replace(previous, v_m_s=0.5 * (previous.v_m_s + self._pace_m_s))
         predicted, tie = _predict(mixed, self.scans, position, s)
+        turned = self._turned(previous, position)
+        known_rad = None
+        if turned is not None:
+            known_rad = s.turning_rad * max(1.0, self._between_s(previous.position, position) / 0.1) ** 0.5
+            predicted = replace(predicted, R=turned.R, omega_rad_s=turned.omega_rad_s)
+            tie[:3], tie[6:9] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
-        best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position)
+        best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position, known_rad=known_rad)
         doubtful = best.motion.share < s.doubtful_share * self._share
         if doubtful or best.motion.rms_m > s.trusted_rms * self._rms + 0.5 * s.rms_slack_m:
             loose = tie / 25.0
-            for start in _other_starts(previous, predicted, thorough=self._lost(best.motion, predicted, position)):
+            thorough = self._lost(best.motion, predicted, position)
+            starts = _other_starts(previous, predicted, thorough=thorough)
+            if known_rad is not None:
+                loose[:3], loose[6:9] = tie[:3], tie[6:9]
+                starts = _other_places(predicted, thorough=thorough)
+            for start in starts:
                 other = register(
-                    points, tau, self.known, start, tie=loose, settings=s, position=position, scales_m=s.wide_scales_m
-                )
+                    points, tau, self.known, start, tie=loose, settings=s, position=position, scales_m=s.wide_scales_m,
+                    known_rad=known_rad,
+                )  # fmt: skip
                 far = self._leapt(other.motion, predicted, position)
                 if not far and other.motion.share > 1.05 * best.motion.share:
                     best = other
         return None if self._lost(best.motion, predicted, position) else best
+
+    def _turned(self, previous: ScanMotion, position: int) -> ScanMotion | None:
+        """The last motion turned on to a scan by what else tells of turning; None where nothing does."""
+        if self.turning is None:
+            return None
+        turn = self.turning.between(self.scans[previous.position].stamp_ns, self.scans[position].stamp_ns)
+        rate = rate_within(self.scans[position], self.turning)
+        if turn is None or rate is None:
+            return None
+        return replace(previous, position=position, R=previous.R @ turn, omega_rad_s=rate)
 
     def _lost(self, motion: ScanMotion, predicted: ScanMotion, position: int) -> bool:
         """Whether a registration is not to be trusted: too few points on planes, or a leap."""
@@ -191,9 +235,9 @@ class _Tracker:
         omega, v = self._between(before, after)
         for position in range(before.position + self.direction, after.position, self.direction):
             t = (self.scans[position].stamp_ns - stamps[0]) * 1e-9
-            self.followed.append(
-                ScanMotion(position, before.R @ exp(omega * t), before.p + v * t, omega, v, 0.0, np.inf, np.inf, np.inf)
-            )
+            turned = self._turned(before, position)
+            R, rate = (before.R @ exp(omega * t), omega) if turned is None else (turned.R, turned.omega_rad_s)
+            self.followed.append(ScanMotion(position, R, before.p + v * t, rate, v, 0.0, np.inf, np.inf, np.inf))
 
     def _learn(self, found: Registered) -> None:
         """Let the planes spread over what this scan saw of them, and look for new ones when there is reason to."""
@@ -229,6 +273,14 @@ def _other_starts(previous: ScanMotion, predicted: ScanMotion, *, thorough: bool
     if thorough:
         turns = np.vstack([0.25 * np.eye(3), -0.25 * np.eye(3)])
         starts += [replace(predicted, R=predicted.R @ exp(turn)) for turn in turns]
+    return starts
+
+
+def _other_places(predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
+    """Where else a scan may be whose orientation is known."""
+    starts = [predicted, replace(predicted, v_m_s=_NONE)]
+    if thorough:
+        starts += [replace(predicted, p=predicted.p + step) for step in np.vstack([0.4 * np.eye(3), -0.4 * np.eye(3)])]
     return starts
 
 

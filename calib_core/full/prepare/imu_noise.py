@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.types import FloatArray
@@ -13,15 +12,6 @@ from calib_core.types import FloatArray
 #: Below these no MEMS or fibre-optic sensor has been: what a noise-free or coarsely quantised recording is held to.
 GYRO_FLOOR_RAD_S_SQRT_HZ = 1e-6
 ACCEL_FLOOR_M_S2_SQRT_HZ = 1e-5
-
-
-@dataclass(frozen=True, slots=True)
-class ImuNoiseLevel:
-    """density: continuous-time white noise. sample_std: (6,) of one reading, gyro first. source: in words."""
-
-    density: NoiseDensity
-    sample_std: FloatArray
-    source: str
 
 
 def resolution(values: FloatArray) -> FloatArray:

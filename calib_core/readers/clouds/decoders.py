@@ -9,9 +9,9 @@ from typing import Literal
 from calib_core.readers.clouds import livox, pointcloud2, velodyne
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.livox import read_custom_msg
+from calib_core.readers.clouds.packets import unsupported_packets
 from calib_core.readers.clouds.pointcloud2 import read_pointcloud2
 from calib_core.readers.container.storage import RawMessage, TopicSummary
-from calib_core.readers.topics import unsupported_packets
 
 #: Raises MalformedMessage for bytes that are no message of the topic's type.
 CloudDecoder = Callable[[RawMessage], RawCloud]

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Literal, Self
 
 from calib_core.errors import UnreadableRecording
-from calib_core.readers.container.archive import is_archive
+from calib_core.readers.container.archive import is_archive, unpacked_room
 from calib_core.readers.container.compression import zstd
 from calib_core.readers.container.recover_mcap import McapRecovery
 from calib_core.readers.container.recover_ros1 import Ros1Recovery
@@ -34,6 +34,8 @@ from calib_core.readers.container.storage import (
 )
 from calib_core.readers.container.unpacked import unpacked
 
+#: Bytes read, and unpacked, at once.
+_BLOCK = 1 << 20
 STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
 _ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
 
@@ -187,13 +189,20 @@ def _split_order(file: Path) -> tuple[str, int, str]:
 def decompressed_file(file: Path, folder: Path) -> Path:
     """A zstd-compressed storage file unpacked into `folder`; a cut file as far as it goes."""
     out = folder / file.stem
+    room = unpacked_room(file, folder)
     with file.open("rb") as source, out.open("wb") as sink:
         decompressor = zstd.ZstdDecompressor()
         try:
-            while block := source.read(1 << 20):
-                sink.write(decompressor.decompress(block))
-                if decompressor.eof:
+            while not decompressor.eof:
+                block = source.read(_BLOCK) if decompressor.needs_input else b""
+                if not block and decompressor.needs_input:
                     break
+                sink.write(decompressor.decompress(block, _BLOCK))
+                if sink.tell() > room:
+                    raise UnreadableRecording(
+                        f"The file {file.name} unpacks to more than {room / 1e9:.2f} GB, more than there is room for or "
+                        "than a recording does; unpack it by hand."
+                    )
         except zstd.ZstdError as error:
             if sink.tell() == 0:
                 raise UnreadableRecording(f"The file {file.name} is not valid zstd; copy it again.") from error

@@ -16,6 +16,7 @@ from zlib import crc32
 import lz4.frame  # type: ignore[import-untyped]
 
 from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.storage import (
     Damage,
     RawMessage,
@@ -27,7 +28,7 @@ from calib_core.readers.container.storage import (
 )
 
 MAGIC = b"\x89MCAP0\r\n"
-MAX_CHUNK_BYTES = 1 << 28
+MAX_CHUNK_BYTES = LIMITS.chunk_bytes
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _KNOWN = range(0x01, 0x10)
 

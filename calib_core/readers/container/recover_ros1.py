@@ -17,6 +17,7 @@ from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 
+from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.storage import (
     Damage,
     RawMessage,
@@ -28,11 +29,13 @@ from calib_core.readers.container.storage import (
 from calib_core.readers.container.wire import NS_PER_S
 
 MAGIC = b"#ROSBAG V2.0\n"
-#: No recorder writes chunks near this size; a larger claim is damage. It bounds memory.
-MAX_CHUNK_BYTES = 1 << 28
+MAX_CHUNK_BYTES = LIMITS.chunk_bytes
 MAX_HEADER_BYTES = 1 << 20
 _CHUNK_MARK = b"\x04\x00\x00\x00op=\x05"
 _SEARCH_BLOCK = 1 << 20
+#: Compressed bytes given to a decompressor at once, and unpacked bytes asked of it at once.
+_PIECE = 1 << 16
+_UNPACKED_PIECE = 4 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +112,15 @@ def _decompressed(compression: bytes, stored: bytes) -> bytes:
     out: list[bytes] = []
     total = 0
     decompressor = bz2.BZ2Decompressor() if compression == b"bz2" else lz4.frame.LZ4FrameDecompressor()
+    pieces = (stored[start : start + _PIECE] for start in range(0, len(stored), _PIECE))
     try:
-        for start in range(0, len(stored), 1 << 16):
-            part = decompressor.decompress(stored[start : start + (1 << 16)])
+        while not decompressor.eof and total <= MAX_CHUNK_BYTES:
+            # A decompressor that has more to give is asked for it before it gets more.
+            given = next(pieces, b"") if decompressor.needs_input else b""
+            part = decompressor.decompress(given, max_length=_UNPACKED_PIECE)
             out.append(part)
             total += len(part)
-            if decompressor.eof or total > MAX_CHUNK_BYTES:
+            if not given and not part and decompressor.needs_input:
                 break
     except (OSError, RuntimeError, EOFError):
         pass

@@ -14,14 +14,19 @@ from typing import Literal, NamedTuple, Protocol
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1 import reader as ros1
 from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2 import storage_mcap
 
-from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.compression import bounded_bz2, bounded_lz4, bounded_zstd, zstd
+from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.wire import Encoding
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-#: A single message larger than this is damage, not data (a 128 x 4096 cloud of 48 bytes is 25 MB).
-MAX_MESSAGE_BYTES = 1 << 29
+# rosbags unpacks a chunk whole, however large it comes out (7 kB of bz2 become 6.6 GB), and has no setting for it.
+storage_mcap.DECOMPRESSORS.update(lz4=bounded_lz4, zstd=bounded_zstd)
+_ROS1_DECOMPRESSORS = {**ros1.decompressors, "bz2": bounded_bz2, "lz4": bounded_lz4}
+_BOUNDED = {unbounded: _ROS1_DECOMPRESSORS[name] for name, unbounded in ros1.decompressors.items()}
 
 
 class StorageError(Exception):
@@ -95,7 +100,7 @@ def unpacked(payload: bytes) -> bytes:
     if payload[:4] != ZSTD_MAGIC:
         return payload
     try:
-        return zstd.ZstdDecompressor().decompress(payload, MAX_MESSAGE_BYTES)
+        return zstd.ZstdDecompressor().decompress(payload, LIMITS.message_bytes)
     except zstd.ZstdError:
         return payload
 
@@ -111,6 +116,9 @@ class RosbagsStorage:
         try:
             self._reader = Ros1Reader(path) if is_ros1 else Ros2Reader(path)
             self._reader.open()
+            if isinstance(self._reader, Ros1Reader):
+                chunks = self._reader.chunks
+                chunks.update({k: c._replace(decompressor=_BOUNDED[c.decompressor]) for k, c in chunks.items()})
         except Exception as error:  # rosbags lets struct, sqlite and decompression errors through
             raise StorageError(str(error) or type(error).__name__) from error
         self.topics = merged_topics([_summary(c, "ros1" if is_ros1 else "cdr") for c in self._reader.connections])

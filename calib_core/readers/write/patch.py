@@ -1,4 +1,4 @@
-"""Moved points put back into the bytes they came from, or written as a cloud or .ply of their own."""
+"""Moved points put back into the bytes they came from, or copied, with all fields, into a cloud of their own."""
 
 from __future__ import annotations
 
@@ -16,16 +16,6 @@ from calib_core.readers.container.wire import Encoding
 from calib_core.types import FloatArray, IntArray
 
 _DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
-_PLY_TYPES = {
-    "i1": "char",
-    "u1": "uchar",
-    "i2": "short",
-    "u2": "ushort",
-    "i4": "int",
-    "u4": "uint",
-    "f4": "float",
-    "f8": "double",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +43,7 @@ def patched_payload(message: RawMessage, topic: TopicSummary, moved: MovedPoints
     return bytes(payload)
 
 
-def _moved_copy(cloud: RawCloud, moved: MovedPoints | None) -> StructArray:
+def moved_copy(cloud: RawCloud, moved: MovedPoints | None) -> StructArray:
     """The cloud's scalar fields, packed little-endian, coordinates as float32 metres."""
     names = [n for n in cloud.names if cloud.points.dtype[n].shape == ()]
     formats = [(n, "<f4") if n in "xyz" else (n, cloud.points.dtype[n].newbyteorder("<")) for n in names]
@@ -66,18 +56,9 @@ def _moved_copy(cloud: RawCloud, moved: MovedPoints | None) -> StructArray:
     return points
 
 
-def ply_bytes(cloud: RawCloud, moved: MovedPoints | None) -> bytes:
-    """A binary little-endian .ply of all points, invalid ones included, with all fields."""
-    points = _moved_copy(cloud, moved)
-    dtype = points.dtype
-    properties = "".join(f"property {_PLY_TYPES[dtype[n].str[1:]]} {n.replace(' ', '_')}\n" for n in dtype.names or ())
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {points.size}\n{properties}end_header\n"
-    return head.encode("ascii", "replace") + points.tobytes()
-
-
 def pointcloud2_payload(cloud: RawCloud, moved: MovedPoints | None, encoding: Encoding) -> bytes:
     """The cloud as a serialized sensor_msgs/PointCloud2 of one row."""
-    points = _moved_copy(cloud, moved)
+    points = moved_copy(cloud, moved)
     dtype = points.dtype
     out = bytearray(b"" if encoding == "ros1" else b"\x00\x01\x00\x00")
     base = len(out)

@@ -1,4 +1,4 @@
-"""A recording written again with its points moved: a bag of the same kind, or a folder of .ply files.
+"""A recording written again with its points moved: a bag of the same kind, or a folder of .ply or .pcd files.
 
 Everything but the coordinates of valid points stays as it was: fields, invalid points, stamps, order, other topics.
 """
@@ -9,11 +9,13 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.maps.files import write_cloud
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.livox import TYPES as LIVOX_TYPES
@@ -26,12 +28,14 @@ from calib_core.readers.scans import select_points
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar
 from calib_core.readers.write.bag_writer import BagWriter, ros1_writer, ros2_writer
-from calib_core.readers.write.patch import MovedPoints, patched_payload, ply_bytes, pointcloud2_payload
+from calib_core.readers.write.patch import MovedPoints, moved_copy, patched_payload, pointcloud2_payload
 from calib_core.settings import ReadSettings
 from calib_core.types import Float32Array, FloatArray, Scan
 
 #: New coordinates (N, 3) of a scan's points in the lidar frame, in their order; None leaves the scan as it is.
 Transform = Callable[[Scan], FloatArray | Float32Array | None]
+#: Files of one cloud each.
+CloudFormat = Literal["ply", "pcd"]
 #: Every return is moved, however near or far: the range limits of a calibration are not the recording's.
 _NEAREST_M, _FARTHEST_M = 1e-4, 1e6
 _SUFFIXES = {"ros1": (".bag",), "ros2": (".mcap", ".db3")}
@@ -45,12 +49,14 @@ def rewrite_clouds(
     transform: Transform,
     *,
     settings: ReadSettings | None = None,
+    cloud_format: CloudFormat = "ply",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> int:
-    """Number of scans written to `out`, whose suffix says what it becomes: .bag, .mcap, .db3; none, a folder of .ply.
+    """Number of scans written to `out`, whose suffix says what it becomes: .bag, .mcap, .db3; none, a folder of clouds.
 
-    topic: the lidar topic, None where only one fits.   transform: gets every scan with all its returns.
+    topic: the lidar topic, None where only one fits.   cloud_format: of the files in a folder.
+    transform: gets every scan with all its returns.
     Raises SettingsError where `out` does not fit the recording or exists; nothing is left behind on failure.
     """
     with open_recording(path) as recording:
@@ -60,7 +66,7 @@ def rewrite_clouds(
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".unsweep-", dir=out.parent) as folder:
             made = Path(folder) / out.name
-            count = rewriter.write_ply(made) if out.suffix == "" else rewriter.write_bag(made)
+            count = rewriter.write_clouds(made, cloud_format) if out.suffix == "" else rewriter.write_bag(made)
             if out.is_dir():
                 out.rmdir()  # only an empty one passed the check
             shutil.move(made, out)
@@ -73,7 +79,7 @@ def _check_out(out: Path, recording: OpenRecording) -> None:
         bags = " or ".join(_SUFFIXES[recording.kind])
         raise SettingsError(
             f"The output {out.name} does not fit {recording.name}: give a folder (no suffix) for .ply"
-            f" files, or a {bags} file."
+            f" or .pcd files, or a {bags} file."
         )
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise SettingsError(f"The output {out} exists already; remove it or choose another name.")
@@ -103,16 +109,15 @@ class _Rewriter:
         )
         self._count = 0
 
-    def write_ply(self, folder: Path) -> int:
-        """One .ply per scan, numbered in input order."""
+    def write_clouds(self, folder: Path, cloud_format: CloudFormat) -> int:
+        """One file per scan, numbered in input order: all points, invalid ones included, with all fields."""
         folder.mkdir()
         for message in self._messages((self._lidar.name,)):
             try:
                 cloud = self._plain(message)
             except MalformedMessage:
                 continue
-            xyz = self._moved(message)
-            (folder / f"{self._count:06d}.ply").write_bytes(ply_bytes(cloud, xyz))
+            write_cloud(folder / f"{self._count:06d}.{cloud_format}", moved_copy(cloud, self._moved(message)))
             self._advance()
         return self._count
 

@@ -6,7 +6,11 @@ import type { components, paths } from "./generated/schema";
 type Schemas = components["schemas"];
 
 /** Tuples as plain arrays: the fetch client hands every fixed-length list back as one. */
-type Plain<T> = T extends readonly (infer Item)[] ? Plain<Item>[] : T extends object ? { [K in keyof T]: Plain<T[K]> } : T;
+type Plain<T> = T extends readonly (infer Item)[]
+  ? Plain<Item>[]
+  : T extends object
+    ? { [K in keyof T]: Plain<T[K]> }
+    : T;
 
 export type Recording = Plain<Schemas["Recording"]>;
 export type ChangeRecording = Schemas["ChangeRecording"];
@@ -17,7 +21,7 @@ export type ReadSettings = Schemas["ReadSettings"];
 export type FolderListing = Schemas["FolderListing"];
 export type FolderEntry = Schemas["FolderEntry"];
 export type ServerFacts = Schemas["ServerFacts"];
-export type Limits = Schemas["Limits"];
+export type Limits = Schemas["WeakLimits"];
 export type Sample = Schemas["Sample"];
 export type Job = Plain<Schemas["Job"]>;
 export type SolveOutcome = Extract<NonNullable<Job["result"]>, { kind?: "solve" }>;

@@ -23,12 +23,15 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       client.setQueryData(keys.view(id), message.view);
       return;
     case "job-changed":
-      client.setQueryData<Recording>(keys.recording(id), (old) => (old === undefined ? old : { ...old, latest_job: message.job }));
+      client.setQueryData<Recording>(keys.recording(id), (old) =>
+        old === undefined ? old : { ...old, latest_job: message.job },
+      );
       void client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });
       // A report names the planes and says which way is up.
-      if (message.job.kind === "planes" || message.job.kind === "inspect") void client.invalidateQueries({ queryKey: keys.planes(id) });
+      if (message.job.kind === "planes" || message.job.kind === "inspect")
+        void client.invalidateQueries({ queryKey: keys.planes(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });
@@ -50,7 +53,12 @@ interface Refusal {
 /** Why the last click in the scene did nothing; null once the planes have changed, or it has been read. */
 export function useClickRefusal(id: string, revision: number | undefined): [string | null, () => void] {
   const client = useQueryClient();
-  const refusal = useQuery<Refusal | null>({ queryKey: keys.refusal(id), queryFn: () => null, enabled: false, initialData: null });
+  const refusal = useQuery<Refusal | null>({
+    queryKey: keys.refusal(id),
+    queryFn: () => null,
+    enabled: false,
+    initialData: null,
+  });
   const forget = useCallback(() => client.setQueryData<Refusal | null>(keys.refusal(id), null), [client, id]);
   return [refusal.data !== null && refusal.data.revision === revision ? refusal.data.text : null, forget];
 }

@@ -14,14 +14,12 @@ export interface RunLog {
   /** In the order in which they began. */
   stages: StageProgress[];
   iterations: IterationEvent[];
-  /** Rounds of assigning points and solving, as a number that grows within a round. */
-  rounds: number;
   logs: LogEvent[];
   /** When it last said something, by this browser's clock; null before that. */
   heardAtMs: number | null;
 }
 
-export const emptyRun: RunLog = { job: null, stages: [], iterations: [], rounds: 0, logs: [], heardAtMs: null };
+export const emptyRun: RunLog = { job: null, stages: [], iterations: [], logs: [], heardAtMs: null };
 
 /** The run after some more messages. */
 export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLog {
@@ -34,13 +32,11 @@ export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLo
         const known = next.stages[at];
         if (known === undefined) next.stages.push(entry);
         // A stage that is gone through again does not undo what it has done.
-        else next.stages[at] = message.stage === "associate" ? entry : { ...entry, fraction: Math.max(known.fraction, entry.fraction) };
-        if (message.stage === "associate") next.rounds = Math.max(next.rounds, (next.iterations.at(-1)?.round ?? 0) + 0.7 * message.fraction);
+        else next.stages[at] = { ...entry, fraction: Math.max(known.fraction, entry.fraction) };
         break;
       }
       case "iteration":
         next.iterations.push(message);
-        next.rounds = Math.max(next.rounds, message.round - 0.2);
         break;
       case "log":
         next.logs.push(message);

@@ -58,19 +58,34 @@ export const recordingsQuery = queryOptions({
 });
 
 export const recordingQuery = (id: string) =>
-  queryOptions({ queryKey: keys.recording(id), queryFn: () => told(api.GET("/api/recordings/{recording_id}", of(id))) });
+  queryOptions({
+    queryKey: keys.recording(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}", of(id))),
+  });
 
 export const planesQuery = (id: string) =>
-  queryOptions({ queryKey: keys.planes(id), queryFn: () => told(api.GET("/api/recordings/{recording_id}/planes", of(id))) });
+  queryOptions({
+    queryKey: keys.planes(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/planes", of(id))),
+  });
 
 export const viewQuery = (id: string) =>
-  queryOptions({ queryKey: keys.view(id), queryFn: () => told(api.GET("/api/recordings/{recording_id}/view", of(id))) });
+  queryOptions({
+    queryKey: keys.view(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/view", of(id))),
+  });
 
 export const runsQuery = (id: string) =>
-  queryOptions({ queryKey: keys.runs(id), queryFn: () => told(api.GET("/api/recordings/{recording_id}/runs", of(id))) });
+  queryOptions({
+    queryKey: keys.runs(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/runs", of(id))),
+  });
 
 export const jobsQuery = (id: string) =>
-  queryOptions({ queryKey: keys.jobs(id), queryFn: () => told(api.GET("/api/recordings/{recording_id}/jobs", of(id))) });
+  queryOptions({
+    queryKey: keys.jobs(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/jobs", of(id))),
+  });
 
 export const folderQuery = (path: string) =>
   queryOptions({
@@ -170,7 +185,8 @@ function rememberJob(client: QueryClient, job: Job) {
 export function useStartJob(id: string) {
   const client = useQueryClient();
   return useMutation({
-    mutationFn: (wish: Partial<NewJob>) => told(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
+    mutationFn: (wish: Partial<NewJob>) =>
+      told(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
     onSuccess: (job) => rememberJob(client, job),
   });
 }
@@ -194,7 +210,9 @@ export function useRetryJob() {
 /** The planes as they will be after an operation, as far as that is plain. */
 export function foreseen(planes: Planes, operation: Operation): Planes {
   if (operation.op !== "toggle") return planes;
-  const patches = planes.patches.map((patch) => (patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch));
+  const patches = planes.patches.map((patch) =>
+    patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch,
+  );
   return { ...planes, patches };
 }
 

@@ -51,7 +51,10 @@ export interface ValueText {
 export function withSigma(value: number, sigma: number, most = 4): ValueText {
   const decimals = decimalsFor(sigma, most);
   const least = 10 ** -decimals;
-  return { value: fixed(value, decimals), sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : fixed(sigma, decimals) };
+  return {
+    value: fixed(value, decimals),
+    sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : fixed(sigma, decimals),
+  };
 }
 
 /** A standard deviation of an angle, a length or a time, in the unit that people read and with two significant digits. */
@@ -88,6 +91,8 @@ export function ago(then: number, now: number): string {
     [86400 * 365, "year"],
   ];
   const fit = [...steps].reverse().find(([size]) => seconds >= size * 0.9) ?? [60, "minute"];
-  return new Intl.RelativeTimeFormat("en", { numeric: "auto" }).format(-Math.max(1, Math.round(seconds / fit[0])), fit[1]);
+  return new Intl.RelativeTimeFormat("en", { numeric: "auto" }).format(
+    -Math.max(1, Math.round(seconds / fit[0])),
+    fit[1],
+  );
 }
-

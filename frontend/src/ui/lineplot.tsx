@@ -36,7 +36,17 @@ function token(color: string): string {
 }
 
 /** Curves over one axis. Data are exchanged without rebuilding; only a new set of lines or scheme rebuilds. */
-export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = false, xRange, onPick }: LinePlotProps) {
+export function LinePlot({
+  label,
+  x,
+  lines,
+  xUnit,
+  yUnit,
+  height,
+  logarithmic = false,
+  xRange,
+  onPick,
+}: LinePlotProps) {
   const box = useRef<HTMLDivElement>(null);
   const [hovered, setHovered] = useState<number | null>(null);
   const plot = useRef<uPlot | null>(null);
@@ -66,11 +76,24 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
         padding: [8, 8, 0, 0],
         hooks: { setCursor: [(self) => setHovered(self.cursor.idx ?? null)] },
         cursor: { y: false, drag: { x: false, y: false }, points: { size: 5 } },
-        scales: { x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) }, y: logarithmic ? logarithmicScale : {} },
+        scales: {
+          x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) },
+          y: logarithmic ? logarithmicScale : {},
+        },
         axes: [
-          { ...axis, size: 24, space: 48, values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${xUnit}` : String(tick))) },
+          {
+            ...axis,
+            size: 24,
+            space: 48,
+            values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${xUnit}` : String(tick))),
+          },
           // A low plot gets three ticks too.
-          { ...axis, size: 46, space: Math.min(30, (height - 40) / 3), values: (_, ticks: (number | null)[]) => ticks.map(tickText) },
+          {
+            ...axis,
+            size: 46,
+            space: Math.min(30, (height - 40) / 3),
+            values: (_, ticks: (number | null)[]) => ticks.map(tickText),
+          },
         ],
         series: [
           {},

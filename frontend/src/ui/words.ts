@@ -34,7 +34,7 @@ const controls: Readonly<Record<string, string>> = {
   "imu-sampling": "IMU sampling",
   "random-seed": "Random seed",
   "max-rounds": "Most rounds",
-  intrinsics: "Lidar's own errors",
+  intrinsics: "Sensors' own errors",
 };
 
 /** Values as people write them. */
@@ -49,7 +49,22 @@ const values: Readonly<Record<string, string>> = {
   receive: "time of arrival",
   header: "header",
 };
-const plainValues = new Set(["s", "ms", "us", "ns", "g", "absolute", "constant", "random-walk", "auto", "consider", "off", "even", "as-stamped", "detect"]);
+const plainValues = new Set([
+  "s",
+  "ms",
+  "us",
+  "ns",
+  "g",
+  "absolute",
+  "constant",
+  "random-walk",
+  "auto",
+  "consider",
+  "off",
+  "even",
+  "as-stamped",
+  "detect",
+]);
 
 const switches = new Set(["synthesise-point-time"]);
 
@@ -68,20 +83,29 @@ export function plain(text: string): string {
     .replace(/\b(?:body|query|path)(?:\.[a-z0-9_]+)+/g, (path) => fieldName(path))
     .replace(/`unsweep inspect`/g, "the Recording screen")
     .replace(/`unsweep calibrate --help`/g, "the list in Solve")
-    .replace(/(\b(?:pass|use|give|set|with|leave)\s+)?`?--([a-z][a-z0-9-]*)`?(?:[ =]`?([a-z0-9_-]+)`?)?/g, (_, verb: string | undefined, option: string, next: string | undefined) => {
-      const known = next !== undefined && (next in values || plainValues.has(next));
-      const name = controlName(option);
-      if (known) return verb === undefined ? `“${name}: ${valueName(next)}”` : `set “${name}” to ${valueName(next)}`;
-      const doing = verb !== undefined && switches.has(option) ? "switch on " : verb === "pass " ? "set " : (verb ?? "");
-      return `${doing}“${name}”${next === undefined ? "" : ` ${next}`}`;
-    })
+    .replace(
+      /(\b(?:pass|use|give|set|with|leave)\s+)?`?--([a-z][a-z0-9-]*)`?(?:[ =]`?([a-z0-9_-]+)`?)?/g,
+      (_, verb: string | undefined, option: string, next: string | undefined) => {
+        const known = next !== undefined && (next in values || plainValues.has(next));
+        const name = controlName(option);
+        if (known) return verb === undefined ? `“${name}: ${valueName(next)}”` : `set “${name}” to ${valueName(next)}`;
+        const doing =
+          verb !== undefined && switches.has(option) ? "switch on " : verb === "pass " ? "set " : (verb ?? "");
+        return `${doing}“${name}”${next === undefined ? "" : ` ${next}`}`;
+      },
+    )
     .replace(/\b(rad_s|deg_s|m_s2)\b/g, (unit) => valueName(unit));
 }
 
 /** The last word of a field's path that says something: `body.settings.priors.0.std` is "priors, 1st: std". */
 function fieldName(path: string): string {
-  const parts = path.split(".").slice(1).filter((part) => part !== "settings");
-  const words = parts.map((part) => (/^\d+$/.test(part) ? `number ${Number(part) + 1}` : part.replaceAll("_", " ").replace(/ (deg|m|s|m s2|rad s)$/, "")));
+  const parts = path
+    .split(".")
+    .slice(1)
+    .filter((part) => part !== "settings");
+  const words = parts.map((part) =>
+    /^\d+$/.test(part) ? `number ${Number(part) + 1}` : part.replaceAll("_", " ").replace(/ (deg|m|s|m s2|rad s)$/, ""),
+  );
   return words.length === 0 ? "it" : words.join(", ");
 }
 

@@ -1,7 +1,9 @@
 """Job functions for tests of the machinery: quick, and told by the recording's name how to behave.
 
-- slow: works until it is asked to stop; stubborn: works and never looks
+- slow: works until it is asked to stop; stubborn: works and never looks; deaf: does not even hear SIGTERM
+- family: dies and leaves a child of its own behind that holds its pipes
 - crash: its process dies; defect: raises what nobody expects; broken: refuses the input
+- greedy: asks for 64 GB of memory; filling: writes a file of 8 MB
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
 Planes are proposed for `room` only.
@@ -10,16 +12,19 @@ Planes are proposed for `room` only.
 from __future__ import annotations
 
 import os
+import signal
 import time
 
-from app.arrays.proposals import write_proposals
-from app.arrays.recording import write_recording
+from app.arrays.proposals import proposal_arrays, write_proposals
+from app.arrays.recording import recording_arrays, write_recording
 from app.arrays.trajectory import write_trajectory
-from app.jobs.functions import proposal_arrays, recording_arrays
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
-from app.schemas.jobs import InspectOutcome, PlanesOutcome, SimulateOutcome
+from app.schemas.jobs import AuditOutcome, InspectOutcome, PlanesOutcome, SimulateOutcome
+from calib_core import api
+from calib_core.audit.run import report_of
+from calib_core.calibrate import Calibration
 from calib_core.errors import Cancelled, UnreadableRecording
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from tests.app.support import world
@@ -44,6 +49,12 @@ def run(order, on_event, should_cancel):
         write_recording(recording_arrays(order.cache), world.make_recording())
         write_proposals(proposal_arrays(order.cache), world.make_proposals())
         return PlanesOutcome(patches=6, points=6200, static=True)
+    if order.kind == "audit":
+        # The library's part is tested with it; here it is answered by hand, from the order's own words.
+        given = api.parse_extrinsic(order.request.audit.extrinsic, frames=("imu", "lidar"))
+        report = report_of(given, Calibration(world.make_result(), None), order.request.audit.limits)
+        (order.folder / "audit.json").write_text(report.to_json())
+        return AuditOutcome(verdict=report.verdict, text=report.text)
     return solve(order, on_event, should_cancel)
 
 
@@ -52,11 +63,21 @@ def solve(order, on_event, should_cancel):
     name = order.recording_name
     if name.startswith("crash"):
         os._exit(7)
+    if name.startswith("deaf"):
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if name.startswith("family"):
+        child = os.fork()
+        if child == 0:
+            time.sleep(600)
+        on_event(LogEvent(level="info", code="fake.child", text=str(child)))
+        time.sleep(0.1)
+        os._exit(7)
+    take_too_much(name, order.folder)
     if name.startswith("defect"):
         raise ZeroDivisionError("secret internals")
     for step in range(5):
         on_event(iteration(step))
-    while name.startswith(("slow", "stubborn")):
+    while name.startswith(("slow", "stubborn", "deaf")):
         on_event(StageEvent(stage="solve", fraction=0.5, text="thinking"))
         time.sleep(0.02)
         if name.startswith("slow") and should_cancel():
@@ -75,6 +96,14 @@ def solve(order, on_event, should_cancel):
         (order.folder / "scans.json").write_text(scans.model_dump_json())
     (order.folder / "result.json").write_text(result.to_json())
     return solve_outcome(result)
+
+
+def take_too_much(name, folder):
+    """Memory or disk, as the recording's name says."""
+    if name.startswith("greedy"):
+        bytearray(64 * 2**30)
+    if name.startswith("filling"):
+        (folder / "big").write_bytes(bytes(8 * 2**20))
 
 
 def iteration(step):

@@ -12,7 +12,7 @@ import httpx2
 
 from app.jobs.launch import ProcessLauncher
 from app.server.main import make_server
-from app.server.settings import AppSettings
+from app.settings import AppSettings
 
 FAKE_JOBS = "tests.app.support.fake_jobs:run"
 PATIENCE_S = 40.0

@@ -17,7 +17,7 @@ from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate
 from calib_core.simulate.motions import ONE_AXIS, STILL
 from calib_core.types import Recording
-from tests.core.pipeline.conftest import SHORT
+from tests.core.full.conftest import SHORT
 
 FACTOR = 1.5
 

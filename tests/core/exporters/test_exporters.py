@@ -172,3 +172,60 @@ def test_quaternion_agrees_with_scipy(quat: tuple[float, ...]) -> None:
     made = quat_xyzw(rotation.as_matrix())
     assert made[3] >= 0
     assert (Rotation.from_quat(made) * rotation.inv()).magnitude() < 1e-9
+
+
+def _changed(**place):
+    """A result document with one number of it spoilt, as an editor or a crash may leave it."""
+    result = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    for name, value in place.items():
+        if name.startswith("m"):
+            row, column = int(name[1]), int(name[2])
+            result.T_imu_lidar.matrix[row][column] = value
+        else:
+            setattr(result, name, value)
+    return result
+
+
+@pytest.mark.parametrize("format_name", NAMES)
+@pytest.mark.parametrize(
+    "place",
+    [
+        {"m00": float("nan")},
+        {"m13": float("inf")},
+        {"m00": 2.0},
+        {"m01": 0.01},
+        {"m22": -1.0},
+        {"m30": 1.0},
+        {"m33": 0.0},
+        {"gyroscope_bias_rad_s": [0.0, float("nan"), 0.0]},
+        {"accelerometer_bias_m_s2": [0.0, 1.0]},
+        {"gravity_m_s2": float("nan")},
+    ],
+    ids=lambda place: next(iter(place)),
+)
+def test_what_is_no_pose_is_not_exported(format_name, place):
+    """NaN in a URDF is read as zero by some programs. Oracle: the refusal. Mutations: exported as it is; a mirror taken
+    for a rotation; a scale of 2; only the matrix looked at."""
+    with pytest.raises(InputError) as refused:
+        export(_changed(**place), format_name)
+    assert refused.value.code == "export.no_pose"
+    assert str(refused.value).startswith("Expected ")
+
+
+def test_a_matrix_of_the_wrong_shape_is_not_exported():
+    """Mutation: NumPy's own complaint let through."""
+    result = make_result(np.eye(3), np.zeros(3))
+    for matrix in ([], [[1.0]], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]], [[1.0] * 4] * 3):
+        result.T_imu_lidar.matrix = matrix
+        with pytest.raises(InputError, match="4 rows of 4"):
+            export(result, "urdf")
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_rotation_written_with_six_decimals_is_exported(seed):
+    """People shorten files. Mutation: a tolerance of 1e-9 refuses them."""
+    R = np.round(Rotation.random(random_state=seed).as_matrix(), 6)
+    result = make_result(np.eye(3), np.zeros(3))
+    for row in range(3):
+        result.T_imu_lidar.matrix[row][:3] = R[row].tolist()
+    assert export(result, "matrix")

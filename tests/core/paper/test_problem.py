@@ -9,7 +9,7 @@ from calib_core.paper.records import ImuStates
 from calib_core.paper.solve import descend
 from calib_core.paper.weights import Weights
 from calib_core.solver.arrow import solve_arrow
-from tests.core.factors import build
+from tests.core.paper import build
 
 KNOTS, POINTS = 4, 40
 

@@ -12,6 +12,7 @@ from calib_core.readers import load, open_recording
 from calib_core.readers.write.rewrite import rewrite_clouds
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray, Scan
+from tests.core.maps.own_readers import pcd_columns, ply_columns
 from tests.core.readers import build
 from tests.core.readers.layouts import LAYOUTS, PERIOD_NS, start_ns
 
@@ -75,7 +76,7 @@ def test_a_folder_of_ply_holds_every_point_and_field(tmp_path: Path) -> None:
     assert [f.name for f in files] == [f"{k:06d}.ply" for k in range(N)]
     raw = files[3].read_bytes()
     end = raw.index(b"end_header\n") + len(b"end_header\n")
-    kinds = {"float": "<f4", "uint": "<u4", "ushort": "<u2"}
+    kinds = {"float": "<f4", "uint": "<u4", "uint16": "<u2"}
     lines = [line.split() for line in raw[:end].decode().splitlines() if line.startswith("property")]
     points = np.frombuffer(raw[end:], np.dtype([(name, kinds[kind]) for _, kind, name in lines]))
     truth = LAYOUTS["ouster"].make(3, False)
@@ -86,6 +87,16 @@ def test_a_folder_of_ply_holds_every_point_and_field(tmp_path: Path) -> None:
     np.testing.assert_allclose(points["z"], np.where(truth.valid, moved_z, expected[:, 2]), atol=2e-6)
     elapsed_s = (truth.times_ns - truth.times_ns[truth.valid].min()) * 1e-9
     np.testing.assert_allclose(points["x"], expected[:, 0] + np.where(truth.valid, elapsed_s, 0), atol=2e-6)
+
+
+def test_a_folder_of_pcd_holds_the_same(tmp_path: Path) -> None:
+    """Livox points, times as driver 1 sends them, uint8 tags. Mutation: write .ply bytes whatever is asked for."""
+    source = written(tmp_path, "livox-custom-1", cdr=False)
+    assert rewrite_clouds(source, None, tmp_path / "a", shifted) == N
+    assert rewrite_clouds(source, None, tmp_path / "b", shifted, cloud_format="pcd") == N
+    ply, pcd = ply_columns(tmp_path / "a" / "000004.ply"), pcd_columns(tmp_path / "b" / "000004.pcd")
+    assert ply == pcd
+    assert {"x", "y", "z", "offset_time", "tag", "line"} <= set(pcd)
 
 
 def test_packets_become_clouds(tmp_path: Path, real_data: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -146,3 +147,19 @@ def test_the_system_is_left_as_it_was() -> None:
     before, _ = dense(system)
     solve_arrow(system, damping=0.5)
     np.testing.assert_array_equal(dense(system)[0], before)
+
+
+def test_solving_again_starts_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads are made once for the process: a solve in a loop must not make its own.
+
+    Mutation: a ThreadPoolExecutor in `_gram`.
+    """
+    system = random_system(seed=1, knots=6, n=3, shared=4)
+    for _ in range(8):
+        solve_arrow(system)
+    started = []
+    start = threading.Thread.start
+    monkeypatch.setattr(threading.Thread, "start", lambda self: (started.append(self), start(self)))
+    for _ in range(3):
+        solve_arrow(system)
+    assert len(started) <= 1  # a worker that was not yet needed

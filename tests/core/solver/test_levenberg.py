@@ -133,3 +133,52 @@ def test_first_decrease_is_that_of_the_first_undamped_step() -> None:
     assert again.first_decrease < 1e-6
     assert again.outcome is Outcome.CONVERGED
     assert again.iterations == 1
+
+
+class Vanishing(Valley):
+    """Nothing can be factorised from the second linearisation on."""
+
+    linearised = 0
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        system = super().linearise(estimate)
+        self.linearised += 1
+        if self.linearised > 1:
+            system.diagonal *= -1.0
+        return system
+
+
+def test_a_system_that_becomes_singular_is_said_to_be() -> None:
+    """What the first linearisation knew is not handed out for the second, where nothing could be solved.
+
+    Mutation: keep `solution` from one iteration to the next: STALLED, with the information of a place that was left.
+    """
+    end = minimise(Vanishing(), np.array([1.0, 2.0]))
+    assert end.outcome is Outcome.SINGULAR
+    assert end.solution is None
+    np.testing.assert_allclose(end.estimate, [1.0, 1.0])
+
+
+def test_a_small_damped_step_is_not_convergence() -> None:
+    """Far from its minimum, up a claimed slope, damping makes any step small.
+
+    Mutation: ask for a negligible decrease without asking whether the step was damped.
+    """
+    end = minimise(Upwards(), np.array([-1.2, 1.0]), tolerance=0.1)
+    assert end.outcome is Outcome.STALLED
+    assert end.cost > 1.0
+
+
+def test_a_step_below_the_costs_round_off_is_convergence() -> None:
+    """A cost of 1e9 that the step changes by 1e-4, which summing cannot tell. Mutation: tolerance alone."""
+
+    class Deep(Valley):
+        """The valley on a high plateau, whose cost is rounded as a sum of many is."""
+
+        def cost(self, estimate: FloatArray) -> float:
+            return float(np.round(1e9 + super().cost(estimate), 2))
+
+    at = np.array([1.0, 1.0 + 1e-3])
+    end = minimise(Deep(), at)
+    assert end.outcome is Outcome.CONVERGED
+    assert end.iterations == 1

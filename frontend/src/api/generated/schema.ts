@@ -4,6 +4,26 @@
  */
 
 export interface paths {
+    "/api/audits/{job_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Audit
+         * @description The audit's report, schema unsweep.audit/1. 409 until the job is done.
+         */
+        get: operations["read_audit"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/extrinsic": {
         parameters: {
             query?: never;
@@ -218,6 +238,26 @@ export interface paths {
         patch: operations["change_recording"];
         trace?: never;
     };
+    "/api/recordings/{recording_id}/audits": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start Audit
+         * @description Queue an audit. 422 where the text is no extrinsic.
+         */
+        post: operations["start_audit"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/recordings/{recording_id}/events": {
         parameters: {
             query?: never;
@@ -316,6 +356,28 @@ export interface paths {
         get: operations["list_runs"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/recordings/{recording_id}/share": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Share Recording
+         * @description A link with which anybody can look at this recording, and at nothing else, for some hours; they change nothing.
+         *
+         *     409 on a server without a token: everybody who reaches it sees everything anyway.
+         */
+        post: operations["share_recording"];
         delete?: never;
         options?: never;
         head?: never;
@@ -526,6 +588,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/session": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * End Session
+         * @description End the session of this browser; it has to show the token again. Nothing happens where there is none.
+         */
+        delete: operations["end_session"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/uploads/{recording_id}/recording": {
         parameters: {
             query?: never;
@@ -575,7 +657,7 @@ export interface paths {
         };
         /**
          * Read Ready
-         * @description Ready: the store answers and the data directory can be written.
+         * @description Ready: a file was just written to the data directory, and a row to the store.
          */
         get: operations["read_ready"];
         put?: never;
@@ -603,6 +685,115 @@ export interface components {
             translation_m: number;
         };
         /**
+         * AuditCrispness
+         * @description The room laid together by the IMU alone, three seconds at a time, with each extrinsic; lower is crisper.
+         */
+        AuditCrispness: {
+            found: components["schemas"]["RoomCrispness"];
+            given: components["schemas"]["RoomCrispness"];
+            /** Text */
+            text: string;
+        };
+        /**
+         * AuditOutcome
+         * @description An audit was written; read it from /api/audits/{job_id}.
+         */
+        AuditOutcome: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "audit";
+            /**
+             * Text
+             * @description one sentence for a person
+             */
+            text: string;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "passed" | "failed" | "unknown";
+        };
+        /**
+         * AuditReport
+         * @description What an audit found. `calibration` is this recording's own result, against which the extrinsic is held.
+         */
+        AuditReport: {
+            /**
+             * Axes
+             * @description empty where the recording gives no answer
+             */
+            axes: components["schemas"]["AxisAudit"][];
+            calibration: components["schemas"]["CalibrationResult"];
+            crispness: components["schemas"]["AuditCrispness"] | null;
+            /**
+             * Extrinsic Form
+             * @description what the given file was read as
+             */
+            extrinsic_form: string;
+            /** Hints */
+            hints: string[];
+            /**
+             * Rotation Deg
+             * @description angle between the two
+             */
+            rotation_deg: number | null;
+            /**
+             * Schema
+             * @default unsweep.audit/1
+             * @constant
+             */
+            schema: "unsweep.audit/1";
+            /** Text */
+            text: string;
+            /** Translation Mm */
+            translation_mm: number | null;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "passed" | "failed" | "unknown";
+        };
+        /**
+         * AxisAudit
+         * @description One axis. All numbers in `unit`: degrees about a lidar's axis, millimetres along an IMU's axis, milliseconds.
+         */
+        AxisAudit: {
+            /**
+             * Axis
+             * @enum {string}
+             */
+            axis: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
+            /**
+             * Difference
+             * @description given minus found; null where the file has no such number
+             */
+            difference: number | null;
+            /** Difference Std */
+            difference_std: number;
+            /**
+             * Limit
+             * @description null: not judged
+             */
+            limit: number | null;
+            /**
+             * Smallest Error
+             * @description an error from here on would have shown: the limit, or three sigmas
+             */
+            smallest_error: number;
+            /**
+             * Unit
+             * @enum {string}
+             */
+            unit: "deg" | "mm" | "ms";
+            /**
+             * Verdict
+             * @description unknown: three sigmas exceed the limit; null: not judged
+             */
+            verdict: ("passed" | "failed" | "unknown") | null;
+        };
+        /**
          * CalibrateSettings
          * @description How the calibration is solved.
          */
@@ -613,6 +804,12 @@ export interface components {
              * @enum {string}
              */
             bias_model: "constant" | "random-walk";
+            /**
+             * Crispness
+             * @description measure how crisp the room is, before and after
+             * @default true
+             */
+            crispness: boolean;
             /**
              * Estimate Planes
              * @default true
@@ -657,6 +854,17 @@ export interface components {
              */
             imu_sampling: "detect" | "as-stamped" | "even";
             /**
+             * Intrinsics
+             * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
+             * @default auto
+             */
+            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "range_offset" | "incidence")[];
+            /**
+             * Lidar
+             * @description a lidar preset's name, for the priors; None: as recognised
+             */
+            lidar?: string | null;
+            /**
              * Max Rounds
              * @default 12
              */
@@ -691,10 +899,25 @@ export interface components {
             T_imu_lidar: components["schemas"]["Transform"] | null;
             /** Accelerometer Bias M S2 */
             accelerometer_bias_m_s2: number[] | null;
+            /**
+             * Clock Rate Ppm
+             * @description t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)
+             */
+            clock_rate_ppm?: number | null;
+            /** Clock Rate Ppm Std */
+            clock_rate_ppm_std?: number | null;
             /** Gravity M S2 */
             gravity_m_s2: number | null;
             /** Gyroscope Bias Rad S */
             gyroscope_bias_rad_s: number[] | null;
+            /**
+             * Imu Frame
+             * @description which sensor's axes the IMU's frame is
+             * @default
+             */
+            imu_frame: string;
+            /** Intrinsics */
+            intrinsics?: components["schemas"]["Intrinsic"][];
             /** Messages */
             messages: components["schemas"]["Message"][];
             observability: components["schemas"]["Observability"];
@@ -711,6 +934,11 @@ export interface components {
              * @enum {string}
              */
             status: "calibrated" | "weak" | "refused";
+            /**
+             * Time Offset At S
+             * @description lidar time, seconds after the first scan, at which time_offset_s holds
+             */
+            time_offset_at_s?: number | null;
             /** Time Offset Ns */
             time_offset_ns: number | null;
             /** Time Offset S */
@@ -912,6 +1140,16 @@ export interface components {
              * @enum {string}
              */
             op: "confirm";
+        };
+        /**
+         * Crispness
+         * @description The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means.
+         */
+        Crispness: {
+            after: components["schemas"]["RoomCrispness"];
+            before: components["schemas"]["RoomCrispness"];
+            /** Text */
+            text: string;
         };
         /**
          * Determinacy
@@ -1431,6 +1669,31 @@ export interface components {
             kind: "inspect";
         };
         /**
+         * Intrinsic
+         * @description One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero.
+         */
+        Intrinsic: {
+            /** Block */
+            block: string;
+            /** Name */
+            name: string;
+            /** Prior Std */
+            prior_std: number;
+            /** Significant */
+            significant: boolean;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "estimated" | "considered";
+            /** Std */
+            std: number;
+            /** Unit */
+            unit: string;
+            /** Value */
+            value: number;
+        };
+        /**
          * IterationEvent
          * @description One accepted step of the joint solve.
          */
@@ -1496,19 +1759,24 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "simulate" | "inspect" | "planes" | "solve";
+            kind: "simulate" | "inspect" | "planes" | "solve" | "audit";
             /**
              * Planes
              * @description those confirmed when a solve was asked for
              */
             planes?: components["schemas"]["PlaneLook"][];
             /**
+             * Queue Place
+             * @description while it waits: 1 is next; jobs of all clients take turns
+             */
+            queue_place?: number | null;
+            /**
              * Recording Id
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             recording_id: string;
             /** Result */
-            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"]) | null;
+            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"]) | null;
             /** Retry Of */
             retry_of?: string | null;
             settings: components["schemas"]["CalibrateSettings"];
@@ -1598,15 +1866,41 @@ export interface components {
         };
         /**
          * Limits
-         * @description One standard deviation of a kind of axis.
+         * @description The largest difference that is still right. A number holds for all three axes; null: this is not judged.
+         *
+         *     rotation_deg: about the lidar's axes x y z.   translation_mm: along the IMU's axes x y z.   time_offset_ms: of the clocks.
+         *     Without a file the limits beyond which our own result would be called weak.
          */
         Limits: {
-            /** Rotation Deg */
-            rotation_deg: number;
-            /** Time Offset S */
-            time_offset_s: number;
-            /** Translation M */
-            translation_m: number;
+            /**
+             * Rotation Deg
+             * @default 0.5
+             */
+            rotation_deg: number | [
+                number,
+                number,
+                number
+            ] | null;
+            /**
+             * Schema
+             * @default unsweep.limits/1
+             * @constant
+             */
+            schema: "unsweep.limits/1";
+            /**
+             * Time Offset Ms
+             * @default 2
+             */
+            time_offset_ms: number | null;
+            /**
+             * Translation Mm
+             * @default 20
+             */
+            translation_mm: number | [
+                number,
+                number,
+                number
+            ] | null;
         };
         /**
          * LogEvent
@@ -1665,6 +1959,33 @@ export interface components {
             text: string;
         };
         /**
+         * NewAudit
+         * @description An extrinsic in use, held against a recording before any solve.
+         */
+        NewAudit: {
+            /**
+             * Direction
+             * @description of bare numbers: imu_lidar takes lidar coordinates to the IMU's
+             * @default imu_lidar
+             * @enum {string}
+             */
+            direction: "imu_lidar" | "lidar_imu";
+            /**
+             * Extrinsic
+             * @description a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers
+             */
+            extrinsic: string;
+            /**
+             * @default {
+             *       "rotation_deg": 0.5,
+             *       "schema": "unsweep.limits/1",
+             *       "time_offset_ms": 2,
+             *       "translation_mm": 20
+             *     }
+             */
+            limits: components["schemas"]["Limits"];
+        };
+        /**
          * NewJob
          * @description What to run. `settings` and `initial_guess` belong to a solve; its planes are those confirmed now.
          */
@@ -1679,6 +2000,7 @@ export interface components {
             /**
              * @default {
              *       "bias_model": "random-walk",
+             *       "crispness": true,
              *       "estimate_planes": true,
              *       "estimate_time_offset": true,
              *       "excluded_spans_s": [],
@@ -1687,6 +2009,7 @@ export interface components {
              *         "std_m_s2": 0.02
              *       },
              *       "imu_sampling": "detect",
+             *       "intrinsics": "auto",
              *       "max_rounds": 12,
              *       "method": "full",
              *       "priors": [],
@@ -1694,6 +2017,18 @@ export interface components {
              *     }
              */
             settings: components["schemas"]["CalibrateSettings"];
+        };
+        /**
+         * NewShareLink
+         * @description For how long a link shall show a recording.
+         */
+        NewShareLink: {
+            /**
+             * Hours
+             * @description the link ends after so many
+             * @default 24
+             */
+            hours: number;
         };
         /**
          * Nudge
@@ -2095,6 +2430,8 @@ export interface components {
         };
         /** Quality */
         Quality: {
+            /** @description of the accumulated room, knowing no planes; absent where it was not measured */
+            crispness?: components["schemas"]["Crispness"] | null;
             /** Duration S */
             duration_s: number;
             /** Iterations */
@@ -2420,6 +2757,26 @@ export interface components {
             event: "resync";
         };
         /**
+         * RoomCrispness
+         * @description How crisp one map of the room is, measured without planes over small cubes; lower is crisper.
+         */
+        RoomCrispness: {
+            /** Cubes */
+            cubes: number;
+            /**
+             * Mean Entropy Nat
+             * @description mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube
+             */
+            mean_entropy_nat: number;
+            /** Points */
+            points: number;
+            /**
+             * Thickness Std M
+             * @description root of the mean smallest eigenvalue of S
+             */
+            thickness_std_m: number;
+        };
+        /**
          * Run
          * @description One solve of the recording. `from_latest` is None for the latest itself and where either has no answer.
          */
@@ -2515,7 +2872,7 @@ export interface components {
              */
             imu_presets: string[];
             /** @description beyond which standard deviation an axis is weak */
-            limits: components["schemas"]["Limits"];
+            limits: components["schemas"]["WeakLimits"];
             /** Max Upload Bytes */
             max_upload_bytes: number;
             /**
@@ -2529,6 +2886,22 @@ export interface components {
             upload_suffixes: string[];
             /** Version */
             version: string;
+        };
+        /**
+         * ShareLink
+         * @description A link that shows one recording, read-only.
+         */
+        ShareLink: {
+            /**
+             * Path
+             * @description to be put behind the server's address
+             */
+            path: string;
+            /**
+             * Until
+             * Format: date-time
+             */
+            until: string;
         };
         /**
          * Side
@@ -3021,6 +3394,18 @@ export interface components {
             /** Vector */
             vector: number[];
         };
+        /**
+         * WeakLimits
+         * @description One standard deviation of a kind of axis.
+         */
+        WeakLimits: {
+            /** Rotation Deg */
+            rotation_deg: number;
+            /** Time Offset S */
+            time_offset_s: number;
+            /** Translation M */
+            translation_m: number;
+        };
     };
     responses: never;
     parameters: never;
@@ -3030,6 +3415,38 @@ export interface components {
 }
 export type $defs = Record<string, never>;
 export interface operations {
+    read_audit: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AuditReport"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     read_extrinsic: {
         parameters: {
             query?: never;
@@ -3450,6 +3867,42 @@ export interface operations {
             };
         };
     };
+    start_audit: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewAudit"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Job"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     watch_recording: {
         parameters: {
             query?: never;
@@ -3640,6 +4093,42 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Runs"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    share_recording: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewShareLink"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ShareLink"];
                 };
             };
             /** @description Refused; the body says why */
@@ -4000,6 +4489,33 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["Thickness"];
                 };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    end_session: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description Refused; the body says why */
             default: {

@@ -7,7 +7,7 @@ import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./progress.module.css";
-import { secondsLeft, stagesShown, stageState, stalledS, wholeFraction } from "./timeleft";
+import { secondsLeft, stageState, stalledS, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -38,6 +38,12 @@ function useHighest(key: string, value: number): number {
   return reached;
 }
 
+/** Where a job stands that waits. */
+function waitingText(place: number | null | undefined): string {
+  if (place == null) return "Waiting for a free slot";
+  return place === 1 ? "Waiting, next in the queue" : `Waiting, place ${place} in the queue`;
+}
+
 const stageWords = { waiting: ", waiting", active: ", running", done: ", done", stopped: ", not finished" };
 
 /** One job as it runs: what it is doing, how far it is, how long it will take, and the way to stop it. */
@@ -48,8 +54,11 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   const startedAt = run.job?.started_at;
   const began = startedAt === null || startedAt === undefined ? null : Date.parse(startedAt);
   const ended = run.job?.ended_at;
-  const elapsedS = began === null ? 0 : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
-  const stages = stagesShown(run);
+  const elapsedS =
+    began === null
+      ? 0
+      : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
+  const stages = run.stages;
   const fraction = useHighest(jobId, run.job?.state === "done" ? 1 : wholeFraction(stages, expected));
   const refused = run.job?.result?.kind === "solve" && run.job.result.status === "refused";
   const queued = run.job?.state === "queued";
@@ -64,7 +73,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
         <span className="num">{running ? `${percent} %` : duration(elapsedS)}</span>
         <span className="dim small">
           {queued
-            ? "Waiting for a free slot"
+            ? waitingText(run.job?.queue_place)
             : stalled !== null
               ? `nothing new for ${duration(stalled)}`
               : running
@@ -89,7 +98,15 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
           </Button>
         )}
       </div>
-      <div className={css.bar} data-refused={refused} role="progressbar" aria-label="Progress" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
+      <div
+        className={css.bar}
+        data-refused={refused}
+        role="progressbar"
+        aria-label="Progress"
+        aria-valuenow={percent}
+        aria-valuemin={0}
+        aria-valuemax={100}
+      >
         <span style={{ transform: `scaleX(${fraction})` }} />
       </div>
       {cancel.isError && <Fault error={cancel.error} />}
@@ -107,7 +124,9 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
                 {titles[name] ?? stageTitles[name]}
                 <span className="sr-only">{stageWords[state]}</span>
               </span>
-              <span className="num dim">{state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}</span>
+              <span className="num dim">
+                {state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}
+              </span>
             </li>
           );
         })}

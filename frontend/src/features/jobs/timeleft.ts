@@ -1,5 +1,5 @@
 import type { Job } from "../../api/client";
-import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
+import { isFinal, type StageProgress } from "../../api/jobstream";
 
 type Stage = StageProgress["stage"];
 
@@ -18,20 +18,7 @@ const weights: Record<Stage, number> = {
 };
 
 export const stagesOfPlanes: readonly Stage[] = ["read", "planes"];
-export const stagesOfSolve: readonly Stage[] = ["initialise", "track", "solve", "deskew"];
-
-/** The stages as a person counts them: assigning points and solving take turns, in rounds nobody knows the number of. */
-export function stagesShown(run: RunLog): StageProgress[] {
-  const stages = run.stages.filter((stage) => stage.stage !== "associate");
-  if (run.rounds === 0) return stages;
-  const assigning = run.stages.find((stage) => stage.stage === "associate");
-  const later = stages.filter((stage) => stage.stage === "deskew" || stage.stage === "write" || stage.stage === "observability");
-  return [
-    ...stages.filter((stage) => stage.stage !== "solve" && !later.includes(stage)),
-    { stage: "solve", fraction: later.length > 0 ? 1 : 1 - 0.75 ** run.rounds, text: assigning?.text ?? "" },
-    ...later,
-  ];
-}
+export const stagesOfSolve: readonly Stage[] = ["track", "initialise", "solve", "deskew"];
 
 /** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
 export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {
@@ -59,7 +46,11 @@ export function secondsLeft(fraction: number, elapsedS: number): number | null {
 export type StageState = "waiting" | "active" | "done" | "stopped";
 
 /** Where a stage of a run stands: what was under way when a run was stopped or failed is not done. */
-export function stageState(seen: StageProgress | undefined, active: StageProgress | undefined, job: Job | null): StageState {
+export function stageState(
+  seen: StageProgress | undefined,
+  active: StageProgress | undefined,
+  job: Job | null,
+): StageState {
   if (seen === undefined) return "waiting";
   if (seen !== active || seen.fraction >= 1 || job?.state === "done") return "done";
   return job !== null && isFinal(job) ? "stopped" : "active";

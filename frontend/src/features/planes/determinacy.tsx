@@ -17,7 +17,12 @@ export function DeterminacyMeter({ determinacy, foreseen }: MeterProps) {
   const fraction = strength(known);
   const text = known === null ? "" : `±${NARROW}${stdText(known.std, known.unit)}`;
   return (
-    <div className={css.determinacy} data-ok={determinacy.ok} role="status" aria-label="Do these planes determine the answer">
+    <div
+      className={css.determinacy}
+      data-ok={determinacy.ok}
+      role="status"
+      aria-label="Do these planes determine the answer"
+    >
       <LevelIcon level={determinacy.ok ? "good" : "warning"} />
       <p>{determinacy.text}</p>
       {known !== null && (

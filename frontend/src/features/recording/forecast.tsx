@@ -19,7 +19,11 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
   const headline = forecast.parameters.length === 0 ? forecast.reason : forecast.text;
   return (
-    <section aria-label="Forecast" className={css.forecastCard} data-weak={forecast.parameters.length === 0 || forecast.weak.length > 0}>
+    <section
+      aria-label="Forecast"
+      className={css.forecastCard}
+      data-weak={forecast.parameters.length === 0 || forecast.weak.length > 0}
+    >
       <h2>What a solve would know</h2>
       {headline !== "" && !said.includes(headline) && <p>{headline}</p>}
       {planes !== null && planes !== undefined && planes.text !== "" && <p className="dim">{planes.text}</p>}

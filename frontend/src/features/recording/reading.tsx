@@ -55,8 +55,18 @@ export function Reading({ recording }: { recording: Recording }) {
             disabled={change.isPending}
             onSet={(value) => apply({ point_time_field: value === "" ? null : value })}
           />
-          <NumberChoice label={`${label("range_min_m")}, m`} value={settings.range_min_m} disabled={change.isPending} onSet={(range_min_m) => apply({ range_min_m })} />
-          <NumberChoice label={`${label("range_max_m")}, m`} value={settings.range_max_m} disabled={change.isPending} onSet={(range_max_m) => apply({ range_max_m })} />
+          <NumberChoice
+            label={`${label("range_min_m")}, m`}
+            value={settings.range_min_m}
+            disabled={change.isPending}
+            onSet={(range_min_m) => apply({ range_min_m })}
+          />
+          <NumberChoice
+            label={`${label("range_max_m")}, m`}
+            value={settings.range_max_m}
+            disabled={change.isPending}
+            onSet={(range_max_m) => apply({ range_max_m })}
+          />
         </div>
         <Explained text="For clouds without a time for each point: times are made up from the order of the points, which costs accuracy.">
           {(id) => (
@@ -151,7 +161,17 @@ function TextChoice({ label: name, value, placeholder, disabled, onSet }: TextCh
   );
 }
 
-function NumberChoice({ label: name, value, disabled, onSet }: { label: string; value: number; disabled: boolean; onSet: (value: number) => void }) {
+function NumberChoice({
+  label: name,
+  value,
+  disabled,
+  onSet,
+}: {
+  label: string;
+  value: number;
+  disabled: boolean;
+  onSet: (value: number) => void;
+}) {
   return (
     <TextChoice
       key={value}

@@ -44,10 +44,14 @@ export function RecordingScreen() {
       >
         <Section title="File">
           <p className={css.file}>
-            <span className="clip" title={recording.name}>{recording.name}</span>
+            <span className="clip" title={recording.name}>
+              {recording.name}
+            </span>
             <span className="num dim nowrap">
               {recording.size_bytes > 0 && bytes(recording.size_bytes)}
-              {recording.report !== null && recording.report !== undefined && `, ${duration(recording.report.duration_s)}`}
+              {recording.report !== null &&
+                recording.report !== undefined &&
+                `, ${duration(recording.report.duration_s)}`}
             </span>
           </p>
         </Section>
@@ -68,13 +72,21 @@ function Main({ recording, jobs }: { recording: Recording; jobs: readonly Job[] 
     case "failed":
       return <Failed recording={recording} job={inspection ?? recording.latest_job ?? null} />;
     case "ready":
-      return recording.report ? <Report recording={recording} report={recording.report} /> : <Inspecting job={inspection} />;
+      return recording.report ? (
+        <Report recording={recording} report={recording.report} />
+      ) : (
+        <Inspecting job={inspection} />
+      );
   }
 }
 
 /** What arrives: bytes from a browser, or a sample that is made on the spot. */
 function Receiving({ recording }: { recording: Recording }) {
-  return recording.origin === "sample" ? <Inspecting job={recording.latest_job ?? null} /> : <Uploading recording={recording} />;
+  return recording.origin === "sample" ? (
+    <Inspecting job={recording.latest_job ?? null} />
+  ) : (
+    <Uploading recording={recording} />
+  );
 }
 
 function Uploading({ recording }: { recording: Recording }) {
@@ -87,9 +99,19 @@ function Uploading({ recording }: { recording: Recording }) {
   const sent = upload === undefined ? recording.received_bytes : rate.sent;
   const percent = recording.size_bytes === 0 ? 0 : Math.floor((100 * sent) / recording.size_bytes);
   return (
-    <StateBox title={upload === undefined ? "This upload was interrupted" : "Uploading"} icon={<Icon name="upload" size={32} />}>
+    <StateBox
+      title={upload === undefined ? "This upload was interrupted" : "Uploading"}
+      icon={<Icon name="upload" size={32} />}
+    >
       <div className={css.upload}>
-        <div className={css.uploadBar} role="progressbar" aria-label="Upload" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
+        <div
+          className={css.uploadBar}
+          role="progressbar"
+          aria-label="Upload"
+          aria-valuenow={percent}
+          aria-valuemin={0}
+          aria-valuemax={100}
+        >
           <span style={{ transform: `scaleX(${percent / 100})` }} />
         </div>
         <p className="num">
@@ -145,7 +167,12 @@ function Inspecting({ job }: { job: Job | null }) {
       {job === null ? (
         <Skeleton height={120} />
       ) : (
-        <JobProgress run={run} jobId={job.id} expected={job.kind === "simulate" ? ["write"] : ["inspect"]} titles={job.kind === "simulate" ? simulated : {}} />
+        <JobProgress
+          run={run}
+          jobId={job.id}
+          expected={job.kind === "simulate" ? ["write"] : ["inspect"]}
+          titles={job.kind === "simulate" ? simulated : {}}
+        />
       )}
     </div>
   );

@@ -32,8 +32,20 @@ export function Compare({ runs, shown }: { runs: readonly Run[]; shown: string }
   return (
     <Section title="Compare two runs">
       <div className={css.compareHead}>
-        <NativeSelect size="xs" label="From" data={data} value={firstId} onChange={(event) => setFirst(event.currentTarget.value)} />
-        <NativeSelect size="xs" label="to" data={data} value={secondId} onChange={(event) => setSecond(event.currentTarget.value)} />
+        <NativeSelect
+          size="xs"
+          label="From"
+          data={data}
+          value={firstId}
+          onChange={(event) => setFirst(event.currentTarget.value)}
+        />
+        <NativeSelect
+          size="xs"
+          label="to"
+          data={data}
+          value={secondId}
+          onChange={(event) => setSecond(event.currentTarget.value)}
+        />
       </div>
       <Differences firstId={firstId} secondId={secondId} />
     </Section>
@@ -67,7 +79,9 @@ function Differences({ firstId, secondId }: { firstId: string; secondId: string 
           })}
         </tbody>
       </table>
-      <p className="dim small">σ is of the difference, as if each run had a recording of its own; turns are about the lidar&rsquo;s axes.</p>
+      <p className="dim small">
+        σ is of the difference, as if each run had a recording of its own; turns are about the lidar&rsquo;s axes.
+      </p>
     </>
   );
 }

@@ -14,18 +14,29 @@ type Matrix = readonly (readonly number[])[];
 /** The rotation vector [rad] that takes the one rotation to the other, about the lidar's axes: log(A^T B). */
 export function rotationBetween(a: Matrix, b: Matrix): [number, number, number] {
   const at = (m: Matrix, i: number, j: number) => m[i]?.[j] ?? 0;
-  const r = [0, 1, 2].map((i) => [0, 1, 2].map((j) => [0, 1, 2].reduce((sum, k) => sum + at(a, k, i) * at(b, k, j), 0)));
-  const skew: [number, number, number] = [at(r, 2, 1) - at(r, 1, 2), at(r, 0, 2) - at(r, 2, 0), at(r, 1, 0) - at(r, 0, 1)];
+  const r = [0, 1, 2].map((i) =>
+    [0, 1, 2].map((j) => [0, 1, 2].reduce((sum, k) => sum + at(a, k, i) * at(b, k, j), 0)),
+  );
+  const skew: [number, number, number] = [
+    at(r, 2, 1) - at(r, 1, 2),
+    at(r, 0, 2) - at(r, 2, 0),
+    at(r, 1, 0) - at(r, 0, 1),
+  ];
   const sine = Math.hypot(...skew) / 2;
   const cosine = (at(r, 0, 0) + at(r, 1, 1) + at(r, 2, 2) - 1) / 2;
   const angle = Math.atan2(sine, cosine);
-  if (sine > 1e-9) return [(skew[0] * angle) / (2 * sine), (skew[1] * angle) / (2 * sine), (skew[2] * angle) / (2 * sine)];
+  if (sine > 1e-9)
+    return [(skew[0] * angle) / (2 * sine), (skew[1] * angle) / (2 * sine), (skew[2] * angle) / (2 * sine)];
   if (cosine > 0) return [skew[0] / 2, skew[1] / 2, skew[2] / 2];
   // Half a turn: the axis is in R + 1, whose columns are all multiples of it.
   const columns = [0, 1, 2].map((j) => [0, 1, 2].map((i) => at(r, i, j) + (i === j ? 1 : 0)));
   const axis = columns.reduce((best, column) => (Math.hypot(...column) > Math.hypot(...best) ? column : best));
   const length = Math.hypot(...axis);
-  return [((axis[0] ?? 0) / length) * Math.PI, ((axis[1] ?? 0) / length) * Math.PI, ((axis[2] ?? 0) / length) * Math.PI];
+  return [
+    ((axis[0] ?? 0) / length) * Math.PI,
+    ((axis[1] ?? 0) / length) * Math.PI,
+    ((axis[2] ?? 0) / length) * Math.PI,
+  ];
 }
 
 /** How far the second answer is from the first, axis by axis; null where either has none. */

@@ -16,11 +16,15 @@ export function otherUnit(recording: Pick<Recording, "report" | "read_settings">
   const imu = recording.report?.imu;
   if (/gyroscope/i.test(reasons) && /unit|times as fast/i.test(reasons)) {
     const now = recording.read_settings.gyroscope_unit ?? imu?.gyroscope_unit ?? "rad_s";
-    return now === "rad_s" ? { label: "Read the gyroscope in °/s", change: { gyroscope_unit: "deg_s" } } : { label: "Read the gyroscope in rad/s", change: { gyroscope_unit: "rad_s" } };
+    return now === "rad_s"
+      ? { label: "Read the gyroscope in °/s", change: { gyroscope_unit: "deg_s" } }
+      : { label: "Read the gyroscope in rad/s", change: { gyroscope_unit: "rad_s" } };
   }
   if (/acceler|gravity/i.test(reasons) && /unit/i.test(reasons)) {
     const now = recording.read_settings.accelerometer_unit ?? imu?.accelerometer_unit ?? "m_s2";
-    return now === "m_s2" ? { label: "Read accelerations in g", change: { accelerometer_unit: "g" } } : { label: "Read accelerations in m/s²", change: { accelerometer_unit: "m_s2" } };
+    return now === "m_s2"
+      ? { label: "Read accelerations in g", change: { accelerometer_unit: "g" } }
+      : { label: "Read accelerations in m/s²", change: { accelerometer_unit: "m_s2" } };
   }
   return null;
 }
@@ -30,14 +34,23 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
   const navigate = useNavigate();
   const change = useChangeRecording(recording.id);
   const base = `/r/${recording.id}`;
-  const reasons = result.messages.filter((message) => message.level !== "info").map((message) => `${message.code} ${message.text}`).join(" ");
+  const reasons = result.messages
+    .filter((message) => message.level !== "info")
+    .map((message) => `${message.code} ${message.text}`)
+    .join(" ");
   const unit = otherUnit(recording, reasons);
   const motions = result.observability.advice ?? [];
   return (
     <section aria-label="Next step" className={css.next}>
       <h2>What to do now</h2>
       <div className={css.nextButtons}>
-        <Button component={Link} to={`${base}/planes`} variant="default" size="compact-md" leftSection={<Icon name="previous" size={13} />}>
+        <Button
+          component={Link}
+          to={`${base}/planes`}
+          variant="default"
+          size="compact-md"
+          leftSection={<Icon name="previous" size={13} />}
+        >
           Back to the planes
         </Button>
         {unit !== null && (
@@ -56,7 +69,13 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
         <Button component={Link} to={`${base}/solve`} variant="default" size="compact-md">
           Solve with other settings
         </Button>
-        <Button component={Link} to="/" variant="default" size="compact-md" leftSection={<Icon name="restart" size={13} />}>
+        <Button
+          component={Link}
+          to="/"
+          variant="default"
+          size="compact-md"
+          leftSection={<Icon name="restart" size={13} />}
+        >
           Open a new recording
         </Button>
       </div>

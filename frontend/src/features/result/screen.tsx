@@ -20,6 +20,7 @@ import { poseOf, type Direction } from "./inverse";
 import { PoseCard } from "./pose";
 import { Quality } from "./quality";
 import { NextSteps } from "./nextsteps";
+import { OwnErrors } from "./sensors";
 import { toneOf, Verdict } from "./verdict";
 import css from "./result.module.css";
 
@@ -73,7 +74,13 @@ function RunResult({ recording, run, runs }: { recording: Recording; run: Run; r
       <Panel
         title="Downloads"
         footer={
-          <Button fullWidth component="a" href={resultDownloadUrl(run.job.id)} download leftSection={<Icon name="download" />}>
+          <Button
+            fullWidth
+            component="a"
+            href={resultDownloadUrl(run.job.id)}
+            download
+            leftSection={<Icon name="download" />}
+          >
             Download JSON
           </Button>
         }
@@ -81,11 +88,25 @@ function RunResult({ recording, run, runs }: { recording: Recording; run: Run; r
         <Exports jobId={run.job.id} answered={answered} />
         <Section title="To show to others">
           <div className={css.links}>
-            <Button component="a" href={reportUrl(run.job.id)} target="_blank" variant="default" size="compact-md" leftSection={<Icon name="file" size={14} />}>
+            <Button
+              component="a"
+              href={reportUrl(run.job.id)}
+              target="_blank"
+              variant="default"
+              size="compact-md"
+              leftSection={<Icon name="file" size={14} />}
+            >
               Report to print
             </Button>
             {answered && (
-              <Button component="a" href={mapPageUrl(run.job.id, dark)} download variant="default" size="compact-md" leftSection={<Icon name="download" size={14} />}>
+              <Button
+                component="a"
+                href={mapPageUrl(run.job.id, dark)}
+                download
+                variant="default"
+                size="compact-md"
+                leftSection={<Icon name="download" size={14} />}
+              >
                 3D scene page
               </Button>
             )}
@@ -110,10 +131,18 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
   return (
     <div className={css.document}>
       <Verdict result={result} text={verdict} />
-      {toneOf(result.status, result.messages.map((message) => message.code)) !== "good" && <NextSteps recording={recording} result={result} />}
+      {toneOf(
+        result.status,
+        result.messages.map((message) => message.code),
+      ) !== "good" && <NextSteps recording={recording} result={result} />}
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
-      <Messages messages={result.messages.filter((message) => !weak.has(message.text) && !verdict.includes(message.text))} />
+      <Messages
+        messages={result.messages.filter(
+          ({ code, text }) => !weak.has(text) && !verdict.includes(text) && !code.startsWith("sensor."),
+        )}
+      />
       <Advice observability={result.observability} />
+      <OwnErrors result={result} />
       <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>
   );

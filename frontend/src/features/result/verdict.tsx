@@ -2,7 +2,11 @@ import type { CalibrationResult } from "../../api/client";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 
-const words: Record<CalibrationResult["status"], string> = { calibrated: "Calibrated", weak: "Weak", refused: "Refused" };
+const words: Record<CalibrationResult["status"], string> = {
+  calibrated: "Calibrated",
+  weak: "Weak",
+  refused: "Refused",
+};
 const disagreement = "solve.disagreement";
 
 /** The colour of a result: green is for an answer that nothing speaks against. */
@@ -20,7 +24,10 @@ export function toneOf(status: CalibrationResult["status"], codes: readonly stri
 /** May I use this? One word, one sentence. */
 export function Verdict({ result, text }: { result: CalibrationResult; text: string }) {
   const { status } = result;
-  const tone = toneOf(status, result.messages.map((message) => message.code));
+  const tone = toneOf(
+    status,
+    result.messages.map((message) => message.code),
+  );
   const word = words[status];
   const sentence = text.startsWith(word) ? text.slice(word.length).replace(/^[:,] /, "") : text;
   return (

@@ -19,11 +19,10 @@ export interface Draft {
   intrinsics: string;
 }
 
-/** What the server calls its choice for the lidar's own errors; null where it has none to make. */
-export function intrinsicsOf(settings: Served): string | null {
-  const value: unknown = (settings as Record<string, unknown>)["intrinsics"];
-  return typeof value === "string" ? value : null;
-}
+const intrinsicsChoices = ["auto", "consider", "off"] as const;
+
+/** Blocks chosen one by one, as a select holds them. */
+export const chosenBlocks = "blocks";
 
 /** The choices of a run, as a draft of the next one. */
 export function draftOf(settings: Served): Draft {
@@ -31,8 +30,12 @@ export function draftOf(settings: Served): Draft {
   const exact = gravity.std_m_s2 === 0;
   return {
     method: settings.method,
-    points: settings.method === "paper" || settings.points_per_plane_per_scan == null ? "" : String(settings.points_per_plane_per_scan),
-    fieldDeg: settings.method === "paper" || settings.field_of_view_deg == null ? "" : String(settings.field_of_view_deg),
+    points:
+      settings.method === "paper" || settings.points_per_plane_per_scan == null
+        ? ""
+        : String(settings.points_per_plane_per_scan),
+    fieldDeg:
+      settings.method === "paper" || settings.field_of_view_deg == null ? "" : String(settings.field_of_view_deg),
     timeOffset: settings.estimate_time_offset,
     planes: settings.estimate_planes,
     priors: settings.priors.map(priorText),
@@ -41,7 +44,7 @@ export function draftOf(settings: Served): Draft {
     imuNoise: typeof noise === "string" ? noise : "",
     biasModel: settings.bias_model,
     imuSampling: settings.imu_sampling,
-    intrinsics: intrinsicsOf(settings) ?? "auto",
+    intrinsics: Array.isArray(settings.intrinsics) ? chosenBlocks : settings.intrinsics,
   };
 }
 
@@ -52,8 +55,9 @@ export function settingsOf(draft: Draft, before: Served): Partial<Settings> | nu
   const fieldDeg = optional(draft.fieldDeg, (value) => value > 0 && value <= 180, paper ? 45 : null);
   const gravity = gravityOf(draft);
   const priors = draft.priors.map(priorOf);
-  if (points === undefined || fieldDeg === undefined || gravity === undefined || priors.some((prior) => prior === null)) return null;
-  const settings: Partial<Settings> = {
+  if (points === undefined || fieldDeg === undefined || gravity === undefined || priors.some((prior) => prior === null))
+    return null;
+  return {
     method: draft.method,
     points_per_plane_per_scan: points,
     field_of_view_deg: fieldDeg,
@@ -64,10 +68,11 @@ export function settingsOf(draft: Draft, before: Served): Partial<Settings> | nu
     imu_sampling: draft.imuSampling === "even" ? "even" : draft.imuSampling === "as-stamped" ? "as-stamped" : "detect",
     imu_noise: draft.imuNoise === "" ? null : draft.imuNoise,
     excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
+    // Blocks that were named one by one stay as they were; so does the lidar.
+    intrinsics: intrinsicsChoices.find((choice) => choice === draft.intrinsics) ?? before.intrinsics,
+    lidar: before.lidar ?? null,
     ...(gravity === null ? {} : { gravity }),
   };
-  // Only a server that has the choice is told of it.
-  return intrinsicsOf(before) === null ? settings : { ...settings, ...{ intrinsics: draft.intrinsics } };
 }
 
 /** The number, what stands for an empty field, or undefined for what is no number that fits. */
@@ -81,6 +86,7 @@ function gravityOf({ gravity, gravityNumber }: Draft): Settings["gravity"] | nul
   if (gravity === "free") return null;
   const value = numberOf(gravityNumber);
   if (value === null) return undefined;
-  if (gravity === "latitude") return Math.abs(value) <= 90 ? { magnitude_m_s2: gravityAt(value), std_m_s2: latitudeGravityStd } : undefined;
+  if (gravity === "latitude")
+    return Math.abs(value) <= 90 ? { magnitude_m_s2: gravityAt(value), std_m_s2: latitudeGravityStd } : undefined;
   return value > 9 && value < 10 ? { magnitude_m_s2: value, std_m_s2: 0 } : undefined;
 }

@@ -1,7 +1,10 @@
 import type { OldExtrinsic } from "../../api/client";
 
 /** A pose as a 4 × 4 matrix, from a translation and a unit quaternion x y z w. */
-export function matrixOf({ translation_m: p, quaternion_xyzw: q }: Pick<OldExtrinsic, "translation_m" | "quaternion_xyzw">): number[][] {
+export function matrixOf({
+  translation_m: p,
+  quaternion_xyzw: q,
+}: Pick<OldExtrinsic, "translation_m" | "quaternion_xyzw">): number[][] {
   const [x = 0, y = 0, z = 0, w = 1] = q;
   const [px = 0, py = 0, pz = 0] = p;
   return [

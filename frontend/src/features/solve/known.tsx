@@ -17,7 +17,8 @@ function isAxis(text: string): text is Axis {
 /** What is known of single axes beforehand, each with its standard deviation: a ruler's lever arm, a wired clock. */
 export function Priors({ priors, onChange }: PriorsProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
-  const set = (place: number, part: Partial<PriorText>) => onChange(priors.map((prior, i) => (i === place ? { ...prior, ...part } : prior)));
+  const set = (place: number, part: Partial<PriorText>) =>
+    onChange(priors.map((prior, i) => (i === place ? { ...prior, ...part } : prior)));
   const free = axes.find((axis) => !priors.some((prior) => prior.axis === axis));
   return (
     <div className={css.priors} role="group" aria-label="What is known">
@@ -52,13 +53,23 @@ export function Priors({ priors, onChange }: PriorsProps) {
             onChange={(event) => set(i, { sigma: event.currentTarget.value })}
           />
           <span className="dim small">{unitOf(prior.axis)}</span>
-          <ActionIcon size="sm" variant="subtle" color="gray" aria-label={`Forget ${names[prior.axis] ?? prior.axis}`} onClick={() => onChange(priors.filter((_, k) => k !== i))}>
+          <ActionIcon
+            size="sm"
+            variant="subtle"
+            color="gray"
+            aria-label={`Forget ${names[prior.axis] ?? prior.axis}`}
+            onClick={() => onChange(priors.filter((_, k) => k !== i))}
+          >
             <Icon name="cross" size={12} />
           </ActionIcon>
         </div>
       ))}
       {free !== undefined && (
-        <Button size="compact-xs" variant="default" onClick={() => onChange([...priors, { axis: free === "rx" ? "tz" : free, value: "", sigma: "" }])}>
+        <Button
+          size="compact-xs"
+          variant="default"
+          onClick={() => onChange([...priors, { axis: free === "rx" ? "tz" : free, value: "", sigma: "" }])}
+        >
           Add something known
         </Button>
       )}

@@ -6,7 +6,7 @@ import { sparse } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
-import { draftOf, intrinsicsOf, settingsOf, type Draft } from "./draft";
+import { chosenBlocks, draftOf, settingsOf, type Draft } from "./draft";
 import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
@@ -31,7 +31,13 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
   const settings = settingsOf(draft, before);
   const spans = before.excluded_spans_s.length;
   const choice = (name: Choice, label: string, data: { value: string; label: string }[]) => (
-    <NativeSelect size="xs" label={label} value={draft[name]} data={data} onChange={(event) => set({ [name]: event.currentTarget.value })} />
+    <NativeSelect
+      size="xs"
+      label={label}
+      value={draft[name]}
+      data={data}
+      onChange={(event) => set({ [name]: event.currentTarget.value })}
+    />
   );
   return (
     <Section title="Solve again, differently">
@@ -49,7 +55,12 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
             ]}
           />
         </div>
-        <Switch size="xs" label="Estimate the time offset" checked={draft.timeOffset} onChange={(event) => set({ timeOffset: event.currentTarget.checked })} />
+        <Switch
+          size="xs"
+          label="Estimate the time offset"
+          checked={draft.timeOffset}
+          onChange={(event) => set({ timeOffset: event.currentTarget.checked })}
+        />
         <h3 className={css.group}>What is known</h3>
         <Priors priors={draft.priors} onChange={(priors) => set({ priors })} />
         <details className={css.more} open={settings === null}>
@@ -70,7 +81,10 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
                 onChange={(event) => set({ gravityNumber: event.currentTarget.value })}
               />
             )}
-            {choice("imuNoise", "IMU noise", [{ value: "", label: "as measured" }, ...presets.map((name) => ({ value: name, label: name }))])}
+            {choice("imuNoise", "IMU noise", [
+              { value: "", label: "as measured" },
+              ...presets.map((name) => ({ value: name, label: name })),
+            ])}
             {choice("biasModel", "Biases", [
               { value: "random-walk", label: "drift slowly" },
               { value: "constant", label: "constant" },
@@ -80,12 +94,12 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               { value: "as-stamped", label: "as stamped" },
               { value: "even", label: "evenly" },
             ])}
-            {intrinsicsOf(before) !== null &&
-              choice("intrinsics", "Lidar's own errors", [
-                { value: "auto", label: "where they show" },
-                { value: "consider", label: "in the error bars only" },
-                { value: "off", label: "taken as none" },
-              ])}
+            {choice("intrinsics", "Sensors' own errors", [
+              { value: "auto", label: "where they show" },
+              { value: "consider", label: "in the error bars only" },
+              { value: "off", label: "taken as none" },
+              ...(Array.isArray(before.intrinsics) ? [{ value: chosenBlocks, label: "those named before" }] : []),
+            ])}
             <TextInput
               size="xs"
               inputMode="numeric"
@@ -103,7 +117,12 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               onChange={(event) => set({ fieldDeg: event.currentTarget.value })}
             />
           </div>
-          <Switch size="xs" label="Estimate the planes" checked={draft.planes} onChange={(event) => set({ planes: event.currentTarget.checked })} />
+          <Switch
+            size="xs"
+            label="Estimate the planes"
+            checked={draft.planes}
+            onChange={(event) => set({ planes: event.currentTarget.checked })}
+          />
           <StartValue guess={guess} onChange={setGuess} />
         </details>
         {spans > 0 && (
@@ -117,7 +136,10 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
           size="compact-md"
           loading={pending}
           disabled={settings === null}
-          onClick={() => settings !== null && onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) })}
+          onClick={() =>
+            settings !== null &&
+            onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) })
+          }
         >
           Solve again
         </Button>

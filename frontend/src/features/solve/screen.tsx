@@ -44,11 +44,20 @@ export function SolveScreen() {
   const refused = outcome?.status === "refused";
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
   const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
-  useShortcuts("Solve", [{ keys: "Enter", label: onward === "inspect" ? "Inspect the answer" : "See the result", run: goOn }]);
+  useShortcuts("Solve", [
+    { keys: "Enter", label: onward === "inspect" ? "Inspect the answer" : "See the result", run: goOn },
+  ]);
 
   if (jobId === null) {
     return (
-      <Panel title="Solve" footer={<Button fullWidth onClick={solve} loading={start.isPending}>Solve</Button>}>
+      <Panel
+        title="Solve"
+        footer={
+          <Button fullWidth onClick={solve} loading={start.isPending}>
+            Solve
+          </Button>
+        }
+      >
         <StateBox title="Nothing has been solved yet">
           <p>The planes you confirmed are used; no start value is needed.</p>
         </StateBox>
@@ -62,7 +71,9 @@ export function SolveScreen() {
   return (
     <Panel
       title={standingOf(job)}
-      lead={job === null || ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."}
+      lead={
+        job === null || ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."
+      }
       footer={
         <Button fullWidth disabled={onward === null} onClick={goOn} rightSection={<Icon name="next" />}>
           {onward === "result" ? "See why" : "Inspect the answer"}
@@ -119,7 +130,15 @@ export function SolveScreen() {
           </div>
         </Section>
       )}
-      {ended && <SolveOptions key={job.id} before={job.settings} onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
+      {ended && (
+        <SolveOptions
+          key={job.id}
+          before={job.settings}
+          onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })}
+          pending={start.isPending}
+          error={start.error}
+        />
+      )}
     </Panel>
   );
 }
@@ -168,7 +187,11 @@ function Estimate({ run, looks, answer }: EstimateProps) {
         <p className="dim small">Each round takes in more points, so the cost may step up between rounds.</p>
       </Section>
       <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
-        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} looks={looks} />}
+        {last === undefined ? (
+          <p className="dim small">Shown once the joint solve begins.</p>
+        ) : (
+          <ResidualBars rows={last.planes} looks={looks} />
+        )}
       </Section>
     </>
   );
@@ -187,4 +210,3 @@ function CostPlot({ iterations }: { iterations: readonly IterationEvent[] }) {
     />
   );
 }
-

@@ -27,7 +27,9 @@ export function StartValue({ guess, onChange }: StartValueProps) {
     return (
       <div className={css.option}>
         <span className="small">
-          Starts with the lidar at <span className="num">{guess.translation_m.map((value) => fixed(value * 1000, 0)).join(", ")}</span> mm in the IMU&rsquo;s frame
+          Starts with the lidar at{" "}
+          <span className="num">{guess.translation_m.map((value) => fixed(value * 1000, 0)).join(", ")}</span> mm in the
+          IMU&rsquo;s frame
         </span>
         <Button size="compact-xs" variant="default" onClick={() => onChange(null)}>
           Without
@@ -48,7 +50,12 @@ export function StartValue({ guess, onChange }: StartValueProps) {
         onChange={(event) => setText(event.currentTarget.value)}
       />
       {text.trim() !== "" && (
-        <Button size="compact-xs" variant="default" loading={read.isPending} onClick={() => read.mutate({ text, direction: "imu_lidar" }, { onSuccess: onChange })}>
+        <Button
+          size="compact-xs"
+          variant="default"
+          loading={read.isPending}
+          onClick={() => read.mutate({ text, direction: "imu_lidar" }, { onSuccess: onChange })}
+        >
           Start there
         </Button>
       )}

@@ -42,7 +42,14 @@ function Found({ recordings, onOpen }: { recordings: readonly Recording[]; onOpe
     <>
       {recordings.length >= manyRecordings && (
         <div className={css.find}>
-          <TextInput size="xs" type="search" aria-label="Search recordings" placeholder="Search" value={wanted} onChange={(event) => setWanted(event.currentTarget.value)} />
+          <TextInput
+            size="xs"
+            type="search"
+            aria-label="Search recordings"
+            placeholder="Search"
+            value={wanted}
+            onChange={(event) => setWanted(event.currentTarget.value)}
+          />
           <NativeSelect
             size="xs"
             aria-label="Order of the recordings"
@@ -72,7 +79,10 @@ const tones: readonly Tone[] = ["good", "warning", "error", "info"];
 
 /** The recordings that have all the words in their name or state, in the wanted order. */
 export function listed(recordings: readonly Recording[], wanted: string, order: Order): Recording[] {
-  const words = wanted.toLowerCase().split(/\s+/).filter((word) => word !== "");
+  const words = wanted
+    .toLowerCase()
+    .split(/\s+/)
+    .filter((word) => word !== "");
   const found = recordings.filter((recording) => {
     const text = `${recording.name} ${standingOf(recording).text}`.toLowerCase();
     return words.every((word) => text.includes(word));
@@ -125,7 +135,9 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
         />
       )}
       <Link className={css.open} hidden={renaming} to={`/r/${recording.id}/${standing.screen}`}>
-        <strong className="clip" title={recording.name}>{recording.name}</strong>
+        <strong className="clip" title={recording.name}>
+          {recording.name}
+        </strong>
         <span className={css.meta}>
           <LevelIcon level={standing.tone} size={14} />
           <span>{standing.text}</span>
@@ -137,7 +149,12 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
       </Link>
       <Menu position="bottom-end" returnFocus={false} onClose={() => setSure(false)}>
         <Menu.Target>
-          <ActionIcon variant="subtle" color="gray" aria-label={`More for ${recording.name}`} loading={remove.isPending}>
+          <ActionIcon
+            variant="subtle"
+            color="gray"
+            aria-label={`More for ${recording.name}`}
+            loading={remove.isPending}
+          >
             <Icon name="more" />
           </ActionIcon>
         </Menu.Target>
@@ -145,7 +162,10 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <Menu.Item leftSection={<Icon name="file" />} onClick={() => onOpen(recording.id)}>
             Look at the recording
           </Menu.Item>
-          <Menu.Item leftSection={<Icon name="pencil" />} onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}>
+          <Menu.Item
+            leftSection={<Icon name="pencil" />}
+            onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}
+          >
             Rename
           </Menu.Item>
           <Menu.Item
@@ -203,7 +223,11 @@ export function standingOf(recording: Recording): Standing {
   if (outcome?.kind === "solve") {
     switch (outcome.status) {
       case "calibrated":
-        return { tone: outcome.tone === "doubtful" ? "warning" : "good", text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated", screen: "result" };
+        return {
+          tone: outcome.tone === "doubtful" ? "warning" : "good",
+          text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated",
+          screen: "result",
+        };
       case "weak":
         return { tone: "warning", text: "Weak", screen: "result" };
       case "refused":

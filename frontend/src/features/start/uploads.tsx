@@ -1,6 +1,6 @@
 import { useQueryClient } from "@tanstack/react-query";
 import { createContext, useCallback, useContext, useMemo, useRef, useState, type ReactNode } from "react";
-import type { PreviousUpload, Upload as TusUpload } from "tus-js-client";
+import type { HttpRequest, PreviousUpload, Upload as TusUpload } from "tus-js-client";
 import { asFault, type ApiFault } from "../../api/fault";
 import { keys } from "../../api/queries";
 import { addSample, type RateSample } from "./rate";
@@ -21,7 +21,10 @@ interface Uploads {
   cancel: (recordingId: string) => void;
 }
 
-const chunkBytes = 64 * 1024 * 1024;
+/** What is lost of a broken connection at most, and what the browser keeps in memory to hash. */
+const chunkBytes = 32 * 1024 * 1024;
+/** Refusals that are no fault of the file: somebody else writes, the offset has moved, bytes changed on the way. */
+const passingStatuses = [409, 423, 460];
 const UploadContext = createContext<Uploads | null>(null);
 
 export function useUploads(): Uploads {
@@ -42,7 +45,13 @@ export function UploadProvider({ children }: { children: ReactNode }) {
       const token = Symbol(file.name);
       const entries = new Map<symbol, UploadProgress>();
       const show = (change: Partial<UploadProgress>) => {
-        const before = entries.get(token) ?? { recordingId: null, name: file.name, size: file.size, samples: [], fault: null };
+        const before = entries.get(token) ?? {
+          recordingId: null,
+          name: file.name,
+          size: file.size,
+          samples: [],
+          fault: null,
+        };
         const after = { ...before, ...change };
         entries.set(token, after);
         setList((old) => [...old.filter((one) => one !== before), after]);
@@ -57,6 +66,11 @@ export function UploadProvider({ children }: { children: ReactNode }) {
           retryDelays: [0, 1000, 2000, 4000, 8000, 15000, 30000],
           metadata: { filename: file.name, filetype: file.type === "" ? "application/octet-stream" : file.type },
           removeFingerprintOnSuccess: true,
+          onBeforeRequest: (request) => addChecksum(request, file),
+          onShouldRetry: (error) => {
+            const status = error.originalResponse?.getStatus() ?? 0;
+            return navigator.onLine && (status < 400 || status >= 500 || passingStatuses.includes(status));
+          },
           onUploadUrlAvailable: () => {
             const id = upload.url?.replace(/\/+$/, "").split("/").at(-1) ?? "";
             running.current.set(id, upload);
@@ -116,6 +130,16 @@ export async function previousOf(upload: Pick<TusUpload, "findPreviousUploads">)
   }
 }
 
+/** What the bytes of a request hash to, so that the server keeps them only as they are here. */
+async function addChecksum(request: HttpRequest, file: File): Promise<void> {
+  const offset = request.getHeader("Upload-Offset");
+  // Browsers hash for pages that came over https or from this machine only.
+  if (request.getMethod() !== "PATCH" || offset === undefined || !window.isSecureContext) return;
+  const bytes = await file.slice(Number(offset), Number(offset) + chunkBytes).arrayBuffer();
+  const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+  request.setHeader("Upload-Checksum", `sha256 ${btoa(String.fromCharCode(...digest))}`);
+}
+
 /** The server's own sentence, where the failed request carries one. */
 function uploadError(error: Error): Error {
   if (!("originalResponse" in error)) return error;
@@ -124,6 +148,8 @@ function uploadError(error: Error): Error {
     const told = JSON.parse(response?.getBody() ?? "") as { error?: { text?: string } };
     return new Error(told.error?.text ?? error.message);
   } catch {
-    return new Error("The upload was interrupted and could not be resumed; see that the server runs, then drop the file again to go on.");
+    return new Error(
+      "The upload was interrupted and could not be resumed; see that the server runs, then drop the file again to go on.",
+    );
   }
 }

@@ -9,7 +9,15 @@ import css from "./layout.module.css";
 import { SceneTools } from "./scenetools";
 
 /** The 3D canvas. It stays mounted while the recording is open, since connecting it takes seconds. */
-export function ScenePane({ recordingId, visible, mode }: { recordingId: string; visible: boolean; mode: StepName | null }) {
+export function ScenePane({
+  recordingId,
+  visible,
+  mode,
+}: {
+  recordingId: string;
+  visible: boolean;
+  mode: StepName | null;
+}) {
   const frame = useRef<HTMLIFrameElement>(null);
   const [loaded, setLoaded] = useState(false);
   const [wanted, setWanted] = useState(visible);

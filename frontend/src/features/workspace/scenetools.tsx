@@ -23,8 +23,10 @@ export function SceneTools({ recordingId, view }: { recordingId: string; view: V
   const { mutate } = useChangeView(recordingId);
   // Pressed again, a way to look is gone back to after the view was turned by hand.
   const look = (preset: Preset) => mutate({ preset, looks: view.looks + 1 });
-  const size = (factor: number) => mutate({ point_scale: Math.min(largest, Math.max(smallest, view.point_scale * factor)) });
-  const next = () => look(presets[(presets.findIndex((one) => one.value === view.preset) + 1) % presets.length]?.value ?? "overview");
+  const size = (factor: number) =>
+    mutate({ point_scale: Math.min(largest, Math.max(smallest, view.point_scale * factor)) });
+  const next = () =>
+    look(presets[(presets.findIndex((one) => one.value === view.preset) + 1) % presets.length]?.value ?? "overview");
   useShortcuts("The view", [
     { keys: "v", label: "Next way to look at the room", run: next },
     { keys: "+", label: "Larger points", run: () => size(step) },
@@ -48,10 +50,22 @@ export function SceneTools({ recordingId, view }: { recordingId: string; view: V
         </ActionIcon>
       </Tooltip>
       <ActionIcon.Group>
-        <ActionIcon size={30} variant="default" aria-label="Smaller points" disabled={view.point_scale <= smallest} onClick={() => size(1 / step)}>
+        <ActionIcon
+          size={30}
+          variant="default"
+          aria-label="Smaller points"
+          disabled={view.point_scale <= smallest}
+          onClick={() => size(1 / step)}
+        >
           <span className={css.dotSmall} />
         </ActionIcon>
-        <ActionIcon size={30} variant="default" aria-label="Larger points" disabled={view.point_scale >= largest} onClick={() => size(step)}>
+        <ActionIcon
+          size={30}
+          variant="default"
+          aria-label="Larger points"
+          disabled={view.point_scale >= largest}
+          onClick={() => size(step)}
+        >
           <span className={css.dotLarge} />
         </ActionIcon>
       </ActionIcon.Group>

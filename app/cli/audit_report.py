@@ -1,0 +1,54 @@
+"""An audit told to a person: the verdict, each axis with its limit, what would have shown, the room with each."""
+
+from __future__ import annotations
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from app.cli.terminal import bullet
+from calib_core.audit.report import AuditReport, AxisAudit, Verdict
+
+_STYLES: dict[Verdict, str] = {"passed": "bold green", "failed": "bold red", "unknown": "bold yellow"}
+_AXES = {
+    "rx": "rotation about the lidar's x",
+    "ry": "rotation about the lidar's y",
+    "rz": "rotation about the lidar's z",
+    "tx": "position along the IMU's x",
+    "ty": "position along the IMU's y",
+    "tz": "position along the IMU's z",
+    "dt": "time offset",
+}
+
+
+def audit_block(report: AuditReport, name: str) -> RenderableType:
+    """The whole report as one block.   name: of the file with the extrinsic."""
+    parts: list[RenderableType] = [Text(report.text, style=_STYLES[report.verdict])]
+    parts.append(Text(f"{name} was read as {report.extrinsic_form}.", style="dim"))
+    if report.axes:
+        parts.append(_axes(report.axes))
+    if report.crispness is not None:
+        parts.append(Text(report.crispness.text))
+    parts += [bullet("-", Text(hint), "yellow") for hint in report.hints]
+    return Panel(Group(*parts), title="unsweep audit", title_align="left", border_style="dim", padding=(0, 1))
+
+
+def _axes(axes: list[AxisAudit]) -> RenderableType:
+    table = Table(box=None, padding=(0, 1), header_style="dim")
+    table.add_column("given minus found")
+    for title in ("difference", "1 sigma", "limit", "would have shown"):
+        table.add_column(title, justify="right")
+    table.add_column("")
+    for axis in axes:
+        verdict = "not judged" if axis.verdict is None else axis.verdict
+        table.add_row(
+            _AXES[axis.axis],
+            "-" if axis.difference is None else f"{axis.difference:+.3f} {axis.unit}",
+            f"{axis.difference_std:.3f} {axis.unit}",
+            "-" if axis.limit is None else f"{axis.limit:g} {axis.unit}",
+            f"from {axis.smallest_error:.3g} {axis.unit}",
+            Text(verdict, style="dim" if axis.verdict is None else _STYLES[axis.verdict]),
+        )
+    return Padding(table, (1, 0))

@@ -1,0 +1,46 @@
+"""The JSON parts of a job's row, read without trust: a part that cannot be read costs that part, not the list it is in."""
+
+from __future__ import annotations
+
+from pydantic import TypeAdapter, ValidationError
+
+from app.jobs.orders import StoredRequest
+from app.schemas.common import ErrorFacts
+from app.schemas.jobs import Outcome
+from app.storage.records import JobRecord
+
+_OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
+UNREADABLE = ErrorFacts(
+    code="job.unreadable", text="What this job was asked for cannot be read any more; start it anew from its screen."
+)
+
+
+def request_of(record: JobRecord) -> StoredRequest:
+    """What was asked for; a request for nothing in particular where that cannot be read."""
+    return readable_request(record) or StoredRequest()
+
+
+def readable_request(record: JobRecord) -> StoredRequest | None:
+    """What was asked for; None where that cannot be read."""
+    try:
+        return StoredRequest.model_validate_json(record.request_json)
+    except ValidationError:
+        return None
+
+
+def error_of(record: JobRecord) -> ErrorFacts | None:
+    """Why the job failed; that it cannot be read where it cannot."""
+    if readable_request(record) is None:
+        return UNREADABLE
+    try:
+        return None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json)
+    except ValidationError:
+        return UNREADABLE
+
+
+def outcome_of(record: JobRecord) -> Outcome | None:
+    """How the job ended, where it ended well."""
+    try:
+        return None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json)
+    except ValidationError:
+        return None

@@ -1,0 +1,198 @@
+"""The jobs themselves, run in worker processes: thin steps around calib_core.api that leave files behind.
+
+simulate   a sample recording            -> the recording's source
+inspect    the doctor's report           -> {job}/report.json
+planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
+audit      compare an extrinsic          -> {job}/audit.json
+solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json,
+                                             evidence.json
+"""
+
+from __future__ import annotations
+
+import importlib
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from app.arrays.folder import DamagedArrays, discard
+from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals, write_proposals
+from app.arrays.recording import has_recording, read_recording, recording_arrays, write_recording
+from app.arrays.trajectory import write_trajectory
+from app.jobs.naming import document_by_name, events_by_name
+from app.jobs.orders import Order, OrderedPlane
+from app.results.evidence import StepListener, measure_evidence
+from app.results.scans import measure_scans
+from app.results.thickness import measure_thickness
+from app.results.verdict import solve_outcome
+from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
+from app.schemas.jobs import InitialGuess as WireGuess
+from app.storage.atomic import put_in_place
+from app.storage.sizes import tree_size
+from app.work.head import propose_from_head
+from calib_core import api
+from calib_core.errors import Cancelled, SettingsError
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
+from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
+
+#: A sample is the same recording for everybody.
+SAMPLE_SEED = 1
+#: What a job says once its planes can be looked at, while it goes on reading.
+PROPOSED = "planes.proposed"
+
+
+def warm_up() -> None:
+    """Import what the first view of a recording needs, while nobody waits for it."""
+    for name in ("calib_core.readers.load", "calib_core.full.planes.propose", "calib_core.doctor.examine"):
+        importlib.import_module(name)
+
+
+def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
+    """Run the ordered job; its outcome. What an archive holds is unpacked once for all jobs of the recording."""
+    with nullcontext() if order.unpacked is None else api.sharing_archives(order.unpacked):
+        return _run(order, events_by_name(order, on_event), should_cancel)
+
+
+def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
+    match order.kind:
+        case "simulate":
+            return run_simulate(order, on_event, should_cancel)
+        case "inspect":
+            return run_inspect(order, on_event, should_cancel)
+        case "planes":
+            return run_planes(order, on_event, should_cancel)
+        case "solve":
+            return run_solve(order, on_event, should_cancel)
+        case "audit":
+            return run_audit(order, on_event, should_cancel)
+
+
+def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> SimulateOutcome:
+    """Write the sample where uploads end up."""
+    on_event(StageEvent(stage="write", fraction=0.0, text="simulating the sensors"))
+    order.source.parent.mkdir(parents=True, exist_ok=True)
+    api.simulate(order.scenario, order.source, seed=SAMPLE_SEED, on_event=on_event, should_cancel=should_cancel)
+    return SimulateOutcome(size_bytes=tree_size(order.source))
+
+
+def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> InspectOutcome:
+    """Write the doctor's report."""
+    report = api.inspect(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
+    _write(order.folder / "report.json", document_by_name(order, report.model_dump_json(by_alias=True)))
+    return InspectOutcome()
+
+
+def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> PlanesOutcome:
+    """Propose planes, from the first seconds where that will do, and decode the recording unless that is done."""
+    folder = proposal_arrays(order.cache)
+    if not has_proposals(folder) and not has_recording(recording_arrays(order.cache)):
+        early = propose_from_head(order, on_event, should_cancel)
+        if early is not None:
+            write_proposals(folder, early)
+            on_event(LogEvent(level="info", code=PROPOSED, text=f"{len(early.patches)} planes can be looked at."))
+    recording = decoded(order, on_event, should_cancel)
+    if not kept_proposals(folder):
+        proposals = api.propose_planes(
+            recording, order.request.settings, on_event=on_event, should_cancel=should_cancel
+        )
+        write_proposals(folder, proposals)
+    proposals = read_proposals(folder)
+    return PlanesOutcome(patches=len(proposals.patches), points=len(proposals.cloud_m), static=proposals.static)
+
+
+def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
+    """Calibrate and write what the answer is shown with."""
+    recording = decoded(order, on_event, should_cancel)
+    on_event = steps = StepListener(on_event)
+    calibration = api.calibrate(
+        recording,
+        order.request.settings,
+        planes=None if order.request.planes is None else [_plane(plane) for plane in order.request.planes],
+        initial_guess=_guess(order.request.initial_guess),
+        on_event=on_event,
+        should_cancel=should_cancel,
+    )
+    if should_cancel():
+        raise Cancelled("Stopped before anything was written.")
+    order.folder.mkdir(parents=True, exist_ok=True)
+    if calibration.trajectory is not None:
+        on_event(StageEvent(stage="deskew", fraction=0.0, text="measuring the walls"))
+        write_trajectory(order.folder / "trajectory.npz", calibration.trajectory)
+        kept = api.without_spans(recording, order.request.settings.excluded_spans_s)
+        walls = measure_thickness(kept, calibration.trajectory, calibration.result.quality.planes)
+        _write(order.folder / "thickness.json", walls.model_dump_json())
+        scans = measure_scans(recording, calibration.trajectory, calibration.result.quality.planes)
+        _write(order.folder / "scans.json", scans.model_dump_json())
+    evidence = measure_evidence(recording, calibration.result, calibration.trajectory, steps.steps)
+    _write(order.folder / "evidence.json", evidence.model_dump_json())
+    _write(order.folder / "reading.json", order.read_settings.model_dump_json())
+    _write(order.folder / "result.json", document_by_name(order, calibration.result.to_json()))
+    return solve_outcome(calibration.result)
+
+
+def run_audit(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> AuditOutcome:
+    """Hold the given extrinsic against the recording and write the report."""
+    wish = order.request.audit
+    if wish is None:
+        raise ValueError("an audit was ordered without an extrinsic")
+    recording = decoded(order, on_event, should_cancel)
+    frames = (recording.imu.frame_id, recording.lidar.frame_id)
+    given = api.parse_extrinsic(wish.extrinsic, direction=wish.direction, frames=frames)
+    report = api.audit(recording, given, limits=wish.limits, on_event=on_event, should_cancel=should_cancel)
+    _write(order.folder / "audit.json", document_by_name(order, report.to_json()))
+    return AuditOutcome(verdict=report.verdict, text=report.text)
+
+
+def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Recording:
+    """The recording from its array file, which is made first where it is missing."""
+    folder = recording_arrays(order.cache)
+    try:
+        if has_recording(folder):
+            return replace(read_recording(folder), name=order.recording_name)
+    except DamagedArrays:
+        discard(folder)
+    recording = api.load(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
+    write_recording(folder, replace(recording, name=order.recording_name))
+    return replace(read_recording(folder), name=order.recording_name)
+
+
+def kept_proposals(folder: Path) -> PlaneProposals | None:
+    """The proposals that are kept; None where there are none, or damaged ones, which go."""
+    try:
+        return read_proposals(folder) if has_proposals(folder) else None
+    except DamagedArrays:
+        discard(folder)
+        return None
+
+
+def _plane(plane: OrderedPlane) -> Plane:
+    """The plane as it is read from a file of planes, to the last digit: the shown command repeats the run exactly."""
+    normal = np.array(plane.normal, dtype=np.float64)
+    length = float(np.linalg.norm(normal))
+    outline_m = None if plane.outline_m is None else np.array(plane.outline_m, dtype=np.float64)
+    return Plane(name=plane.name, normal=normal / length, offset_m=plane.offset_m / length, outline_m=outline_m)
+
+
+def _guess(wire: WireGuess | None) -> InitialGuess | None:
+    if wire is None:
+        return None
+    offset_ns = None if wire.time_offset_s is None else round(wire.time_offset_s * 1e9)
+    if wire.matrix is None:
+        return InitialGuess(time_offset_ns=offset_ns)
+    matrix = np.array(wire.matrix, dtype=np.float64)
+    rotation = matrix[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0:
+        raise SettingsError(
+            "Expected a rotation in the initial guess's matrix, but its columns are not orthonormal; correct it."
+        )
+    left, _, right = np.linalg.svd(rotation)
+    return InitialGuess(R_imu_lidar=left @ right, p_imu_lidar=matrix[:3, 3], time_offset_ns=offset_ns)
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(path.name + ".part")
+    fresh.write_text(text, encoding="utf-8")
+    put_in_place(fresh, path)

@@ -1,0 +1,171 @@
+"""What is possible with sensors as they are: bounds with their faults as unknowns, and what ignoring the faults costs.
+
+`python -m bench bound-faults [SCENARIO]`: one elimination of the recording with every parameter of blocks.py as an unknown
+without a prior; each row of the table is then a small problem of its own.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.bound import Assumptions, Blocks, with_parameters
+from bench.bound.model import CALIBRATION, FloatArray
+from bench.fault_runs import scenario_of
+from bench.store import RESULTS
+from bench.tables import append_row, read_rows
+from calib_core.simulate import Fault, parse_faults, prepare
+
+FAULT_BOUNDS = "fault_bounds.csv"
+#: The rows of the table; sizes are standard deviations here, also of what comes once.
+ROWS = {
+    "laser offsets 8 mm": "laser-offsets=8mm",
+    "laser angles 0.05 deg": "laser-angles=0.05deg",
+    "IMU scale 0.4 %": "gyro-scale=0.4%,accel-scale=0.4%",
+    "IMU axes 0.3 deg, triads 0.15 deg": "imu-axes=0.3deg,gyro-rotation=0.15deg",
+    "accelerometer 2.5 ms late": "accel-delay=2.5ms",
+    "clock 40 ppm": "clock-rate=40",
+    "industrial": "industrial",
+    "consumer": "consumer",
+}
+#: A fault's blocks, each with its share of the fault's size as prior.
+_BLOCKS: dict[str, dict[str, float]] = {
+    "laser-offsets": {"laser_range_offset": 1.0},
+    "laser-elevation": {"laser_elevation": 1.0},
+    "laser-azimuth": {"laser_azimuth": 1.0},
+    # Amplitude and phase as two components: each has half of the amplitude's variance.
+    "eccentricity": {"eccentricity": 0.5**0.5},
+    "laser-angles": {"laser_elevation": 1.0, "laser_azimuth": 1.0, "eccentricity": 0.4 * 0.5**0.5},
+    "laser-scale": {"laser_range_scale": 1.0},
+    "range-offset": {"range_offset": 1.0},
+    "gyro-scale": {"gyroscope_scale": 1.0},
+    "accel-scale": {"accelerometer_scale": 1.0},
+    "imu-axes": {"gyroscope_axes": 1.0, "accelerometer_axes": 1.0},
+    "gyro-rotation": {"gyroscope_rotation": 1.0},
+    "accel-delay": {"accelerometer_delay": 1.0},
+    "clock-rate": {"clock_rate": 1.0},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FaultBoundRow:
+    """One set of faults. rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; gyroscope_rotation_deg: the
+    same for the rotation into the gyroscope's mean axes.   ignoring_: root mean square
+    error, over faults drawn from these sizes, of the efficient estimator for ideal sensors.   left: of each block's prior
+    sigma, the part that remains, smallest to largest."""
+
+    scenario: str
+    faults: str
+    rotation_deg: float
+    translation_mm: float
+    offset_ms: float
+    gyroscope_rotation_deg: float
+    ignoring_rotation_deg: float
+    ignoring_translation_mm: float
+    ignoring_offset_ms: float
+    left: str
+
+
+def priors_of(faults: Sequence[Fault], blocks: Blocks) -> FloatArray:
+    """(size,) prior standard deviation of each parameter, 0 where it is known to be ideal."""
+    stds = np.zeros(blocks.size)
+    for fault in faults:
+        if fault.size is None and fault.name in _BLOCKS:
+            raise ValueError(f"the bound needs a size for the fault {fault.name}")
+        for block, share in _BLOCKS.get(fault.name, {}).items():
+            stds[blocks.places[block]] = share * (fault.size or 0.0)
+    return stds
+
+
+def joint(triangle: FloatArray, stds: FloatArray) -> FloatArray:
+    """(size + 7, size + 7) covariance with the parameters as unknowns of these prior stds; 0 for those of std 0, known ones.
+
+    triangle: of `with_parameters`.
+    """
+    size = len(stds)
+    free = np.flatnonzero(stds)
+    # In units of their priors, so that nothing is lost to their different sizes.
+    information = np.vstack([triangle[:, free] * stds[free], np.eye(len(free))])
+    rows = np.hstack([information, np.vstack([triangle[:, size:], np.zeros((len(free), CALIBRATION))])])
+    root = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+    root[: len(free)] *= stds[free, None]
+    covariance = np.zeros((size + CALIBRATION, size + CALIBRATION))
+    places = np.array([*free, *range(size, size + CALIBRATION)])
+    covariance[np.ix_(places, places)] = root @ root.T
+    return covariance
+
+
+def in_the_gyroscopes_axes(covariance: FloatArray, blocks: Blocks, R_imu_lidar: FloatArray) -> FloatArray:
+    """(3, 3) of the rotation into the gyroscope's mean axes instead of the accelerometer's. covariance: of `joint`.
+
+    (I + N) Exp(r) with N = symmetric + [a]x turns into them by r + a; R_c Exp(phi) becomes R_c Exp(phi + R_c^T (r + a)).
+    """
+    half = 0.5 * np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+    turn = np.zeros((3, len(covariance)))
+    turn[:, blocks.size : blocks.size + 3] = np.eye(3)
+    turn[:, blocks.places["gyroscope_rotation"]] = R_imu_lidar.T
+    turn[:, blocks.places["gyroscope_axes"]] = R_imu_lidar.T @ half
+    return np.asarray(turn @ covariance @ turn.T)
+
+
+def ignored(triangle: FloatArray, stds: FloatArray) -> FloatArray:
+    """(7, 7) mean square error where parameters of these stds are there and taken for ideal."""
+    size = len(stds)
+    pseudo = np.linalg.pinv(triangle[:, size:], rcond=1e-15)
+    shift = pseudo @ triangle[:, :size] * stds
+    return np.asarray(pseudo @ pseudo.T + shift @ shift.T)
+
+
+def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: Path = RESULTS) -> None:
+    """The rows of one scenario, shown and written; rows of other scenarios stay."""
+    simulation = prepare(scenario_of(scenario), seed=1, duration_s=duration_s)
+    triangle, blocks = with_parameters(simulation, Assumptions(every=7))
+    stds = {"ideal sensors": np.zeros(blocks.size)}
+    stds |= {name: priors_of(parse_faults(text), blocks) for name, text in rows.items()}
+    R = simulation.truth.R_imu_lidar
+    made = [_row(scenario, name, some, triangle, blocks, R) for name, some in stds.items()]
+    path = folder / FAULT_BOUNDS
+    kept = [row for row in read_rows(path, FaultBoundRow, ()) if row.scenario != scenario]
+    path.unlink(missing_ok=True)
+    for row in (*kept, *made):
+        append_row(path, row, ())
+    for row in made:
+        sys.stdout.write(
+            f"{row.faults:34}{row.rotation_deg:8.4f} deg{row.translation_mm:7.3f} mm{row.offset_ms:8.4f} ms  "
+            f"gyroscope's axes: {row.gyroscope_rotation_deg:.4f} deg  ignored: "
+            f"{row.ignoring_rotation_deg:7.4f}{row.ignoring_translation_mm:8.3f}{row.ignoring_offset_ms:8.4f}  {row.left}\n"
+        )
+
+
+def _row(
+    scenario: str, name: str, stds: FloatArray, triangle: FloatArray, blocks: Blocks, R_imu_lidar: FloatArray
+) -> FaultBoundRow:
+    covariance = joint(triangle, stds)
+    gyroscope = in_the_gyroscopes_axes(covariance, blocks, R_imu_lidar)
+    left = np.sqrt(np.diag(covariance)[: blocks.size]) / np.where(stds > 0.0, stds, 1.0)
+    parts = [
+        f"{block} {left[place].min():.2f}-{left[place].max():.2f}"
+        for block, place in blocks.places.items()
+        if stds[place].any()
+    ]
+    return FaultBoundRow(
+        scenario,
+        name,
+        *_norms(covariance[blocks.size :, blocks.size :]),
+        float(np.degrees(np.sqrt(np.trace(gyroscope)))),
+        *_norms(ignored(triangle, stds)),
+        "; ".join(parts),
+    )
+
+
+def _norms(covariance: FloatArray) -> tuple[float, float, float]:
+    variances = np.diag(covariance)
+    return (
+        float(np.degrees(np.sqrt(variances[:3].sum()))),
+        float(1e3 * np.sqrt(variances[3:6].sum())),
+        float(1e3 * np.sqrt(variances[6])),
+    )

@@ -1,0 +1,187 @@
+"""What is possible with sensors as they are, and what campaigns found: `python -m bench report-faults` writes faults.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from bench.fault_bounds import FAULT_BOUNDS, FaultBoundRow
+from bench.fault_runs import Campaign, FaultParameter, FaultRun, read_fault_parameters, read_fault_runs
+from bench.statistics import BIAS_SIGMAS, FREEDOM, bias_text, mean_errors
+from bench.store import RESULTS
+from bench.tables import read_rows
+
+_HALF_95 = float(norm.ppf(0.975))
+_HEAD = (
+    "recording",
+    "faults",
+    "solved",
+    "rotation [deg]",
+    "translation [mm]",
+    "time offset [ms]",
+    "NEES",
+    "99 % interval",
+    "within 95 %",
+    "worst [sigmas]",
+    "bias",
+    "parameters",
+    "version",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Of one campaign. rms, stated: rotation [deg], translation [mm], time offset [ms].   nees: mean, and low and high of
+    the interval that it lies in 99 times of 100.   inside: share of the seven within their 95 % intervals.
+    worst: largest error in sigmas.   bias: (7,) mean error in sigmas of a mean of so many."""
+
+    campaign: Campaign
+    runs: int
+    solved: int
+    rms: tuple[float, float, float]
+    stated: tuple[float, float, float]
+    nees: tuple[float, float, float]
+    inside: float
+    worst: float
+    bias: tuple[float, ...]
+
+
+def summary(runs: Sequence[FaultRun]) -> Summary:
+    """Of the runs of one campaign, of which some have an answer."""
+    solved = [run for run in runs if run.is_solved]
+    n = len(solved)
+    errors, stds = np.array([run.errors for run in solved]), np.array([run.stds for run in solved])
+    scaled = errors / stds
+    low, high = chi2.ppf([0.005, 0.995], FREEDOM * n) / n
+    return Summary(
+        runs[0].campaign,
+        len(runs),
+        n,
+        _norms(np.mean(errors**2, axis=0)),
+        _norms(np.mean(stds**2, axis=0)),
+        (float(np.mean([run.nees for run in solved])), float(low), float(high)),
+        float(np.mean(np.abs(scaled) <= _HALF_95)),
+        float(np.abs(scaled).max()),
+        mean_errors(errors.tolist(), stds.tolist()),
+    )
+
+
+def _norms(variances: np.ndarray) -> tuple[float, float, float]:
+    return (
+        float(np.degrees(np.sqrt(variances[:3].sum()))),
+        float(1e3 * np.sqrt(variances[3:6].sum())),
+        float(1e3 * np.sqrt(variances[6])),
+    )
+
+
+def parameters_text(parameters: Sequence[FaultParameter]) -> str:
+    """Per block the root mean square error over the stated sigma, and the part of the prior that is left."""
+    blocks: dict[str, list[FaultParameter]] = {}
+    for each in parameters:
+        if each.state == "estimated":
+            blocks.setdefault(each.block, []).append(each)
+    parts = []
+    for block, some in blocks.items():
+        ratio = np.sqrt(np.mean([((each.value - each.truth) / each.std) ** 2 for each in some]))
+        left = np.median([each.std / each.prior_std for each in some])
+        parts.append(f"{block} {ratio:.2f} ({left:.2f})")
+    return ", ".join(parts)
+
+
+def write_report(folder: Path = RESULTS) -> Path:
+    """Write faults.md: the bounds, and the latest version's campaigns, one a row."""
+    groups: dict[Campaign, list[FaultRun]] = {}
+    for run in read_fault_runs(folder):
+        groups.setdefault(run.campaign, []).append(run)
+    latest = {(each.scenario, each.faults, each.duration_s, each.settings): each for each in groups}
+    parameters = read_fault_parameters(folder)
+    bounds = {(row.scenario, row.faults): row for row in read_rows(folder / FAULT_BOUNDS, FaultBoundRow, ())}
+    lines = [
+        "# Sensors as they are",
+        "",
+        "Written by `python -m bench report-faults` from `fault_bounds.csv`, `fault_runs.csv` and `fault_parameters.csv`.",
+        *_bounds_section(list(bounds.values())),
+        "",
+        "## Campaigns",
+        "",
+        "Each cell: rms error (what the stated sigmas let one expect; bound for 30 s with the faults as unknowns). Bias: the",
+        f"largest of the seven mean errors in its own sigmas; beyond {BIAS_SIGMAS:.1f} it is one. Parameters: rms error over",
+        "stated sigma by block (part of the prior's sigma that is left).",
+        "",
+        *(
+            ["| " + " | ".join(_HEAD) + " |", "| --- | --- |" + " ---: |" * 8 + " --- | --- | --- |"]
+            if groups
+            else ["Not run yet."]
+        ),
+    ]
+    for campaign in latest.values():
+        some = groups[campaign]
+        if not any(run.is_solved for run in some):
+            lines.append(f"| {campaign.scenario} | {campaign.faults} | 0 of {len(some)} |" + " |" * 10)
+            continue
+        mine = [each for each in parameters if _belongs(each, campaign)]
+        lines.append(_row(summary(some), bounds.get((campaign.scenario, campaign.faults)), parameters_text(mine)))
+    path = folder / "faults.md"
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    return path
+
+
+def _bounds_section(rows: Sequence[FaultBoundRow]) -> list[str]:
+    """What is possible."""
+    head = "| recording | faults | as unknowns | rotation, gyroscope's axes | ignored | of the prior's sigma is left |"
+    return [
+        "",
+        "## What is possible",
+        "",
+        "Root traces of the Cramér-Rao bound, rotation [deg] / translation [mm] / time offset [ms]: with the faults as unknowns",
+        "with priors of their size, and the root mean square error of the efficient estimator for ideal sensors that ignores",
+        "them. The IMU's frame is that of the accelerometer's axes: where these are uncertain, so is the rotation; the",
+        "rotation into the gyroscope's mean axes, which the lidar sees turn, has a column of its own.",
+        "",
+        head,
+        "| --- | --- | ---: | ---: | ---: | --- |",
+        *(
+            f"| {row.scenario} | {row.faults} | {row.rotation_deg:.4f} / {row.translation_mm:.2f} / {row.offset_ms:.4f} | "
+            f"{row.gyroscope_rotation_deg:.4f} | "
+            f"{row.ignoring_rotation_deg:.3f} / {row.ignoring_translation_mm:.1f} / {row.ignoring_offset_ms:.3f} | {row.left} |"
+            for row in rows
+        ),
+    ]
+
+
+def _belongs(parameter: FaultParameter, campaign: Campaign) -> bool:
+    own = Campaign(parameter.scenario, parameter.faults, parameter.duration_s, parameter.settings, parameter.label)
+    return own == campaign
+
+
+def _row(found: Summary, bound: FaultBoundRow | None, parameters: str) -> str:
+    limits = (None,) * 3 if bound is None else (bound.rotation_deg, bound.translation_mm, bound.offset_ms)
+    cells = [
+        f"{value:.4g} ({stated:.4g}" + (")" if limit is None else f"; {limit:.4g})")
+        for value, stated, limit in zip(found.rms, found.stated, limits, strict=True)
+    ]
+    of = found.campaign
+    settings = f" ({of.settings})" if of.settings else ""
+    return (
+        "| "
+        + " | ".join(
+            [
+                f"{of.scenario}, {of.duration_s:g} s{settings}",
+                of.faults,
+                f"{found.solved} of {found.runs}",
+                *cells,
+                f"{found.nees[0]:.2f}",
+                f"{found.nees[1]:.2f} to {found.nees[2]:.2f}",
+                f"{100 * found.inside:.1f} %",
+                f"{found.worst:.1f}",
+                bias_text(found.bias),
+                parameters,
+                of.label,
+            ]
+        )
+        + " |"
+    )

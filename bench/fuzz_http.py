@@ -1,0 +1,236 @@
+"""Senseless requests by the hundred: `python -m bench.fuzz_http --count 100000` against a server of its own.
+
+Every request begins as one of the API document's own examples and is then spoilt: numbers no float holds, strings that
+are no text, nesting without end, wrong types, unknown fields, odd headers, ids of nothing. What must not come back is a
+500, a traceback, or a server that answers nobody afterwards. Seeded: the same count and seed ask the same things.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import socket
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import httpx2
+
+from app.jobs.orders import Order, Parcel, Stopped
+from app.server.main import Server, make_server
+from app.settings import AppSettings
+
+Json = object
+Media = dict[str, dict[str, dict[str, Json]]]
+#: Written into the JSON as they stand: a float's limits, and what the standard does not know but parsers do.
+RAW_NUMBERS = ("NaN", "Infinity", "-Infinity", "1e999", "-1e999", "1e-999", "9" * 400, "-0.0", "1E400", "0.1e1", "007")
+STRINGS = (
+    "",
+    "x" * 20_000,
+    "\ud800",
+    "\x00",
+    "../../../etc/passwd",
+    "/etc/passwd",
+    "%00",
+    "<script>",
+    "ünï\u202ecode",
+    "0" * 32,
+    "'; DROP TABLE jobs; --",
+    "\r\nX: y",
+)
+HEADERS: tuple[dict[str, str], ...] = (
+    {},
+    {"Last-Event-ID": "9" * 5000},
+    {"Range": "bytes=5-1"},
+    {"Content-Type": "text/plain"},
+    {"Content-Type": "application/json; charset=utf-7"},
+    {"Content-Encoding": "gzip"},
+    {"Accept": "nothing/at-all"},
+    {"X-HTTP-Method-Override": "DELETE"},
+    {"X-Forwarded-Host": "evil.example"},
+    {"Cookie": "unsweep_session=" + "a" * 3000},
+    {"If-None-Match": "*"},
+    {"Origin": "null"},
+)
+_MARK = "@@raw-number-{}@@"
+
+
+class StillLauncher:
+    """Runs no process: every job ends at once, having done nothing. The requests are what is tried here."""
+
+    def launch(self, _: Order) -> StillLauncher:
+        """A job that has ended."""
+        return self
+
+    def parcels(self) -> Iterator[Parcel]:
+        """Its end."""
+        yield Stopped()
+
+    def ask_to_stop(self) -> None:
+        """It has."""
+
+    def terminate(self) -> None:
+        """It has."""
+
+    def prepare(self) -> None:
+        """Nothing to prepare."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+@dataclass
+class Findings:
+    """What came back. statuses: how often each.   faults: requests that must not be answered so."""
+
+    statuses: Counter[int] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def server_of_its_own(folder: Path) -> Iterator[tuple[str, Server]]:
+    """The address of a server over an empty data directory, and the server."""
+    bound = socket.create_server(("127.0.0.1", 0))
+    shared = folder / "recordings"
+    shared.mkdir()
+    settings = AppSettings(data_dir=folder / "data", recordings_dir=shared, min_free_bytes=0, spare_worker=False)
+    server = make_server(settings, launcher=StillLauncher())
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    try:
+        yield f"http://127.0.0.1:{bound.getsockname()[1]}", server
+    finally:
+        server.should_exit = True
+        thread.join(30)
+        bound.close()
+
+
+class Fuzzer:
+    """Asks senseless things of the server at an address."""
+
+    def __init__(self, address: str, seed: int) -> None:
+        self._http = httpx2.Client(base_url=address, timeout=30, trust_env=False)
+        self._random = random.Random(seed)
+        document = self._http.get("/api/openapi.json").json()
+        self._operations = [
+            (method.upper(), path, operation)
+            for path, operations in document["paths"].items()
+            for method, operation in operations.items()
+        ]
+        answer = self._http.put("/api/recordings/upload", params={"name": "a.bag"}, content=b"x")
+        self._ids = [answer.json()["id"], "0" * 32]
+        self._ids += [job["id"] for job in self._http.get(f"/api/recordings/{self._ids[0]}/jobs").json()]
+
+    def close(self) -> None:
+        """Hang up."""
+        self._http.close()
+
+    def run(self, count: int) -> Findings:
+        """Ask so many things."""
+        found = Findings()
+        for _ in range(count):
+            self._ask(found)
+        # Whatever was stored by then can be read by everybody.
+        for path in ("/api/recordings", "/api/info", "/readyz"):
+            status = self._http.get(path).status_code
+            if status != 200:
+                found.faults.append(f"{path} answers {status} in the end")
+        return found
+
+    def _ask(self, found: Findings) -> None:
+        method, path, operation = self._random.choice(self._operations)
+        for name in ("recording_id", "job_id"):
+            path = path.replace(f"{{{name}}}", self._random.choice([*self._ids, self._ids[0], "x", "%00", "é"]))
+        path = path.replace("{format_name}", self._random.choice(["tum", "urdf", "nothing", "%2e%2e", "x" * 500]))
+        query = {
+            str(each["name"]): self._random.choice(["room.bag", "", "1", *STRINGS[2:8], "x" * 3000])
+            for each in operation.get("parameters", [])
+            if each["in"] == "query"
+        }
+        if method == "DELETE" and self._ids[0] in path:
+            return  # what all others are about
+        body = self._body(operation)
+        headers = {"Content-Type": "application/json", **self._random.choice(HEADERS)}
+        try:
+            query = {name: value.encode("utf-8", "replace").decode() for name, value in query.items()}
+            with self._http.stream(method, path, params=query, content=body, headers=headers) as answer:
+                status = answer.status_code
+                streams = "event-stream" in answer.headers.get("content-type", "")
+                text = "" if streams else answer.read().decode("utf-8", "replace")
+        except httpx2.HTTPError as error:
+            status, text = 599, repr(error)
+        found.statuses[status] += 1
+        if status >= 500 or "Traceback" in text:
+            found.faults.append(f"{status} {method} {path} {query} {headers} {body[:300]!r}: {text[:200]}")
+
+    def _body(self, operation: dict[str, Json]) -> bytes:
+        content = cast("dict[str, Media]", cast("dict[str, Json]", operation.get("requestBody", {})).get("content"))
+        if not content:
+            return b""
+        examples = next(iter(content.values())).get("examples") or {"none": {"value": {}}}
+        value: Json = json.loads(json.dumps(self._random.choice(list(examples.values()))["value"]))
+        for _ in range(self._random.randint(0, 3)):
+            value = self._spoilt(value, depth=0)
+        text = json.dumps(value)
+        for number, raw in enumerate(RAW_NUMBERS):
+            text = text.replace(f'"{_MARK.format(number)}"', raw)
+        raw_body = text.encode("utf-8", "replace")
+        return raw_body[: self._random.randrange(len(raw_body) + 1)] if self._random.random() < 0.05 else raw_body
+
+    def _spoilt(self, value: Json, depth: int) -> Json:
+        """The value with one thing wrong somewhere inside."""
+        inside = self._random.random() < 0.75
+        if isinstance(value, dict) and value and inside:
+            key = self._random.choice(list(value))
+            return {**value, key: self._spoilt(value[key], depth + 1)}
+        if isinstance(value, list) and value and inside:
+            place = self._random.randrange(len(value))
+            return [*value[:place], self._spoilt(value[place], depth + 1), *value[place + 1 :]]
+        return self._nonsense(value)
+
+    def _nonsense(self, value: Json) -> Json:
+        pick = self._random.random()
+        if pick < 0.35:
+            return _MARK.format(self._random.randrange(len(RAW_NUMBERS)))
+        if pick < 0.55:
+            return self._random.choice(STRINGS)
+        if pick < 0.62:
+            nested: Json = value
+            for _ in range(self._random.choice([5, 900])):
+                nested = [nested]
+            return nested
+        if pick < 0.7 and isinstance(value, dict):
+            return {**value, self._random.choice(["extra", "", "__proto__", "x" * 1000]): value}
+        return self._random.choice([None, True, -1, 2**70, 1e308, [], {}, [value] * 300, {"op": "undo"}, 0.5])
+
+
+def main() -> None:
+    """Ask, and say what came back."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    with (
+        tempfile.TemporaryDirectory() as name,
+        server_of_its_own(Path(name)) as (address, _),
+        closing(Fuzzer(address, chosen.seed)) as fuzzer,
+    ):
+        found = fuzzer.run(chosen.count)
+    sys.stdout.write(f"{dict(sorted(found.statuses.items()))}\n")
+    for fault in found.faults:
+        sys.stdout.write(fault + "\n")
+    sys.exit(1 if found.faults else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""An extrinsic as people have it at hand, made T_imu_lidar whatever its file's own direction is.
+
+    a result, an initial guess, {"T_imu_lidar": ...}    our own JSON; the time offset in its own sign
+    URDF                                                fixed joints from the IMU's link to the lidar's
+    FAST-LIO, Point-LIO, FAST-LIVO2                     extrinsic_T, extrinsic_R: T_imu_lidar; tau subtracted from IMU stamps
+    LIO-SAM                                             extrinsicTrans, extrinsicRot: T_lidar_imu
+    16 or 12 numbers                                    a matrix by rows, its last row 0 0 0 1 or left out
+    7 or 8 numbers                                      [time] x y z, then the quaternion x y z w
+
+Brackets, commas, line ends and comments behind # do not matter between bare numbers. These alone do not say in which
+direction they lead; that is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from calib_core.audit.pose import FORMS, TOLERANCE, GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.errors import InputError
+from calib_core.types import FloatArray
+
+Direction = Literal["imu_lidar", "lidar_imu"]
+
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_BETWEEN = re.compile(r"[\s,;\[\](){}]*")
+
+
+def read_extrinsic(
+    path: Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
+) -> GivenExtrinsic:
+    """The extrinsic in a file.   direction: of bare numbers.   frames: the IMU's and the lidar's, to find them in a URDF."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
+        raise InputError(
+            f"Expected {FORMS} in {path}, but it cannot be read ({reason}); check the name.",
+            code="extrinsic.unreadable",
+        ) from error
+    return parse_extrinsic(text, direction=direction, frames=frames)
+
+
+def parse_extrinsic(
+    text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
+) -> GivenExtrinsic:
+    """The extrinsic in a text. Raises InputError with one sentence where it is none."""
+    document = _json_of(text)
+    if isinstance(document, dict):
+        return _from_document(document)
+    if text.lstrip().startswith("<"):
+        from calib_core.audit.urdf import from_urdf
+
+        return from_urdf(text, frames)
+    if re.search(r"extrinsic(?:_T|Trans)\b", text):
+        from calib_core.audit.odometry_yaml import from_yaml
+
+        return from_yaml(text)
+    matrix = _matrix_of(_flat(document) if isinstance(document, list) else _numbers_of(text))
+    return GivenExtrinsic(matrix if direction == "imu_lidar" else inverse(matrix), None, f"numbers, T_{direction}")
+
+
+def _json_of(text: str) -> object:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return None
+
+
+def _from_document(document: dict[str, object]) -> GivenExtrinsic:
+    transform, offset_s, offset_ns = (document.get(key) for key in ("T_imu_lidar", "time_offset_s", "time_offset_ns"))
+    if offset_s is not None and not _finite(offset_s):
+        raise unfit("its time_offset_s is no number")
+    if isinstance(offset_ns, bool) or not isinstance(offset_ns, int):
+        offset_ns = None if offset_s is None else round(float(offset_s) * 1e9)  # type: ignore[arg-type]
+    matrix = _transform_of_document(transform)
+    return GivenExtrinsic(matrix, offset_ns, "JSON of unsweep, T_imu_lidar", _covariance_of(document))
+
+
+def _transform_of_document(transform: object) -> FloatArray:
+    from scipy.spatial.transform import Rotation
+
+    if isinstance(transform, list):
+        return _matrix_of(_flat(transform))
+    if not isinstance(transform, dict):
+        raise unfit("this JSON has no T_imu_lidar")
+    if isinstance(transform.get("matrix"), list):
+        return _matrix_of(_flat(transform["matrix"]))
+    position, quaternion = transform.get("translation_m"), transform.get("quaternion_xyzw")
+    euler_deg = transform.get("euler_xyz_deg")
+    if isinstance(position, list) and isinstance(quaternion, list):
+        return _matrix_of([*_flat(position), *_flat(quaternion)])
+    if isinstance(position, list) and isinstance(euler_deg, list) and len(_flat(euler_deg)) == 3:
+        turned = Rotation.from_euler("xyz", _flat(euler_deg), degrees=True).as_quat()
+        return _matrix_of([*_flat(position), *(float(part) for part in turned)])
+    raise unfit("its T_imu_lidar has neither a matrix nor a translation_m with a rotation")
+
+
+def _covariance_of(document: dict[str, object]) -> FloatArray | None:
+    uncertainty = document.get("uncertainty")
+    rows = uncertainty.get("covariance") if isinstance(uncertainty, dict) else None
+    if not isinstance(rows, list) or len(_flat(rows)) != 49:
+        return None
+    return np.array(_flat(rows), dtype=np.float64).reshape(7, 7)
+
+
+def _flat(rows: list[object]) -> list[float]:
+    numbers: list[float] = []
+    for row in rows:
+        if isinstance(row, list):
+            numbers += _flat(row)
+        elif _finite(row):
+            numbers.append(float(row))  # type: ignore[arg-type]
+        else:
+            raise unfit(f"{str(row)[:20]!r} is no number")
+    return numbers
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _numbers_of(text: str) -> list[float]:
+    """All numbers of the text; anything that is neither number nor bracket nor comma is refused."""
+    numbers: list[float] = []
+    for line in text.splitlines():
+        said = line.partition("#")[0]
+        at = 0
+        while (at := _skipped(said, at)) < len(said):
+            found = _NUMBER.match(said, at)
+            if found is None:
+                raise unfit(f"{said[at : at + 20].strip()!r} is no number")
+            numbers.append(float(found.group()))
+            at = found.end()
+    return numbers
+
+
+def _skipped(text: str, at: int) -> int:
+    found = _BETWEEN.match(text, at)
+    return at if found is None else found.end()
+
+
+def _matrix_of(numbers: list[float]) -> FloatArray:
+    """The (4, 4) matrix that so many numbers mean."""
+    from scipy.spatial.transform import Rotation
+
+    values = np.array(numbers, dtype=np.float64)
+    match len(numbers):
+        case 16 | 12:
+            if len(numbers) == 16 and not np.allclose(values[12:], [0, 0, 0, 1], atol=1e-9):
+                raise unfit("the matrix's last row is not 0 0 0 1")
+            rows = values[:12].reshape(3, 4)
+            return transform_of(rows[:, :3], rows[:, 3])
+        case 7 | 8:
+            position, quat_xyzw = values[-7:-4], values[-4:]
+            length = float(np.linalg.norm(quat_xyzw))
+            if not abs(length - 1.0) < TOLERANCE:
+                raise unfit(f"the last four numbers are no unit quaternion, their length is {length:.4g}")
+            return transform_of(np.asarray(Rotation.from_quat(quat_xyzw).as_matrix()), position)
+        case found:
+            raise unfit(f"there are {found} numbers")

@@ -1,0 +1,56 @@
+"""The audit's document, schema unsweep.audit/1."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from calib_core.result import CalibrationResult, RoomCrispness
+
+Verdict = Literal["passed", "failed", "unknown"]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class AxisAudit(_Model):
+    """One axis. All numbers in `unit`: degrees about a lidar's axis, millimetres along an IMU's axis, milliseconds."""
+
+    axis: Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+    unit: Literal["deg", "mm", "ms"]
+    difference: float | None = Field(description="given minus found; null where the file has no such number")
+    difference_std: float
+    limit: float | None = Field(description="null: not judged")
+    smallest_error: float = Field(description="an error from here on would have shown: the limit, or three sigmas")
+    verdict: Verdict | None = Field(description="unknown: three sigmas exceed the limit; null: not judged")
+
+
+class AuditCrispness(_Model):
+    """The room laid together by the IMU alone, three seconds at a time, with each extrinsic; lower is crisper."""
+
+    given: RoomCrispness
+    found: RoomCrispness
+    text: str
+
+
+class AuditReport(_Model):
+    """What an audit found. `calibration` is this recording's own result, against which the extrinsic is held."""
+
+    schema_: Literal["unsweep.audit/1"] = Field(default="unsweep.audit/1", alias="schema")
+    verdict: Verdict
+    text: str
+    extrinsic_form: str = Field(description="what the given file was read as")
+    axes: list[AxisAudit] = Field(description="empty where the recording gives no answer")
+    rotation_deg: float | None = Field(description="angle between the two")
+    translation_mm: float | None
+    hints: list[str]
+    crispness: AuditCrispness | None
+    calibration: CalibrationResult
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+
+    def to_json(self) -> str:
+        """The document as indented JSON text, ending in a newline."""
+        return self.model_dump_json(by_alias=True, indent=2) + "\n"

@@ -1,0 +1,151 @@
+"""The lidar's own parameters in the factors of points on planes: all points still collapse, and each keeps its laser.
+
+A parameter v changes a point's residual by f v, with c = -cos > 0 the incidence, r the range, e the direction of rising
+elevation (signs: calib_core/intrinsics.py):
+
+    range offset  f = c        elevation  f = r n . e        azimuth  f = n . (z x point)
+    range scale   f = c r      incidence  f = 1 - c
+
+Beside the scatter matrix M of [x, 1, d] (factors/lidar_plane.py), what the normal equations ask for are first moments of the
+features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: fifty numbers for a laser's points on a
+plane within ten milliseconds, whatever their number. The blocks couple through the state alone, so that 128 lasers cost
+128 columns, not 128 problems. Ranges are corrected by the present values before points are asked where they lie.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.factors.laser_kernels import FEATURES, collapse_features_kernel, correct_kernel
+from calib_core.factors.lidar_plane import Hits
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
+
+
+@dataclass(frozen=True, slots=True)
+class LaserErrors:
+    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. incidence_m: of all."""
+
+    range_offset_m: FloatArray
+    range_scale: FloatArray
+    elevation_rad: FloatArray
+    azimuth_rad: FloatArray
+    incidence_m: float
+
+    def any(self) -> bool:
+        """Whether there is anything to correct."""
+        parts = (self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad)
+        return bool(any(part.any() for part in parts))
+
+    def corrected(self, xyz: Float32Array, laser: LaserArray) -> Float32Array:
+        """(N, 3) points as they would be without their laser's errors."""
+        out = np.empty_like(xyz)
+        correct_kernel(
+            xyz, laser, self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, out
+        )  # fmt: skip
+        return out
+
+
+@dataclass(frozen=True)
+class LaserSums:
+    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, 5, 5), gram: (B, 5, 5), float32."""
+
+    group: IntArray
+    plane: IntArray
+    laser: IntArray
+    cross: Float32Array
+    gram: Float32Array
+
+    @staticmethod
+    def joined(parts: Sequence[LaserSums]) -> LaserSums:
+        """Those of several scans in a row; groups are counted in each."""
+        return LaserSums(
+            np.concatenate([part.group for part in parts]),
+            np.concatenate([part.plane for part in parts]),
+            np.concatenate([part.laser for part in parts]),
+            np.concatenate([part.cross for part in parts]),
+            np.concatenate([part.gram for part in parts]),
+        )
+
+
+def collapse_features(
+    hits: Hits,
+    keep: BoolArray,
+    weight: FloatArray,
+    normals: FloatArray,
+    *,
+    laser: LaserArray,
+    lasers: int,
+    group: IntArray,
+    middle: IntArray,
+) -> LaserSums:
+    """The kept points' moments. laser: (N,).   group: (S,) of each slice.   middle: (G,) slice in the middle of each group."""
+    n_planes = len(normals)
+    R, p = hits.poses.R, hits.poses.p
+    back = np.swapaxes(R[middle], 1, 2)[group]
+    n_lidar = normals @ R
+    cells = len(middle) * n_planes * lasers
+    cross, gram, count = (
+        np.zeros((cells, FEATURES, 5)),
+        np.zeros((cells, FEATURES, FEATURES)),
+        np.zeros(cells, np.int64),
+    )
+    collapse_features_kernel(
+        keep, hits.plane, hits.slice_index, hits.x_hit, hits.d, hits.cosine, weight, laser, n_lidar, group,
+        back @ R, (back @ (p - p[middle][group])[..., None])[..., 0], lasers, cross, gram, count,
+    )  # fmt: skip
+    filled = np.flatnonzero(count)
+    pair, of = np.divmod(filled, lasers)
+    return LaserSums(
+        pair // n_planes, pair % n_planes, of, cross[filled].astype(np.float32), gram[filled].astype(np.float32)
+    )
+
+
+@dataclass(frozen=True)
+class LaserFactors:
+    """Moments by knot, plane and laser, as the joint problem takes them. Q pairs of a knot and a plane, B clusters.
+
+    knot, plane: (Q,).   pair, laser: (B,).   cross: (B, 5, 5), gram: (B, 5, 5), hits in the lidar's frame at the knot.
+    """
+
+    knot: IntArray
+    plane: IntArray
+    pair: IntArray
+    laser: IntArray
+    cross: FloatArray
+    gram: FloatArray
+
+    @staticmethod
+    def empty() -> LaserFactors:
+        """None at all."""
+        none = np.zeros(0, np.int64)
+        return LaserFactors(none, none, none, none, np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES)))
+
+    def within(self, first: int, last: int) -> LaserFactors:
+        """Those of knots first..last (exclusive), counted from the first."""
+        mine = (self.knot >= first) & (self.knot < last)
+        some = mine[self.pair]
+        number = np.cumsum(mine) - 1
+        return LaserFactors(
+            self.knot[mine] - first,
+            self.plane[mine],
+            number[self.pair[some]],
+            self.laser[some],
+            self.cross[some],
+            self.gram[some],
+        )
+
+
+def feature_changes(change: FloatArray) -> FloatArray:
+    """(L, 5) what the features' coefficients change by, from the changes of the columns: (L, 6), or (L, 6, ..)."""
+    return np.stack([change[:, 0] + change[:, 4], change[:, 1], change[:, 2], change[:, 3], change[:, 5]], axis=1)
+
+
+def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
+    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 6)."""
+    moved = feature_changes(change)[factors.laser]
+    seen = (factors.cross @ a[factors.pair][..., None])[..., 0]
+    own = (factors.gram @ moved[..., None])[..., 0]
+    return np.asarray(np.einsum("bf,bf->b", moved, 2.0 * seen + own))

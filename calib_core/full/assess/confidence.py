@@ -1,0 +1,73 @@
+"""How far the answer can be trusted: the information's covariance, what is counted beside it, and what parts disagree about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.full.assess.considered import Considered, consider
+from calib_core.full.assess.disagreement import Disagreement, disagreements, together
+from calib_core.full.assess.observability import Knowledge, assess, named_direction
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.full.run import Run
+from calib_core.types import FloatArray
+
+#: The ways of taking a recording apart, to a person.
+_WORDS = {
+    "time": "stretches of time",
+    "surfaces": "places on the planes",
+    "planes": "planes",
+    "range": "near and far points",
+}
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """knowledge: with everything counted.   considered: None where the sensors' parameters were estimated, or are none."""
+
+    knowledge: Knowledge
+    considered: Considered | None
+    found: tuple[Disagreement, ...]
+
+
+def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
+    """Of a solved recording; says where its parts disagree. at_least: the factor on all standard deviations.
+
+    Raises NotPositiveDefinite.
+    """
+    assert solved.minimum.solution is not None
+    information = solved.minimum.solution.information
+    frozen = not run.settings.estimate_time_offset
+    priors, problem, estimate = solved.problem.priors, solved.problem, solved.estimate
+    plain = assess(information, priors, frozen_offset=frozen)
+    considered = None
+    added: FloatArray = np.zeros((7, 7))
+    if solved.nuisance.blocks and run.settings.intrinsics == "consider":
+        considered = consider(problem, estimate, solved.nuisance.prior_std)
+        added = considered.added
+    stated = plain.covariance / UNITS / UNITS[:, None]
+    found = tuple(disagreements(problem, estimate, stated))
+    beyond = together([each for each in found if each.is_beyond_noise], stated + added)
+    if beyond.any():
+        _say(run, found, beyond)
+    knowledge = assess(
+        information,
+        priors,
+        inflation=at_least,
+        frozen_offset=frozen,
+        offset_std_s=run.clocks.jitter_mean_std_s,
+        added=added + beyond,
+    )
+    return Confidence(knowledge, considered, found)
+
+
+def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
+    parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
+    run.say(
+        "warning",
+        "solve.disagreement",
+        f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
+        f"gives, or a fault that nothing models; the error bars are widened, most along {named_direction(beyond)}",
+    )

@@ -1,0 +1,53 @@
+"""Sensor parameters that are not estimated but counted: what their uncertainty adds to the calibration's (Schmidt).
+
+With A the information of what is estimated and B its block with the parameters p of prior covariance P, an error dp of theirs
+moves the estimate by -A^-1 B dp: the covariance grows by A^-1 B P B' A^-1, and the shift by one prior sigma is a column of it.
+One step of the joint equations tells what p would have been: a score beyond chance is named although nothing is changed by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.solver.arrow import solve_arrow
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray
+
+
+@dataclass(frozen=True)
+class Considered:
+    """added: (7, 7) scaled units.   value, std: (N,) what the parameters would have been estimated to be."""
+
+    added: FloatArray
+    value: FloatArray
+    std: FloatArray
+
+
+def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -> Considered:
+    """The parameters held at their priors' means, at the optimum of the rest. Raises NotPositiveDefinite."""
+    own = problem.layout(estimate).nuisance()
+    frozen = tuple(column for column in problem.frozen if not own.start <= column < own.stop)
+    system = replace(problem, frozen=frozen).linearise(estimate)
+    solution = solve_arrow(system)
+    free = np.setdiff1d(np.arange(own.start), frozen)
+    A = solution.information[np.ix_(free, free)]
+    B = solution.information[free, own]
+    shift = covariance(A).matrix @ B * prior_std
+    every = np.zeros((own.start, len(prior_std)))
+    every[free] = shift
+    seven = every[:CALIBRATION] / UNITS[:, None]
+    value = estimate.nuisance + solution.step_shared[own]
+    return Considered(seven @ seven.T, value, parameter_std(solution.information, own, free))
+
+
+def parameter_std(information: FloatArray, own: slice, free: FloatArray | None = None) -> FloatArray:
+    """(N,) standard deviations of the parameters in columns `own`, everything else marginal. free: the other columns."""
+    others = np.arange(own.start) if free is None else free
+    columns = np.concatenate([others, np.arange(own.start, own.stop)]).astype(np.int64)
+    variance = np.diag(covariance(information[np.ix_(columns, columns)]).matrix)
+    return np.asarray(np.sqrt(np.maximum(variance[len(others) :], 0.0)))

@@ -1,0 +1,131 @@
+"""Whether parts of a recording agree beyond what noise explains, and along which direction they do not.
+
+The model's covariance takes residuals for independent. What is left of a real recording is not: a wall is bent at the same
+place in every sweep, a mount gives in one half of the minute. The factors are put together by what such an error would be
+common to (a stretch of time, a metre of a wall, a plane, near or far), and each cluster's pull on the seven (influence.py) is
+held against what noise allows it:
+
+    T = sum |C^-1/2 u_k|^2,     under noise alone  E T = sum tr P_k,   var T = 2 sum tr P_k^2     (P_k in C's own units)
+
+matched by a gamma law. Beyond its 99.9 % quantile the clustered covariance counts: the part of sum (u_k u_k' - P_k) that is
+positive is added to C, along the directions in which the clusters disagree and along no other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaincinv
+
+from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.undetermined import UNDETERMINED
+from calib_core.types import FloatArray, IntArray
+
+_CONFIDENCE = 0.999
+#: Of the recording's length: each still holds seconds of motion, and eight pulls tell a covariance from noise.
+_TIME_BLOCKS = 8
+#: Walls are bent over metres, panels and doors are about one wide.
+_CELL_M = 1.0
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """One way of taking the recording apart. name: of it.   ratio: of the pulls to what noise allows, in standard deviations.
+
+    excess: (7, 7) that the covariance lacks, scaled units; zero where the pulls are within what noise allows.
+    """
+
+    name: str
+    ratio: float
+    excess: FloatArray
+
+    @property
+    def is_beyond_noise(self) -> bool:
+        """Whether anything is lacking."""
+        return bool(np.any(self.excess))
+
+
+def disagreements(problem: JointProblem, estimate: Estimate, covariance: FloatArray) -> list[Disagreement]:
+    """Of all ways to take a solved recording apart. covariance: (7, 7), scaled units. Raises NotPositiveDefinite."""
+    whiten, root = roots(covariance)
+    if whiten.shape[1] == 0:
+        return []
+    of = factor_influences(problem, estimate)
+    clusters = {"time": _in_time(problem, of)}
+    clusters |= {name: of.bins.summed(*numbered(key)) for name, key in _in_space(problem, estimate).items()}
+    return [judge(name, each, whiten, root) for name, each in clusters.items()]
+
+
+def roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """C^-1/2 from the right and C^1/2 from the left, (7, r) each, over the r directions that the data determine.
+
+    Along the others a prior decides, metres wide: pulls there are noise, and times metres would be called a disagreement.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    known = ~(np.abs(vectors) * np.sqrt(np.maximum(values, 0.0)) > UNDETERMINED[:, None]).any(axis=0) & (values > 0.0)
+    std = np.sqrt(values[known])
+    return vectors[:, known] / std, vectors[:, known] * std
+
+
+def numbered(key: IntArray) -> tuple[IntArray, int]:
+    """Any keys (F,) as numbers from 0, and how many there are."""
+    _, number = np.unique(key, return_inverse=True)
+    return number, int(number.max(initial=-1)) + 1
+
+
+def _in_time(problem: JointProblem, of: FactorInfluences) -> Influences:
+    knots = len(problem.readings.knots_s)
+    block = np.arange(knots) * _TIME_BLOCKS // knots
+    links = of.links.summed(block[:-1], _TIME_BLOCKS)
+    bins = of.bins.summed(block[problem.bins.knot], _TIME_BLOCKS)
+    return Influences(links.moved + bins.moved, links.allowed + bins.allowed)
+
+
+def _in_space(problem: JointProblem, estimate: Estimate) -> dict[str, IntArray]:
+    """Keys of every bin: the metre of its plane, its plane, and the nearer or farther half."""
+    bins = problem.bins
+    weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    centre = bins.scatter[:, 3, :3] / weight[:, None]
+    range_m = np.linalg.norm(centre, axis=1)
+    motion = problem.motion(estimate)
+    poses = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    there = (poses.R[bins.knot] @ centre[..., None])[..., 0] + poses.p[bins.knot]
+    cell = np.floor(there / _CELL_M).astype(np.int64) + 2**15
+    surfaces = ((bins.plane * 2**16 + cell[:, 0]) * 2**16 + cell[:, 1]) * 2**16 + cell[:, 2]
+    order = np.argsort(range_m)
+    far = np.zeros(len(range_m), np.int64)
+    total = np.cumsum(weight[order])
+    far[order[np.searchsorted(total, 0.5 * total[-1]) :]] = 1
+    return {"surfaces": surfaces, "planes": bins.plane, "range": far}
+
+
+def judge(name: str, clusters: Influences, whiten: FloatArray, root: FloatArray) -> Disagreement:
+    """One way of taking apart. whiten, root: (7, r) of `roots`."""
+    pulls = clusters.moved @ whiten
+    allowed = np.swapaxes(whiten, 0, 1) @ clusters.allowed @ whiten
+    mean = float(np.einsum("kii->", allowed))
+    variance = 2.0 * float(np.sum(allowed**2))
+    statistic = float(np.sum(pulls**2))
+    nothing = np.zeros((CALIBRATION, CALIBRATION))
+    if mean <= 0.0 or variance <= 0.0:
+        return Disagreement(name, 1.0, nothing)
+    limit = variance / mean * float(gammaincinv(mean**2 / variance, _CONFIDENCE))
+    ratio = float(np.sqrt(statistic / mean))
+    if statistic <= limit:
+        return Disagreement(name, ratio, nothing)
+    values, vectors = np.linalg.eigh(pulls.T @ pulls - allowed.sum(axis=0))
+    beyond = root @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return Disagreement(name, ratio, beyond @ beyond.T)
+
+
+def together(found: list[Disagreement], covariance: FloatArray) -> FloatArray:
+    """(7, 7) that all of them add to a covariance: what one has already accounted for, no other adds again."""
+    whiten, root = roots(covariance)
+    total = np.zeros((whiten.shape[1], whiten.shape[1]))
+    for each in sorted(found, key=lambda d: -float(np.trace(whiten.T @ d.excess @ whiten))):
+        lacking, directions = np.linalg.eigh(whiten.T @ each.excess @ whiten - total)
+        total += (directions * np.maximum(lacking, 0.0)) @ directions.T
+    return np.asarray(root @ total @ root.T)

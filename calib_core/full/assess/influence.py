@@ -1,0 +1,133 @@
+"""How much each factor of the joint problem moved the calibration, and how much noise alone would have let it.
+
+With H the information at the optimum and X = H^-1 E its columns for the seven, a factor of whitened Jacobian J and residual r
+has moved the seven by -(J X)' r; noise alone makes that a draw of covariance (J X)' (J X). Summed over all factors, priors
+included, the first is zero and the second is the stated covariance: both are tested.
+
+A cluster of points on a plane has the residual a . y + f . v per point (factors/laser_features.py); with Q = (d a / d state) X
+and F = (d v / d state) X its part is the same in its moments: u = -(Q' M a + F' cross a), P = Q' M Q + Q' cross' F + ... .
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.factors.imu import link_factors
+from calib_core.factors.laser_features import feature_changes
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.solver.arrow import unit_responses
+from calib_core.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Influences:
+    """Of F factors on the seven, in units of 1 deg, 10 mm, 1 ms: moved (F, 7), and what noise allows, allowed (F, 7, 7)."""
+
+    moved: FloatArray
+    allowed: FloatArray
+
+    def summed(self, cluster: IntArray, count: int) -> Influences:
+        """By cluster: (F,) numbers below `count`, negative for none."""
+        moved, allowed = np.zeros((count, CALIBRATION)), np.zeros((count, CALIBRATION, CALIBRATION))
+        mine = cluster >= 0
+        np.add.at(moved, cluster[mine], self.moved[mine])
+        np.add.at(allowed, cluster[mine], self.allowed[mine])
+        return Influences(moved, allowed)
+
+
+@dataclass(frozen=True)
+class FactorInfluences:
+    """links: one a link.   bins: one a bin, its lasers' part included."""
+
+    links: Influences
+    bins: Influences
+
+
+def factor_influences(problem: JointProblem, estimate: Estimate) -> FactorInfluences:
+    """Of every factor at the optimum. Raises NotPositiveDefinite."""
+    along, border = unit_responses(problem.linearise(estimate), CALIBRATION)
+    layout = problem.layout(estimate)
+    along, border = along / UNITS, border / UNITS
+    return FactorInfluences(
+        _of_links(problem, estimate, layout, along, border), _of_bins(problem, estimate, layout, along, border)
+    )
+
+
+def _of_links(
+    problem: JointProblem, estimate: Estimate, layout: Layout, along: FloatArray, border: FloatArray
+) -> Influences:
+    f = link_factors(problem.links, estimate.states, estimate.gravity, *problem.bias_changes(estimate))
+    gyro, accel = (
+        problem.nodes.at_links(border[columns].reshape(-1, 3 * CALIBRATION)).reshape(-1, 3, CALIBRATION)
+        for columns in (layout.gyro_bias(), layout.accel_bias())
+    )
+    places = problem.sensors.imu_places
+    if len(places):
+        own = border[layout.nuisance()][places]
+        gyro, accel = gyro + problem.sensors.gyro @ own, accel + problem.sensors.accel @ own
+    response = (
+        f.r_D_first @ along[:-1]
+        + f.r_D_second @ along[1:]
+        + f.r_D_gravity @ border[GRAVITY]
+        + f.r_D_gyro_bias @ gyro
+        + f.r_D_accel_bias @ accel
+    )
+    back = np.swapaxes(response, 1, 2)
+    return Influences(-(back @ f.residual[..., None])[..., 0], back @ response)
+
+
+def _of_bins(
+    problem: JointProblem, estimate: Estimate, layout: Layout, along: FloatArray, border: FloatArray
+) -> Influences:
+    bins = problem.bins
+    a, J = problem.bins_seen(estimate)
+    Q = _response(J, bins.knot, bins.plane, problem, layout, along, border)
+    back = np.swapaxes(Q, 1, 2)
+    moved = -(back @ (bins.scatter[:, :4] @ a[..., None]))[..., 0]
+    allowed = back @ bins.scatter[:, :4, :4] @ Q
+    lasers = bins.lasers
+    if len(lasers.laser) == 0:
+        return Influences(moved, allowed)
+    a, J = problem.lasers_seen(estimate)
+    Q = _response(J, lasers.knot, lasers.plane, problem, layout, along, border)[lasers.pair]
+    F = _feature_response(problem, layout, border)[lasers.laser]
+    back_F, mixed = np.swapaxes(F, 1, 2), np.swapaxes(Q, 1, 2) @ np.swapaxes(lasers.cross[:, :, :4], 1, 2) @ F
+    # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
+    change = feature_changes(problem.laser_changes(estimate))[lasers.laser][..., None]
+    cross = lasers.cross
+    more = Influences(
+        -(back_F @ (cross @ a[lasers.pair][..., None] + lasers.gram @ change))[..., 0]
+        - (np.swapaxes(Q, 1, 2) @ (np.swapaxes(cross[:, :, :4], 1, 2) @ change))[..., 0],
+        mixed + np.swapaxes(mixed, 1, 2) + back_F @ lasers.gram @ F,
+    )
+    place = problem.bin_of_pair()
+    extra = more.summed(place[lasers.pair], len(bins.plane))
+    return Influences(moved + extra.moved, allowed + extra.allowed)
+
+
+def _response(
+    J: FloatArray,
+    knot: IntArray,
+    plane: IntArray,
+    problem: JointProblem,
+    layout: Layout,
+    along: FloatArray,
+    border: FloatArray,
+) -> FloatArray:
+    """(B, 4, 7) what [n_lidar, w_lidar] follow of the seven's columns."""
+    planes = border[layout.every_plane()].reshape(-1, 3, CALIBRATION)
+    out = J[:, :, :9] @ along[knot] + J[:, :, 9:16] @ border[:CALIBRATION] + J[:, :, 16:19] @ planes[plane]
+    if problem.sensors.clock_place >= 0:
+        out = out + J[:, :, 19:20] * border[layout.nuisance().start + problem.sensors.clock_place]
+    return np.asarray(out)
+
+
+def _feature_response(problem: JointProblem, layout: Layout, border: FloatArray) -> FloatArray:
+    """(lasers, 5, 7) what each laser's features follow of them."""
+    places = problem.sensors.laser_places
+    own = np.where(places[..., None] >= 0, border[layout.nuisance().start + np.maximum(places, 0)], 0.0)
+    return feature_changes(own)

@@ -1,0 +1,106 @@
+"""What was found of the sensors themselves: values with their sigmas, and sentences about those that matter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.full.assess.considered import Considered, parameter_std
+from calib_core.full.joint.estimation import Solved
+from calib_core.intrinsics import UNITS
+from calib_core.result import Intrinsic
+
+#: A parameter this many of its sigmas from that of an ideal sensor is said to be off.
+_SIGNIFICANT = 3.0
+_FRAME = "the accelerometer's x axis and xy plane; the gyroscope is turned into it"
+
+
+@dataclass(frozen=True)
+class SensorFindings:
+    """parameters: every one of them.   sentences: for people, code and text."""
+
+    parameters: tuple[Intrinsic, ...]
+    sentences: tuple[tuple[str, str], ...]
+
+    @property
+    def imu_frame(self) -> str:
+        """Which sensor's axes define the IMU's frame."""
+        return _FRAME if self.parameters else ""
+
+    def find(self, block: str) -> Intrinsic | None:
+        """The only parameter of a block; None where it is not in play."""
+        return next((each for each in self.parameters if each.block == block), None)
+
+
+def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFindings:
+    """Of a solved recording. considered: where the parameters were held."""
+    if not solved.nuisance.blocks:
+        return SensorFindings((), ())
+    values, state = solved.estimate.nuisance, "estimated"
+    if considered is not None:
+        values, std, state = considered.value, considered.std, "considered"
+    else:
+        assert solved.minimum.solution is not None
+        own = solved.problem.layout(solved.estimate).nuisance()
+        std = parameter_std(solved.minimum.solution.information, own)
+    parameters = []
+    for each in solved.nuisance.blocks:
+        place = solved.nuisance.places[each.block]
+        for name, value, own_std, prior in zip(each.names, values[place], std[place], each.prior_std, strict=True):
+            parameters.append(
+                Intrinsic.model_validate(
+                    {
+                        "block": each.block,
+                        "name": name,
+                        "unit": UNITS[each.block],
+                        "value": float(value),
+                        "std": float(own_std),
+                        "prior_std": float(prior),
+                        "state": state,
+                        "significant": bool(abs(value) > _SIGNIFICANT * own_std),
+                    }
+                )
+            )
+    return SensorFindings(tuple(parameters), tuple(_sentences(parameters, corrected=considered is None)))
+
+
+def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tuple[str, str]]:
+    by = {str(block): [p for p in parameters if p.block == block and p.significant] for block in UNITS}
+    ranges = "ranges were corrected for it" if corrected else "ranges were not corrected, the error bars count it"
+    taken = "it was taken out" if corrected else "it is counted in the error bars"
+    told = []
+    if lasers := by["laser_range_offset"]:
+        told.append(("sensor.laser_range", f"{_lasers(lasers)}; {ranges}"))
+    if lasers := by["laser_elevation"]:
+        most_deg = np.degrees(max(abs(p.value) for p in lasers))
+        text = f"{len(lasers)} lasers point up to {most_deg:.2f} deg above or below where they should; {taken}"
+        told.append(("sensor.laser_elevation", text))
+    for kind in ("gyroscope", "accelerometer"):
+        if off := by[f"{kind}_scale"]:
+            worst = max(off, key=lambda p: abs(p.value))
+            how = "much" if worst.value > 0 else "little"
+            text = f"the {kind}'s {worst.name} axis reads {abs(worst.value):.2%} too {how}; {taken}"
+            told.append((f"sensor.{kind}_scale", text))
+    if turned := [*by["gyroscope_rotation"], *by["gyroscope_axes"], *by["accelerometer_axes"]]:
+        most_deg = np.degrees(max(abs(p.value) for p in turned))
+        text = f"the IMU's axes are up to {most_deg:.2f} deg off square or against one another; {taken}"
+        told.append(("sensor.axes", text))
+    if late := by["accelerometer_delay"]:
+        how = "behind" if late[0].value > 0 else "ahead of"
+        text = f"the accelerometer is {abs(late[0].value) * 1e3:.2f} ms {how} the gyroscope; {taken}"
+        told.append(("sensor.delay", text))
+    if rate := by["clock_rate"]:
+        text = f"the lidar's clock gains {rate[0].value:+.1f} millionths on the IMU's; {taken}"
+        told.append(("sensor.clock", text))
+    return told
+
+
+def _lasers(lasers: Sequence[Intrinsic]) -> str:
+    """The two that are farthest off, and how many more."""
+    ordered = sorted(lasers, key=lambda p: -abs(p.value))
+    worst = " and ".join(
+        f"laser {p.name} reads {abs(p.value) * 1e3:.0f} mm {'long' if p.value > 0 else 'short'}" for p in ordered[:2]
+    )
+    return worst + (f" ({len(ordered) - 2} more are off)" if len(ordered) > 2 else "")

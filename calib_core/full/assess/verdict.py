@@ -1,0 +1,128 @@
+"""The last stage: whether the end of the joint estimation can be true, what of it is known, and the answer made of both."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.document import Answer
+from calib_core.errors import Refused
+from calib_core.full.assess.confidence import Confidence, confidence
+from calib_core.full.assess.observability import Knowledge, advice
+from calib_core.full.assess.plausibility import gravity_std, implausible
+from calib_core.full.assess.sensors import sensor_findings
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.residuals import plane_residuals
+from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics
+from calib_core.full.run import Clocks, Run
+from calib_core.result import Message, PlaneQuality
+from calib_core.solver.levenberg import Outcome
+from calib_core.types import Trajectory
+
+#: How far the mean squared residual of single points may stray before the solve has not explained the data.
+_WORST_CHI2 = 4.0
+#: Fewer points are no recording of planes.
+_FEWEST_POINTS = 1000
+
+
+def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
+    """What is known of the calibration. at_least: the factor on all standard deviations.
+
+    Raises Refused where the answer cannot be true, or determines no rotation.
+    """
+    minimum = solved.minimum
+    if minimum.solution is None or minimum.outcome is Outcome.SINGULAR or not np.isfinite(minimum.cost):
+        raise Refused(
+            "solve.diverged", "the joint solve found no stable answer; the planes or the motion do not fit the data"
+        )
+    points = int(solved.observations.count.sum())
+    chi2 = 2.0 * minimum.cost / max(points, 1)
+    if points < _FEWEST_POINTS or chi2 > _WORST_CHI2:
+        raise Refused(
+            "solve.inconsistent",
+            f"the best answer leaves residuals {np.sqrt(chi2):.1f} times their noise on {points} points; the stamps, the "
+            "per-point times or the planes are not what they seem: see `unsweep inspect`",
+        )
+    wrong = implausible(run, solved)
+    if wrong is not None:
+        raise Refused("solve.inconsistent", wrong)
+    trust = confidence(run, solved, at_least=at_least)
+    require_rotation(trust.knowledge)
+    return trust
+
+
+def require_rotation(knowledge: Knowledge) -> None:
+    """Raises Refused where nothing of the rotation is known."""
+    if not knowledge.rotation_known:
+        raise Refused(
+            "motion.undetermined", "the motion determines no component of the rotation; turn about two axes at least"
+        )
+
+
+def answer(run: Run, solved: Solved, trust: Confidence) -> Answer:
+    """The answer in the map frame, as the document wants it."""
+    e, knowledge = solved.estimate, trust.knowledge
+    sensors = sensor_findings(solved, trust.considered)
+    imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
+    rate = run.recording.imu.gyro_rad_s
+    turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
+    planes = plane_qualities(solved)
+    total = sum(plane.points for plane in planes)
+    return Answer(
+        R_imu_lidar=e.R_imu_lidar,
+        p_imu_lidar=e.p_imu_lidar,
+        time_offset_ns=run.clocks.offset_ns(e.time_offset_s),
+        gyro_bias_rad_s=imu.gyro @ e.gyro_bias.mean(axis=0),
+        accel_bias_m_s2=imu.accel @ e.accel_bias.mean(axis=0),
+        gravity_m_s2=float(np.linalg.norm(e.gravity)),
+        gravity_std_m_s2=gravity_std(solved),
+        covariance=knowledge.covariance,
+        is_weak=knowledge.is_weak,
+        weak_directions=knowledge.weak,
+        advice=tuple(advice(knowledge, turning_std_rad_s, e.R_imu_lidar)),
+        rms_m=float(np.sqrt(sum(p.rms_m**2 * p.points for p in planes) / max(total, 1))),
+        points_used=total,
+        scans_used=len(np.unique(solved.observations.scan)),
+        scans_total=len(run.recording.scans),
+        planes=planes,
+        iterations=solved.iterations,
+        trajectory=trajectory_of(run.clocks, solved),
+        remarks=(
+            *(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak),
+            *(Message(code=code, level="info", text=text) for code, text in sensors.sentences),
+        ),
+        intrinsics=sensors.parameters,
+        imu_frame=sensors.imu_frame,
+        clock_rate_ppm=None if clock is None else (clock.value, clock.std),
+        time_offset_at_s=run.clocks.middle_s,
+    )
+
+
+def plane_qualities(solved: Solved) -> tuple[PlaneQuality, ...]:
+    """The planes in the map frame, and how well their points lie on them."""
+    e = solved.estimate
+    R0, p0 = solved.map_pose
+    normals, offsets_m = e.normals @ R0, e.offsets_m + e.normals @ p0
+    residuals = plane_residuals(solved.problem, e)
+    return tuple(
+        PlaneQuality(
+            name=plane.name,
+            normal=normal.tolist(),
+            offset_m=float(offset_m),
+            points=points,
+            rms_m=rms_m,
+            outline_m=None if plane.outline_m is None else plane.outline_m.tolist(),
+        )
+        for plane, normal, offset_m, (rms_m, points) in zip(solved.planes, normals, offsets_m, residuals, strict=True)
+    )
+
+
+def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
+    """The lidar's solved motion at every knot, in the map frame."""
+    e = solved.estimate
+    knots = solved.problem.readings.knots_s
+    poses = solved.problem.motion(e).lidar_at(knots, e.R_imu_lidar, e.p_imu_lidar)
+    linked = solved.problem.readings.linked
+    valid = np.concatenate([linked, [True]]) & np.concatenate([[True], linked])
+    R0, p0 = solved.map_pose
+    times_s = clocks.as_stamped(knots + e.time_offset_s, clock_rate_ppm(solved.nuisance, e.nuisance))
+    return Trajectory(clocks.lidar_epoch_ns, times_s, R0.T @ poses.R, (poses.p - p0) @ R0, valid)

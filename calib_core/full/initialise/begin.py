@@ -1,0 +1,202 @@
+"""The motion a solve starts from: the lidar followed by all structure that is found, with the gyroscope where that is little.
+
+    planes of the reference scan -> lidar-only track -> does its turning go with the gyroscope's?
+    where it does not, or breaks off: turns between neighbouring scans -> lag and rotation -> the track again with the
+    gyroscope's turning
+
+Which planes count in the solve is another question: a person's choice neither helps nor hurts here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.errors import Refused
+from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
+from calib_core.full.initialise.start import GyroTurns, LidarTrack, RotationStart, Turns, fit_lags, rotation_start
+from calib_core.full.odometry.pairs import pair_turns
+from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.planes.propose import propose_planes
+from calib_core.full.run import Run
+from calib_core.geometry import log
+from calib_core.types import FloatArray, Plane, PlaneProposals
+
+NO_PLANES_TEXT = "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
+#: Rates of a good track and the gyroscope correlate by 0.95 and more, those of a lost one by 0.6 at the most; with the
+#: former nothing is looked into, below the latter nothing is believed.
+TRUSTED, BELIEVED = 0.9, 0.6
+#: Of a rotation between two streams of turns: what it leaves over what there is. Noise alone leaves one.
+_FITS = 0.6
+#: A track this whole is not worth another.
+_WHOLE = 0.95
+_BETTER = 1.05
+#: Less turning than this (rms) of the gyroscope says nothing of the lidar's.
+_LEAST_TURNING_RAD_S = 0.03
+#: Beyond this a gyroscope has turned whatever its bias.
+_SURELY_TURNED_RAD = np.radians(20.0)
+_STOOD_RAD, _STOOD_M = np.radians(1.0), 0.05
+#: A given plane within these of a found one is that plane.
+_SAME_DEG, _SAME_M = 5.0, 0.15
+
+
+@dataclass(frozen=True)
+class GyroTurning:
+    """The gyroscope's turns as the lidar's. epoch_ns: of the lidar's clock."""
+
+    gyro: GyroTurns
+    rotation: RotationStart
+    epoch_ns: int
+    first_s: float
+    last_s: float
+
+    @staticmethod
+    def of(ctx: Run, rotation: RotationStart) -> GyroTurning:
+        """With the bias that came with the rotation taken off."""
+        imu_s = ctx.clocks.imu_s
+        gyro = GyroTurns(imu_s, ctx.recording.imu.gyro_rad_s - rotation.gyro_bias)
+        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]))
+
+    def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
+        """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
+        t = np.array([start_ns - self.epoch_ns, end_ns - self.epoch_ns]) * 1e-9 - self.rotation.time_offset_s
+        if t.min() < self.first_s or t.max() > self.last_s:
+            return None
+        R = self.gyro.at(t)
+        R_c = self.rotation.R_imu_lidar
+        return np.asarray(R_c.T @ R[0].T @ R[1] @ R_c)
+
+
+def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | None = None) -> Followed:
+    """The lidar's motion, and the planes it was followed by.
+
+    given: the person's planes, in the frame of the reference scan: the motion is told in that frame then.   proposals: the
+    planes found, where that was done before. Raises Refused with what could not be followed.
+    """
+    found = proposals or propose_planes(
+        ctx.recording, ctx.settings, on_event=ctx.on_event, should_cancel=ctx.should_cancel
+    )
+    reference = found.reference_scans[0]
+    planes = joined([patch.plane for patch in found.patches], given or [])
+    if not planes:
+        raise Refused("planes.none", NO_PLANES_TEXT)
+    first = follow(ctx, planes, reference)
+    best, agreed = _aided(ctx, first, planes, reference)
+    _refuse_lost(ctx, best, agreed)
+    if best is not first:
+        text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
+        ctx.say("info", "track.aided", text)
+    scans = ctx.recording.scans
+    if given is not None and best.reference != reference:
+        best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
+    if best.reference != reference:
+        at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
+        ctx.say(
+            "info",
+            "track.reference",
+            f"the planes are those of the scan at {at_s:.1f} s, from which the lidar can be followed over {best.seen} of "
+            f"{len(scans)} scans",
+        )
+    return best
+
+
+def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
+    """The found planes, and those given that are not among them."""
+    planes = list(found)
+    for plane in given:
+        alike = (
+            np.degrees(np.arccos(np.clip(plane.normal @ other.normal, -1.0, 1.0))) < _SAME_DEG
+            and abs(plane.offset_m - other.offset_m) < _SAME_M
+            for other in found
+        )
+        if not any(alike):
+            planes.append(Plane(plane.name, plane.normal, plane.offset_m))
+    return planes
+
+
+def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -> tuple[Followed, Agreement]:
+    """The track, followed again with the gyroscope's turning where it goes astray or breaks off; and what speaks for it."""
+    imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    rates = gyro_rad_s - np.median(gyro_rad_s, axis=0)
+    if float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) < _LEAST_TURNING_RAD_S:
+        return first, NO_AGREEMENT
+    lidar = lidar_track(ctx, first)
+    own = agreement(lidar, imu_s, gyro_rad_s)
+    trusted = own.correlation > TRUSTED
+    if trusted and first.seen >= _WHOLE * len(ctx.recording.scans):
+        return first, own
+    if trusted:
+        starts, agreed = rotation_start(lidar, imu_s, gyro_rad_s), own
+    else:
+        starts, agreed = _pairs_start(ctx)
+        if agreed.correlation < max(own.correlation, BELIEVED):
+            return first, max(own, agreed, key=lambda a: a.correlation)
+    if not starts or starts[0].residual > _FITS or starts[0].open_axis_imu is not None:
+        return first, agreed
+    again = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
+    if trusted and again.worth(ctx) < _BETTER * first.worth(ctx):
+        return first, own
+    ctx.say(
+        "info", "track.aided", "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
+    )
+    return again, agreed
+
+
+def lidar_track(ctx: Run, followed: Followed) -> LidarTrack:
+    """The track on the lidar's clock."""
+    positions = np.array([m.position for m in followed.motions])
+    return LidarTrack.of(followed.motions, ctx.clocks.scan_s[positions], ctx.clocks.sweep_s[positions])
+
+
+def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
+    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree."""
+    ctx.stage("track", 0.0, "turning from scan to scan")
+    pairs = pair_turns(ctx.recording.scans, seed=ctx.settings.random_seed)
+    # A sweep taken as one rigid look is a look from where its middle was.
+    middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
+    start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
+    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, 1e-3)[:, None])
+    imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    agreed = agreement_of(turns, imu_s, gyro_rad_s)
+    if agreed is NO_AGREEMENT:
+        return [], agreed
+    lags = [(agreed.lag_s, agreed.correlation)]
+    return fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags), agreed
+
+
+def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
+    """Raise Refused where the track is no motion of this gyroscope's: nothing may be concluded from it."""
+    scans, clocks = len(ctx.recording.scans), ctx.clocks
+    gyro = GyroTurns(clocks.imu_s, ctx.recording.imu.gyro_rad_s - np.median(ctx.recording.imu.gyro_rad_s, axis=0))
+    turned = gyro.at(clocks.imu_s[:: max(1, len(clocks.imu_s) // 500)])
+    most_rad = float(np.linalg.norm(log(turned[0].T @ turned), axis=1).max())
+    if most_rad < _SURELY_TURNED_RAD:
+        return
+    motions = followed.motions
+    turn = max(float(np.linalg.norm(log(motions[0].R.T @ m.R))) for m in motions)
+    move = max(float(np.linalg.norm(m.p - motions[0].p)) for m in motions)
+    stood = turn < _STOOD_RAD and move < _STOOD_M
+    unlike = agreed is not NO_AGREEMENT and agreed.correlation < BELIEVED
+    if stood:
+        raise Refused(
+            "planes.lost",
+            f"the lidar could not be followed: its planes face {_directions(followed.planes)}, and over the {followed.seen} of "
+            f"{scans} scans that they hold it hardly moved, while the gyroscope turns by {np.degrees(most_rad):.0f} deg in the "
+            "recording; record where three planes that face different ways stay in view",
+        )
+    if unlike:
+        raise Refused(
+            "planes.lost",
+            f"the lidar could not be followed: its turning, by the planes of {followed.seen} of {scans} scans, does not go with "
+            f"the gyroscope's (correlation {agreed.correlation:.2f}); record more slowly, where three planes that face "
+            "different ways stay in view, with nobody close by",
+        )
+
+
+def _directions(planes: Sequence[Plane]) -> str:
+    """In how many independent ways planes face, in words."""
+    spread = np.linalg.svd(np.array([plane.normal for plane in planes]), compute_uv=False)
+    count = int(np.count_nonzero(spread[:3] > 0.2 * spread[0]))
+    return ("one way only", "two ways only", "three ways")[count - 1]

@@ -1,0 +1,104 @@
+"""The stage of the start values: time offset, rotation, gravity, lever arm and accelerometer bias from both motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.errors import Refused
+from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
+from calib_core.full.initialise.single_axis import turns_about, upright
+from calib_core.full.initialise.start import (
+    LidarTrack,
+    LinearStart,
+    RotationStart,
+    Start,
+    acceleration_start,
+    linear_start,
+    rotation_start,
+)
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.run import Run
+from calib_core.types import InitialGuess, Plane
+
+#: With less turning than this (rms) the gyroscope says nothing of the rotation, and the accelerometer has to.
+LEAST_TURNING_RAD_S = 0.03
+#: Turns about the only axis that are tried where it stays open.
+_TURNS = 24
+
+
+def initialise(
+    run: Run, motions: Sequence[ScanMotion], planes: Sequence[Plane], guess: InitialGuess | None
+) -> tuple[LidarTrack, Start]:
+    """Time offset, rotation, gravity, lever arm and accelerometer bias from the lidar-only motion.
+
+    planes: those that were followed; where the turn about the only axis stays open, it is taken so that they are plumb
+    and level.
+    """
+    run.stage("initialise", 0.0, "time offset and rotation")
+    positions = np.array([m.position for m in motions])
+    lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])
+    imu = run.recording.imu
+    turning = float(np.sqrt(np.mean(np.sum(lidar.omega_rad_s**2, axis=1))))
+    candidates = rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if turning > LEAST_TURNING_RAD_S else []
+    if not candidates:
+        candidates = acceleration_start(lidar, run.clocks.imu_s, imu.accel_m_s2)
+    if guess is not None:
+        candidates = _guided(run, candidates, guess)
+    if not candidates:
+        raise Refused(
+            "start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion"
+        )
+    magnitude = run.settings.gravity.magnitude_m_s2
+
+    def trial(rotation: RotationStart) -> Start:
+        linear = linear_start(lidar, run.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
+        return Start(rotation, linear)
+
+    trials: list[Start] = []
+    best = candidates[0].residual
+    for candidate in candidates:
+        if candidate.residual > max(2.0 * best, best + 0.1):
+            continue
+        rotations = [candidate.R_imu_lidar]
+        if candidate.open_axis_imu is not None:
+            rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, _TURNS)
+        trials.extend(trial(replace(candidate, R_imu_lidar=R)) for R in rotations)
+    chosen = upright(trials, np.array([plane.normal for plane in planes]), trial)
+    if chosen is not min(trials, key=lambda t: t.misfit):
+        run.say(
+            "info",
+            "start.open_turn",
+            "all turning is about one axis and the accelerations hardly tell how the IMU is turned about it: the solve starts "
+            "where the planes are plumb and level",
+        )
+    run.stage("initialise", 1.0)
+    rotation, linear = chosen.rotation, chosen.linear
+    if guess is None or guess.R_imu_lidar is None:
+        _refuse_misread_imu(run, lidar, max(candidates, key=lambda c: c.correlation), linear)
+    if guess is not None and guess.p_imu_lidar is not None:
+        linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
+    return lidar, Start(rotation, linear)
+
+
+def _refuse_misread_imu(run: Run, lidar: LidarTrack, rotation: RotationStart, linear: LinearStart) -> None:
+    """Raise Refused where the IMU's unit or signs cannot be those of the lidar's motion."""
+    imu_s, imu = run.clocks.imu_s, run.recording.imu
+    if complaint := unit_complaint(lidar, imu_s, imu):
+        raise Refused("imu.gyroscope_unit", complaint)
+    if complaint := axis_complaint(lidar, imu_s, imu, rotation, linear, run.settings.gravity.magnitude_m_s2):
+        raise Refused("imu.axis_signs", complaint)
+
+
+def _guided(run: Run, found: list[RotationStart], guess: InitialGuess) -> list[RotationStart]:
+    """What the user already knows replaces what was found."""
+    offset = run.clocks.offset_s(guess.time_offset_ns) if guess.time_offset_ns is not None else None
+    base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
+    if offset is not None:
+        near = [c for c in found if abs(c.time_offset_s - offset) < 0.05]
+        base = replace(near[0] if near else base, time_offset_s=offset)
+    if guess.R_imu_lidar is not None:
+        base = replace(base, R_imu_lidar=guess.R_imu_lidar, open_axis_imu=None)
+    return [base]

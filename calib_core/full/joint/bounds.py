@@ -1,0 +1,81 @@
+"""Where a solve has to end: what has left the start values behind, what never comes to rest, what takes too many rounds.
+
+Each ends in a refusal that says which quantity moved, and by how much in its own standard deviations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.errors import Refused
+from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.joint.undetermined import NAMES
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray
+
+_CURE = "some planes are not flat or do not stand still: leave out what can move or bend"
+
+
+def require_bounds(data: JointData, before: Estimation, after: Estimation) -> None:
+    """Raises Refused where a round has left what the stages before have found, or was one too many."""
+    _require_near_start(data, after)
+    if after.rounds > data.most_rounds:
+        _refuse(before, after, f"the solve did not come to rest in the {data.most_rounds} rounds that it may take")
+
+
+def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float) -> None:
+    """Raises Refused where the last round has moved the calibration by more than it claims to be known to."""
+    moved, std = last_move(before, after)
+    if (np.abs(moved) / std).max() > unsettled_sigmas:
+        _refuse(before, after, f"the solve did not come to rest in {after.rounds} rounds")
+
+
+def last_move(before: Estimation, after: Estimation) -> tuple[FloatArray, FloatArray]:
+    """What the calibration moved by, and its standard deviations: (7,) each [rad, m, s]; infinite where unknown."""
+    priors = after.priors
+    moved = priors.calibration_vector(after.estimate) - priors.calibration_vector(before.estimate)
+    return moved, _std(after)
+
+
+def _std(state: Estimation) -> FloatArray:
+    if state.information is None:
+        return np.full(CALIBRATION, np.inf)
+    return np.sqrt(np.diag(covariance(state.information).matrix)[:CALIBRATION])
+
+
+def _require_near_start(data: JointData, state: Estimation) -> None:
+    e, limits = state.estimate, data.limits
+    away_s = e.time_offset_s - data.start.time_offset_s
+    sweep_s = float(np.median(data.run.clocks.sweep_s))
+    if abs(away_s) > limits.offset_sweeps * sweep_s:
+        raise Refused(
+            "solve.offset_ran_away",
+            f"the solve moved the time offset by {away_s:+.2f} s from where the turning of the lidar and that of the IMU "
+            f"agree, more than a sweep of {sweep_s:.2f} s; {_CURE}",
+        )
+    arm_m = float(np.linalg.norm(e.p_imu_lidar))
+    std_m = float(_std(state)[3:6].max())
+    far_m = limits.lever_arm_m + float(np.linalg.norm(data.start.p_imu_lidar))
+    if arm_m > far_m and std_m < limits.lever_arm_std_m:
+        raise Refused(
+            "solve.lever_arm_ran_away",
+            f"the solve needs the lidar {arm_m:.1f} m away from the IMU and claims to know that to {std_m * 1e3:.1f} mm; {_CURE}",
+        )
+
+
+def _refuse(before: Estimation, after: Estimation, what: str) -> None:
+    moved, std = last_move(before, after)
+    sigmas = np.abs(moved) / std
+    worst = int(np.argmax(sigmas))
+    raise Refused(
+        "solve.unsettled",
+        f"{what}: the {NAMES[worst]} still moved by {_amount(float(moved[worst]), worst)}, {sigmas[worst]:.1f} times its "
+        f"standard deviation, in the last one; {_CURE}",
+    )
+
+
+def _amount(moved: float, which: int) -> str:
+    if which < 3:
+        return f"{np.degrees(abs(moved)):.2g} deg"
+    return f"{abs(moved) * 1e3:.2g} {'mm' if which < 6 else 'ms'}"

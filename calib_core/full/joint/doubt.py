@@ -1,0 +1,111 @@
+"""Which planes of a solve are doubtful: what its residuals say of each (planes/standing.py), and what is said of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.errors import Refused
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.residuals import plane_chi2
+from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.standing import (
+    LEAST_M,
+    WORDS,
+    PlaneSamples,
+    Standing,
+    doubts,
+    fault_of,
+    standing_of,
+    widening,
+)
+from calib_core.full.run import Run
+from calib_core.geometry import plane_axes
+from calib_core.types import FloatArray
+
+#: Places on a plane: a hand's breadth and a half.
+_CELL_M = 0.3
+#: Normals hold three directions where the smallest singular value of three orthogonal ones would be one.
+_LEAST_SPREAD = 0.2
+
+
+def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
+    """How every plane stands under an estimate."""
+    bins = problem.bins
+    seen, part = problem.planes_seen(estimate)
+    scatter, points = plane_chi2(problem, estimate)
+    weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    distance_m = np.einsum("bi,bi->b", bins.scatter[:, 3, :], seen) / weight
+    at_imu = (bins.scatter[:, 3, :3] / weight[:, None]) @ estimate.R_imu_lidar.T + estimate.p_imu_lidar
+    place_m = np.einsum("bij,bj->bi", part["R"], at_imu) + part["p"]
+    time_s = problem.readings.knots_s[bins.knot]
+    out = []
+    for j, normal in enumerate(estimate.normals):
+        mine = bins.plane == j
+        cell = np.floor(place_m[mine] @ plane_axes(normal).T / _CELL_M).astype(np.int64)
+        _, index = np.unique(cell, axis=0, return_inverse=True)
+        samples = PlaneSamples(
+            time_s[mine],
+            index.reshape(-1),
+            distance_m[mine],
+            1.0 / np.sqrt(weight[mine]),
+            float(scatter[j]),
+            float(points[j]),
+        )
+        out.append(standing_of(samples))
+    return out
+
+
+def plane_doubts(problem: JointProblem, estimate: Estimate, least_m: float = LEAST_M) -> FloatArray:
+    """How doubtful each plane is, (P, 3): standing.doubts."""
+    return doubts(standings(problem, estimate), least_m)
+
+
+def say_left_out(ctx: Run, names: Sequence[str], doubt: FloatArray) -> None:
+    """Name the planes that are left out, each with what is wrong with it. doubt: (P, 3), theirs."""
+    for name, row in zip(names, doubt, strict=True):
+        fault = fault_of(row)
+        if fault:
+            ctx.say("warning", f"planes.{fault}", f"{name} {WORDS[fault]}: left out")
+        else:
+            ctx.say("warning", "planes.dropped", f"{name} does not fit the motion that the others share: left out")
+
+
+def weigh_chosen(ctx: Run, solved: Solved) -> float:
+    """Name the doubtful among the planes that a person chose: they count all the same. How much wider all sigmas are.
+
+    Raises Refused where those beyond doubt do not hold three directions: the answer would be that of what moves or bends.
+    """
+    problem, estimate, names = solved.problem, solved.estimate, [plane.name for plane in solved.planes]
+    if not np.isfinite(estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
+        return 1.0
+    stand = standings(problem, estimate)
+    doubt = doubts(stand)
+    faults = [fault_of(row) for row in doubt]
+    said = [f"{name} {WORDS[fault]}" for name, fault in zip(names, faults, strict=True) if fault]
+    sound = estimate.normals[[not fault for fault in faults]]
+    spread = np.linalg.svd(sound, compute_uv=False) if len(sound) >= 3 else np.zeros(3)
+    if said and spread[-1] < _LEAST_SPREAD:
+        raise Refused(
+            "planes.doubtful",
+            f"the planes chosen do not hold the motion: {', '.join(said)}, and the others do not face three ways; choose walls, "
+            "floor and ceiling, or leave the choice open",
+        )
+    for name, fault in zip(names, faults, strict=True):
+        if fault:
+            ctx.say(
+                "warning",
+                f"planes.{fault}",
+                f"{name} {WORDS[fault]} and counts because it was chosen: leave it out and solve again",
+            )
+    wider = widening(stand)
+    if wider > 1.0:
+        ctx.say(
+            "warning",
+            "planes.bent",
+            f"the chosen planes are mostly not flat, or not what they seem: all standard deviations are {wider:.1f} times what "
+            "noise alone would give; choose walls, floor and ceiling, or leave the choice open",
+        )
+    return wider

@@ -1,0 +1,167 @@
+"""What the joint estimation knows at one moment, as a value: every step takes one and gives the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib_core.factors.lidar_plane import LidarNoise
+from calib_core.factors.support import PlaneExtents
+from calib_core.full.joint.association import Micro, View
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.priors import Priors
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.schedule import Limits
+from calib_core.full.joint.sensors import clock_rate_ppm
+from calib_core.full.joint.state import BiasNodes, Estimate
+from calib_core.full.prepare.nuisance import Nuisance
+from calib_core.full.run import Run
+from calib_core.imu.preintegration import UpsampledImu, upsample
+from calib_core.solver.levenberg import Minimum
+from calib_core.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class MapPlane:
+    """A plane of the map, but for where it is, which is estimated.
+
+    outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
+    """
+
+    name: str
+    outline_m: FloatArray | None = None
+
+
+@dataclass
+class LastView:
+    """The scans under one estimate, kept for the next step that asks for the same: it changes no number, only the time."""
+
+    view: View | None = None
+
+    def of(self, run: Run, motion: Motion, estimate: Estimate, nuisance: Nuisance) -> View:
+        """The scans under an estimate, laid out once however often they are asked for."""
+        if self.view is None or self.view.estimate is not estimate:
+            self.view = view_of(run, motion, estimate, nuisance)
+        return self.view
+
+
+#: The accelerometer is read anew where its delay has moved by so much: to there the first order is good to a ten-thousandth.
+_DELAY_MOVED_S = 2e-5
+
+
+@dataclass
+class LastReadings:
+    """The readings with the accelerometer asked later by one delay, kept for the next step that asks for nearly the same."""
+
+    readings: UpsampledImu | None = None
+
+    def at(self, run: Run, readings: UpsampledImu, delay_s: float) -> UpsampledImu:
+        """The readings by a delay. readings: by none."""
+        last = readings if self.readings is None else self.readings
+        if abs(delay_s - last.accel_delay_s) > _DELAY_MOVED_S:
+            imu = run.recording.imu
+            last = upsample(
+                run.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, readings.knots_s, run.hyper, accel_delay_s=delay_s
+            )
+            self.readings = last
+        return last
+
+
+@dataclass(frozen=True)
+class JointData:
+    """What stays the same while the joint problem is solved.
+
+    readings, nodes: over every knot that may come to be estimated.   gauge: the knot whose pose holds the map frame.
+    reference: position of the scan in whose frame the map is.   start: what the stages before have found, and
+    limits: how far from it an answer may lie.   sensors: what of them is to be unknown.   most_rounds: that may be taken in all.
+    """
+
+    run: Run
+    readings: UpsampledImu
+    nodes: BiasNodes
+    gauge: int
+    reference: int
+    start: Estimate
+    limits: Limits
+    most_rounds: int
+    sensors: Nuisance = Nuisance()  # noqa: RUF009  frozen
+    laid_out: LastView = field(default_factory=LastView)
+    asked: LastReadings = field(default_factory=LastReadings)
+
+    @property
+    def knots(self) -> int:
+        """How many knots may come to be estimated."""
+        return len(self.readings.knots_s)
+
+    def portion(self, low: float, high: float) -> JointData:
+        """The same, whose progress from 0 to 1 is this portion of what it was."""
+        return replace(self, run=self.run.within(low, high))
+
+
+@dataclass(frozen=True, slots=True)
+class Estimation:
+    """What is known at one moment.
+
+    estimate: its knots are the first `knots` of the data's.   planes: in the order of its normals.   positions: scans in
+    play, ascending.   nuisance: the sensors' own parameters in play, none before they are admitted.   support: the cells
+    that each plane is known to fill.   observations: points given to planes, None where they have to be given anew.
+    minimum: where the last round ended.   rounds, iterations: how many there were.
+    """
+
+    estimate: Estimate
+    priors: Priors
+    planes: tuple[MapPlane, ...]
+    positions: tuple[int, ...]
+    lidar_noise: LidarNoise
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
+    support: PlaneExtents | None = None
+    observations: Micro | None = None
+    minimum: Minimum[Estimate] | None = None
+    rounds: int = 0
+    iterations: int = 0
+
+    @property
+    def knots(self) -> int:
+        """How many of the data's knots are estimated so far."""
+        return len(self.estimate.states.p)
+
+    @property
+    def information(self) -> FloatArray | None:
+        """Of the shared unknowns (S, S), where the last round ended; None where there was none."""
+        solution = self.minimum.solution if self.minimum is not None else None
+        return None if solution is None else solution.information
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The end of the joint estimation. map_time_s: of the first used scan, lidar clock."""
+
+    problem: JointProblem
+    estimate: Estimate
+    minimum: Minimum[Estimate]
+    observations: Micro
+    lidar_noise: LidarNoise
+    map_time_s: float
+    planes: tuple[MapPlane, ...]
+    rounds: int
+    iterations: int
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
+
+    @property
+    def map_pose(self) -> tuple[FloatArray, FloatArray]:
+        """The lidar's pose at the first used scan's time, in the frame of the solve: R (3, 3), p (3,). It defines the map."""
+        return lidar_pose(self.problem.motion(self.estimate), self.estimate, self.map_time_s)
+
+
+def lidar_pose(motion: Motion, estimate: Estimate, lidar_s: float) -> tuple[FloatArray, FloatArray]:
+    """The lidar at an instant of its own clock: R (3, 3), p (3,)."""
+    e = estimate
+    pose = motion.lidar_at(np.array([lidar_s - e.time_offset_s]), e.R_imu_lidar, e.p_imu_lidar)
+    return pose.R[0], pose.p[0]
+
+
+def view_of(run: Run, motion: Motion, estimate: Estimate, nuisance: Nuisance) -> View:
+    """The scans under a motion and an estimate."""
+    clocks = run.clocks.at_rate(clock_rate_ppm(nuisance, estimate.nuisance))
+    return View(run.recording.scans, clocks, motion, estimate, run.settings, run.threads, nuisance)

@@ -1,0 +1,94 @@
+"""What a step of the solve believes of the motion, small enough to be told: a few instants of a dozen sweeps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.events import IterationEvent, PlaneResidual, SweepMotion
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.residuals import plane_residuals
+from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.run import Run
+from calib_core.geometry import euler_xyz_deg, transform_matrix
+from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray, Scan
+
+SWEEPS = 12
+#: Instants of one sweep: within half of it the twist hardly changes, as far as the eye can tell.
+INSTANTS = 3
+
+
+def sweep_motions(
+    scans: Sequence[Scan],
+    epoch_ns: int,
+    motion: Motion,
+    *,
+    time_offset_s: float,
+    R_imu_lidar: FloatArray,
+    p_imu_lidar: FloatArray,
+) -> tuple[SweepMotion, ...]:
+    """The lidar through sweeps spread over the recording, as far as the motion reaches yet; frame of the solve."""
+    from scipy.spatial.transform import Rotation
+
+    places = np.unique(np.linspace(0, len(scans) - 1, SWEEPS).astype(np.int64))
+    told = []
+    for scan in (scans[int(place)] for place in places):
+        if len(scan.points) == 0:
+            continue
+        offset_s = np.linspace(0.0, float(scan.points["offset_ns"].max()) * 1e-9, INSTANTS)
+        when_s = (scan.stamp_ns - epoch_ns) * 1e-9 + offset_s - time_offset_s
+        poses = motion.lidar_at(when_s, R_imu_lidar, p_imu_lidar)
+        if not poses.usable.all():
+            continue
+        told.append(
+            SweepMotion(
+                stamp_ns=scan.stamp_ns,
+                offset_s=np.round(offset_s, 6).tolist(),
+                quaternion_xyzw=np.round(Rotation.from_matrix(poses.R).as_quat(), 6).tolist(),
+                position_m=np.round(poses.p, 5).tolist(),
+            )
+        )
+    return tuple(told)
+
+
+def iteration_event(
+    run: Run,
+    problem: JointProblem,
+    estimate: Estimate,
+    cost: float,
+    solution: ArrowSolution,
+    number: tuple[int, int],
+    names: Sequence[str],
+) -> IterationEvent:
+    """One accepted step, for whoever watches. number: of the iteration, of its round.   names: of the planes."""
+    std = np.sqrt(np.diag(covariance(solution.information).matrix)[:CALIBRATION])
+    return IterationEvent(
+        iteration=number[0],
+        round=number[1],
+        cost=cost,
+        matrix=transform_matrix(estimate.R_imu_lidar, estimate.p_imu_lidar).tolist(),
+        translation_m=estimate.p_imu_lidar.tolist(),
+        euler_xyz_deg=euler_xyz_deg(estimate.R_imu_lidar),
+        time_offset_s=run.clocks.offset_ns(estimate.time_offset_s) * 1e-9,
+        rotation_std_deg=np.degrees(std[:3]).tolist(),
+        translation_std_m=std[3:6].tolist(),
+        time_offset_std_s=float(std[6]),
+        planes=[
+            PlaneResidual(name=name, rms_m=rms, points=points, normal=np.round(normal, 7).tolist(), offset_m=float(w))
+            for name, normal, w, (rms, points) in zip(
+                names, estimate.normals, estimate.offsets_m, plane_residuals(problem, estimate), strict=True
+            )
+        ],
+        sweeps=sweep_motions(
+            run.recording.scans,
+            run.clocks.lidar_epoch_ns,
+            problem.motion(estimate),
+            time_offset_s=estimate.time_offset_s,
+            R_imu_lidar=estimate.R_imu_lidar,
+            p_imu_lidar=estimate.p_imu_lidar,
+        ),
+    )

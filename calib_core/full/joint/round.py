@@ -1,0 +1,250 @@
+"""What every round of the joint estimation is made of: lay points on planes, descend, hold what is not determined.
+
+A round lays the current motion under the points (`associate`), gathers them into factors, preintegrates about the current
+biases and descends. Each step takes what is known and gives what is known then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.errors import Cancelled
+from calib_core.factors.lidar_plane import Gate
+from calib_core.factors.support import cells_within
+from calib_core.full.joint import association
+from calib_core.full.joint.association import View, gather
+from calib_core.full.joint.bounds import require_bounds
+from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
+from calib_core.full.joint.live import iteration_event
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.priors import Held
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.schedule import Round, Sampling
+from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, sensor_columns
+from calib_core.full.joint.state import CALIBRATION, Estimate, Layout, no_bins
+from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
+from calib_core.imu.intrinsics import corrected
+from calib_core.imu.preintegration import UpsampledImu, preintegrate
+from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_arrow
+from calib_core.solver.levenberg import minimise
+from calib_core.types import BoolArray, FloatArray
+
+#: The time offset's column of the calibration.
+_TIME_OFFSET = CALIBRATION - 1
+#: Scans between two reports of progress.
+_TOLD_EVERY = 20
+
+
+def one_round(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
+    """A round as its policy has it: survey, association, descent, and what is to be held from there on."""
+    gate = gate_of(state, round_.gate_m, sampling) if round_.margin_by_noise else Gate(extra_m=round_.gate_m)
+    if round_.survey:
+        state = survey(data, state, gate, sampling)
+    state = associate(data, state, gate, stride=round_.stride or coarse_stride(data, state, sampling))
+    frozen = tuple(range(CALIBRATION)) if round_.motion_alone else ()
+    state, problem = descend(
+        data, state, iterations=round_.iterations, tolerance=round_.least_decrease, also_frozen=frozen
+    )
+    return hold(data, state, problem) if round_.hold else state
+
+
+def gate_of(state: Estimation, extra_m: float, sampling: Sampling) -> Gate:
+    """A gate of the noise and so much more; hits too near to another plane, for the noise there is, do not count."""
+    margin_m = float(np.clip(sampling.margin_sigmas * state.lidar_noise.range_std_m, *sampling.margins_m))
+    return Gate(extra_m=extra_m, margin_m=margin_m)
+
+
+def coarse_stride(data: JointData, state: Estimation, sampling: Sampling) -> int:
+    """Every so many-th point is used in the coarse rounds."""
+    target = float(np.clip(sampling.points / len(state.positions), *sampling.points_per_scan))
+    some = state.positions[:: max(1, len(state.positions) // sampling.typical_scans)]
+    typical = np.median(data.run.clocks.scan_points[list(some)])
+    return max(1, int(typical // target))
+
+
+def associate(data: JointData, state: Estimation, gate: Gate, *, stride: int) -> Estimation:
+    """Points given to planes under the present estimate."""
+    run, total = data.run, len(state.positions)
+    told = 0
+
+    def tell(done: int) -> None:
+        nonlocal told
+        if done // _TOLD_EVERY > told // _TOLD_EVERY:
+            run.stage("solve", done / total, f"round {state.rounds + 1}")
+        told = done
+
+    view = present_view(data, state)
+    observations = association.associate(
+        view, state.positions, state.lidar_noise, gate, state.support, stride=stride, on_scans=tell
+    )
+    return replace(state, observations=observations)
+
+
+def survey(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) -> Estimation:
+    """How far each plane reaches."""
+    view, stride = present_view(data, state), coarse_stride(data, state, sampling)
+    support = association.survey(
+        view, state.positions, state.lidar_noise, gate, stride=stride, within=outlined_cells(data, state)
+    )
+    return replace(state, support=support)
+
+
+def measure(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) -> Estimation:
+    """How noisy the lidar is, within the planes' support."""
+    step = max(1, len(state.positions) // sampling.noise_scans)
+    noise = association.measure_noise(
+        present_view(data, state), state.positions[::step], state.lidar_noise, gate, state.support
+    )
+    return replace(state, lidar_noise=noise)
+
+
+def descend(
+    data: JointData, state: Estimation, *, iterations: int, tolerance: float, also_frozen: tuple[int, ...] = ()
+) -> tuple[Estimation, JointProblem]:
+    """Preintegrate and gather about the present estimate, then descend. also_frozen: more shared columns to hold.
+
+    Raises Refused where the answer has left its bounds, and Cancelled.
+    """
+    assert state.observations is not None
+    problem = problem_of(data, state)
+    bins = gather(state.observations, problem.motion(state.estimate), state.estimate)
+    problem = replace(problem, bins=bins, frozen=problem.frozen + also_frozen)
+    run, names, number = data.run, [plane.name for plane in state.planes], state.rounds + 1
+    count = state.iterations
+
+    def report(estimate: Estimate, cost: float, solution: ArrowSolution) -> None:
+        nonlocal count
+        count += 1
+        if run.should_cancel():
+            raise Cancelled("the calibration was cancelled")
+        run.on_event(iteration_event(run, problem, estimate, cost, solution, (count, number), names))
+
+    minimum = minimise(problem, state.estimate, max_iterations=iterations, tolerance=tolerance, on_step=report)
+    after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
+    require_bounds(data, state, after)
+    return after, problem
+
+
+def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimation:
+    """Hold the directions that the data do not determine: translation at zero, the others where they are.
+
+    What was held is let go only when the data, judged with it held, say clearly more than noise could.
+    """
+    information = _information(data, state, problem)
+    if information is None:
+        return state
+    known = data_information(information, state.priors)
+    if not data.run.settings.estimate_time_offset:
+        known[_TIME_OFFSET, _TIME_OFFSET] = FROZEN
+    before = [held.vector * UNITS for held in state.priors.held]
+    held = []
+    now = state.priors.calibration_vector(state.estimate)
+    for direction in still_undetermined(known, before).T:
+        vector = direction / UNITS
+        only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
+        held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
+    return replace(state, priors=replace(state.priors, held=tuple(held)))
+
+
+def _information(data: JointData, state: Estimation, problem: JointProblem) -> FloatArray | None:
+    """Of the shared unknowns (S, S), from the descent that just ended unless it held more than the settings do."""
+    frozen = _frozen(data, problem, state.estimate)
+    if state.information is not None and problem.frozen == frozen:
+        return state.information
+    try:
+        return solve_arrow(replace(problem, frozen=frozen).linearise(state.estimate)).information
+    except NotPositiveDefinite:
+        return None
+
+
+def anchored(data: JointData, state: Estimation) -> Estimation:
+    """The map frame laid on the lidar at the first used scan's time, wherever the estimate has let it drift.
+
+    Planes' cells are counted in the map frame: it must not depend on where the search began.
+    """
+    return replace(state, estimate=state.estimate.seen_from(*_map_pose(data, state)))
+
+
+def outlined_cells(data: JointData, state: Estimation) -> BoolArray | None:
+    """The cells (P, rows, columns) that the given outlines leave to their planes; None where there is no outline."""
+    if all(plane.outline_m is None for plane in state.planes):
+        return None
+    # Planes that are held hold the frame too; otherwise it has drifted with the motion, and the outlines with it.
+    R, p = _map_pose(data, state) if data.run.settings.estimate_planes else (np.eye(3), np.zeros(3))
+    here = [None if plane.outline_m is None else plane.outline_m @ R.T + p for plane in state.planes]
+    return cells_within(state.estimate.normals, here)
+
+
+def _map_pose(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
+    """The map frame in that of the solve, by the present estimate: R (3, 3), p (3,)."""
+    return lidar_pose(motion_of(data, state), state.estimate, map_time_s(data, state))
+
+
+def map_time_s(data: JointData, state: Estimation) -> float:
+    """When the lidar defines the map frame: the first used scan's time, by a clock that runs at the IMU's rate."""
+    rate_ppm = clock_rate_ppm(state.nuisance, state.estimate.nuisance)
+    return float(data.run.clocks.at_rate(rate_ppm).scan_s[data.reference])
+
+
+def present_view(data: JointData, state: Estimation) -> View:
+    """The scans under the present estimate."""
+    return data.laid_out.of(data.run, motion_of(data, state), state.estimate, state.nuisance)
+
+
+def readings_of(data: JointData, state: Estimation) -> UpsampledImu:
+    """The readings over the estimated knots, without the IMU's own scale, axes and delay as these are thought to be."""
+    if not state.nuisance.blocks:
+        return data.readings.part(0, state.knots)
+    intrinsics = imu_intrinsics(state.nuisance, state.estimate.nuisance)
+    asked = data.asked.at(data.run, data.readings, intrinsics.accel_delay_s)
+    return corrected(asked.part(0, state.knots), intrinsics)
+
+
+def motion_of(data: JointData, state: Estimation) -> Motion:
+    """The motion that the present estimate describes."""
+    e = state.estimate
+    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
+    return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
+
+
+def problem_of(data: JointData, state: Estimation) -> JointProblem:
+    """The joint problem over the knots estimated so far, linked about the present biases and sensors."""
+    e = state.estimate
+    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
+    bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
+    links = preintegrate(readings, bg, ba, data.run.noise.density)
+    problem = JointProblem(
+        readings=readings,
+        nodes=nodes,
+        links=links,
+        links_gyro_bias=bg,
+        links_accel_bias=ba,
+        bins=replace(no_bins(e.time_offset_s), nuisance=e.nuisance),
+        priors=state.priors,
+        sensors=sensor_columns(state.nuisance, e.nuisance, readings, data.run.clocks.middle_s),
+        gauge_knot=data.gauge,
+        planes_hold_frame=not data.run.settings.estimate_planes,
+    )
+    return replace(problem, frozen=_frozen(data, problem, e))
+
+
+def layout_of(data: JointData, state: Estimation) -> Layout:
+    """Where each shared unknown has its columns."""
+    return Layout(len(data.nodes.times_s), len(state.planes), state.nuisance.size)
+
+
+def _frozen(data: JointData, problem: JointProblem, estimate: Estimate) -> tuple[int, ...]:
+    """The shared columns that the settings hold fixed."""
+    settings, layout = data.run.settings, problem.layout(estimate)
+    frozen: list[int] = []
+    if not settings.estimate_time_offset:
+        frozen.append(_TIME_OFFSET)
+    if not settings.estimate_planes:
+        for j in range(layout.planes):
+            columns = layout.plane(j)
+            frozen.extend(range(columns.start, columns.stop))
+    if settings.intrinsics == "consider":
+        frozen.extend(range(layout.nuisance().start, layout.nuisance().stop))
+    return tuple(frozen)

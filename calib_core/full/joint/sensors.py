@@ -1,0 +1,109 @@
+"""The values of the sensors' own parameters, as each part of the joint problem wants them: one line here for each block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib_core.factors.laser_features import LaserErrors
+from calib_core.factors.laser_kernels import COLUMNS
+from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, Nuisance
+from calib_core.imu.intrinsics import ImuIntrinsics, bias_equivalents
+from calib_core.imu.preintegration import UpsampledImu
+from calib_core.intrinsics import NAMES
+from calib_core.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class SensorColumns:
+    """How the sensors' own parameters, a vector of N (nuisance.py), enter the factors. Places are in that vector, -1: none.
+
+    imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
+    links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
+    lidar's time at which it adds nothing.   laser_places: (lasers, 6), columns as in factors/laser_kernels.py.
+    """
+
+    imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    gyro: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    accel: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    links_at: FloatArray = field(default_factory=lambda: np.zeros(0))
+    clock_place: int = -1
+    clock_middle_s: float = 0.0
+    laser_places: IntArray = field(default_factory=lambda: np.full((1, COLUMNS), -1))
+
+    def part(self, first: int, last: int) -> SensorColumns:
+        """As seen by the links first..last (exclusive)."""
+        return replace(self, gyro=self.gyro[first:last], accel=self.accel[first:last])
+
+
+def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
+    """The IMU's part of a vector (N,)."""
+    return ImuIntrinsics(
+        gyro_scale=nuisance.values(values, "gyroscope_scale"),
+        gyro_axes=nuisance.values(values, "gyroscope_axes"),
+        gyro_rotation=nuisance.values(values, "gyroscope_rotation"),
+        accel_scale=nuisance.values(values, "accelerometer_scale"),
+        accel_axes=nuisance.values(values, "accelerometer_axes"),
+        accel_delay_s=float(nuisance.values(values, "accelerometer_delay")[0]),
+    )
+
+
+def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
+    """The lidar's part of a vector (N,), laser by laser; where lasers are not told apart, of one that stands for all."""
+    lasers = max(nuisance.lasers, 1)
+    offset, elevation, azimuth, scale = (
+        np.zeros(lasers) + (nuisance.values(values, block) if nuisance.start(block) >= 0 else 0.0)
+        for block in LASER_BLOCKS
+    )
+    every = float(nuisance.values(values, "range_offset")[0])
+    return LaserErrors(offset + every, scale, elevation, azimuth, float(nuisance.values(values, "incidence")[0]))
+
+
+def clock_rate_ppm(nuisance: Nuisance, values: FloatArray) -> float:
+    """By how much the lidar's clock runs faster than the IMU's."""
+    return float(nuisance.values(values, "clock_rate")[0])
+
+
+def sensor_columns(
+    nuisance: Nuisance, values: FloatArray, readings: UpsampledImu, clock_middle_s: float
+) -> SensorColumns:
+    """The columns at the values (N,) about which the readings are corrected."""
+    if not nuisance.blocks:
+        return SensorColumns()
+    # Every block of the IMU has its place among the sixteen columns, in play or not.
+    places, picked, at = [], [], 0
+    for block in IMU_BLOCKS:
+        start = nuisance.start(block)
+        for k in range(len(NAMES[block])):
+            if start >= 0:
+                places.append(start + k)
+                picked.append(at + k)
+        at += len(NAMES[block])
+    gyro, accel = bias_equivalents(readings, imu_intrinsics(nuisance, values))
+    imu_places = np.array(places, np.int64)
+    links_at = values[imu_places].copy()
+    delay = nuisance.start("accelerometer_delay")
+    links_at[imu_places == delay] = readings.accel_delay_s
+    return SensorColumns(
+        imu_places=imu_places,
+        gyro=np.ascontiguousarray(gyro[:, :, picked]),
+        accel=np.ascontiguousarray(accel[:, :, picked]),
+        links_at=links_at,
+        clock_place=nuisance.start("clock_rate"),
+        clock_middle_s=clock_middle_s,
+        laser_places=laser_places(nuisance),
+    )
+
+
+def laser_places(nuisance: Nuisance) -> IntArray:
+    """(lasers, 6) of each laser's parameters and of everybody's two; -1 for what is not in play."""
+    lasers = max(nuisance.lasers, 1)
+    places = np.full((lasers, COLUMNS), -1)
+    for column, block in enumerate(LASER_BLOCKS):
+        start = nuisance.start(block)
+        if start >= 0:
+            places[:, column] = start + np.arange(lasers)
+    places[:, len(LASER_BLOCKS)] = nuisance.start("range_offset")
+    places[:, len(LASER_BLOCKS) + 1] = nuisance.start("incidence")
+    return places

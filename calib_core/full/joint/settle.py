@@ -1,0 +1,99 @@
+"""To where support, noise, gates and motion no longer change one another: with a part of the points, then with all.
+
+That place depends on the recording alone, not on the start values: what follows is the same from any start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.factors.support import PlaneExtents
+from calib_core.full.joint.bounds import require_rest
+from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.residuals import moved_in_gate
+from calib_core.full.joint.round import anchored, associate, coarse_stride, descend, gate_of, measure, survey
+from calib_core.full.joint.schedule import Sampling, Settling
+from calib_core.solver.levenberg import Outcome
+from calib_core.types import BoolArray
+
+
+def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
+    """With a part of the points, as near to rest as they come.
+
+    A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
+    stays out.
+    """
+    cells: list[BoolArray] = []
+    for k in range(settling.rounds):
+        if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
+            state = anchored(data, state)
+        learning = gate_of(state, settling.learning_m, sampling)
+        if not swings(cells):
+            state = survey(data, state, learning, sampling)
+            assert state.support is not None
+            cells.append(state.support.inside)
+            if swings(cells):
+                state = replace(state, support=PlaneExtents(state.support.normals, cells[-1] & cells[-2]))
+        state = measure(data, state, learning, sampling)
+        gate = gate_of(state, settling.settling_m, sampling)
+        state = associate(_nearer(data, k), state, gate, stride=coarse_stride(data, state, sampling))
+        before = state.estimate
+        # A single step: what another one would add, the next round's first step does.
+        state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
+        if moved_in_gate(problem, before, state.estimate) < settling.unmoved:
+            break
+    return state
+
+
+def alternate(
+    data: JointData, state: Estimation, settling: Settling, sampling: Sampling
+) -> tuple[Estimation, JointProblem]:
+    """With all points: associate, descend to the fixed point, and again until the gates no longer feel it.
+
+    Raises Refused where the calibration still moves after the last round.
+    """
+    last = state.rounds + settling.descents(data.run.settings.max_rounds)
+    k = 0
+    while True:
+        state = associate(_nearer(data, k), state, gate_of(state, 0.0, sampling), stride=1)
+        before = state
+        state, problem = to_fixed_point(
+            data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds)
+        )
+        if moved_in_gate(problem, before.estimate, state.estimate) < settling.settled:
+            return state, problem
+        if state.rounds >= last:
+            require_rest(before, state, settling.unsettled_sigmas)
+            return state, problem
+        k += 1
+
+
+def to_fixed_point(
+    data: JointData, state: Estimation, settling: Settling, *, most: int
+) -> tuple[Estimation, JointProblem]:
+    """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many."""
+    last = state.rounds + most
+    while True:
+        state, problem = descend(data, state, iterations=settling.iterations, tolerance=settling.least_decrease)
+        assert state.minimum is not None
+        small = state.minimum.first_decrease < settling.fixed_point
+        if (small and state.minimum.outcome is not Outcome.SINGULAR) or state.rounds >= last:
+            return state, problem
+
+
+def _nearer(data: JointData, k: int) -> JointData:
+    """Each of a number of rounds that nobody knows is half of what is left."""
+    return data.portion(1.0 - 0.5**k, 1.0 - 0.5 ** (k + 1))
+
+
+def swings(cells: Sequence[BoolArray]) -> bool:
+    """Whether the surveys have gone to and fro twice. Once may be on the way to rest: noise is still being learnt."""
+    if len(cells) < 4:
+        return False
+    one, other = cells[-2:]
+    to_and_fro = np.array_equal(other, cells[-3]) and np.array_equal(one, cells[-4])
+    return to_and_fro and not np.array_equal(one, other)

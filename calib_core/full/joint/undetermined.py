@@ -1,0 +1,84 @@
+"""Which directions of the calibration the data leave open: what is held while solving, and said when it is over.
+
+Knots, biases, gravity and planes are eliminated; what remains, 7 x 7 in the contract's order, is the calibration's
+information. Priors on the calibration itself are taken out exactly: the verdict is the data's. Its eigenvectors, in units
+of 1 deg, 10 mm and 1 ms, are the directions that are known well or badly together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib_core.full.joint.priors import Priors
+from calib_core.full.joint.state import CALIBRATION
+from calib_core.solver.information import marginal
+from calib_core.types import BoolArray, FloatArray
+
+#: The calibration to a person, in the order of its columns.
+NAMES = (
+    "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
+    "translation along the IMU's x axis", "translation along the IMU's y axis", "translation along the IMU's z axis",
+    "time offset",
+)  # fmt: skip
+#: One unit of each parameter: 1 deg, 10 mm, 1 ms.
+UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
+#: A direction is weak where its spread along any parameter exceeds 0.5 deg, 20 mm or 2 ms.
+LIMITS = np.array([0.5] * 3 + [2.0] * 3 + [2.0])
+#: The standing prior of 1 rad, 10 m, 10 s in the same units: along an undetermined direction this is all there is.
+STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
+#: Spread of a direction along any parameter, in the scaled units, beyond which it counts as undetermined and is held.
+UNDETERMINED = np.array([2.0] * 3 + [10.0] * 3 + [10.0])
+
+
+def data_information(information: FloatArray, priors: Priors) -> FloatArray:
+    """(7, 7), in the scaled units: what the data alone say of the calibration. information: (S, S), priors included."""
+    data = (marginal(information, CALIBRATION) - priors.calibration_information()) * UNITS[:, None] * UNITS[None, :]
+    return 0.5 * (data + data.T)
+
+
+def undetermined(data: FloatArray) -> FloatArray:
+    """Directions (7, U), scaled units, in which the data say less than noise alone would seem to say.
+
+    Why a threshold far from zero: the information is evaluated at estimated motion, whose noise looks like excitation.
+    A lever arm along a fixed axis, truly unknown, seems known to half a metre after 20 s, and left free it wanders.
+    """
+    values, vectors = np.linalg.eigh(data)
+    spread = 1.0 / np.sqrt(np.maximum(values, 1e-16))
+    return _without_traces(vectors[:, is_open(vectors, spread)])
+
+
+def _without_traces(directions: FloatArray) -> FloatArray:
+    """The directions (7, U), orthonormal, without parameters that take no real part in them.
+
+    Noise in the motion mixes a thousandth of a degree into ten undetermined millimetres; times the ten metres of the
+    standing prior that would pass for an unknown rotation. A part that even the whole prior does not make weak is none.
+    """
+    longest = 1.0 / np.sqrt(np.sum((directions / STANDING[:, None]) ** 2, axis=0))
+    takes_part = (np.abs(directions) * longest > LIMITS[:, None]).any(axis=1)
+    return np.asarray(np.linalg.qr(np.where(takes_part[:, None], directions, 0.0))[0])
+
+
+def still_undetermined(data: FloatArray, before: Sequence[FloatArray]) -> FloatArray:
+    """Directions (7, U), orthonormal: those undetermined now, and those held before that are not clearly determined.
+
+    before: unit vectors (7,) in the scaled units.
+    """
+    now = undetermined(data)
+    kept = []
+    for vector in before:
+        spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
+        if (np.abs(vector) * spread > 0.3 * UNDETERMINED).any():
+            kept.append(vector)
+    if not kept:
+        return now
+    both = np.column_stack([now, *kept])
+    left, size, _ = np.linalg.svd(both, full_matrices=False)
+    # Nearly the same direction twice is one direction.
+    return np.asarray(left[:, size > 0.3])
+
+
+def is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:
+    """Which of the directions (7, U) of so much spread (U,) count as undetermined, (U,)."""
+    return np.asarray((np.abs(vectors) * spread > UNDETERMINED[:, None]).any(axis=0))

@@ -1,0 +1,135 @@
+"""Whether a plane is one: it stands still, it is flat, it is a single surface. Each of the three has its own number.
+
+What a solve leaves of a plane are averaged distances of many returns each, with a time and a place on the plane. If the
+plane stands still and is flat, their averages over a second, and over a hand's breadth of it, are noise around zero:
+
+    excess^2 = sum_g (o_g^2 - var(o_g)) / G,      o_g the weighted mean of group g,      var(o_g) = 1 / (its weight)
+
+is zero on average, and what is beyond it are metres that noise did not make. A person or a door differs from second to
+second; a curtain, a cushion or the rim of a box from place to place; two surfaces taken for one scatter within each
+average. No plane is perfect, and a motion that is not quite right yet shows on all of them: each is held against what is
+usual among the others, counted by their points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calib_core.types import FloatArray, IntArray
+
+Fault = Literal["", "moved", "bent", "mixed"]
+
+#: A plane is at fault from so many times the usual on, but not below what plaster does anyway (a wall is flat to some
+#: 2 mm in a metre), and beyond what nothing that is called flat does, whatever the others are like.
+_TIMES = 4.0
+LEAST_M, _MOST_M = 0.0025, 0.008
+#: Returns that scatter so many times as much (squared) as others lie on more than one surface: walls stay below three.
+_MIXED_TIMES = 5.0
+_BLOCK_S = 1.0
+#: A group with fewer averages than this is not judged.
+_FEW = 3
+_NAMES: tuple[Fault, ...] = ("moved", "bent", "mixed")
+WORDS: dict[Fault, str] = {
+    "moved": "did not stand still",
+    "bent": "is not flat",
+    "mixed": "is more than one surface",
+}
+
+
+@dataclass(frozen=True)
+class PlaneSamples:
+    """Averaged distances of one plane's returns. time_s, distance_m, std_m: (N,).   cell: (N,) places on the plane.
+
+    scatter: of single returns, mean square in standard deviations, 1 for noise alone.   points: how many there were.
+    """
+
+    time_s: FloatArray
+    cell: IntArray
+    distance_m: FloatArray
+    std_m: FloatArray
+    scatter: float
+    points: float
+
+
+@dataclass(frozen=True)
+class Standing:
+    """moved_m, bent_m: distances beyond noise, root mean square, from second to second and from place to place.
+
+    place_std_m: of a place's mean by noise.   scatter: as in the samples.   points: that it rests on.
+    """
+
+    moved_m: float
+    bent_m: float
+    place_std_m: float
+    scatter: float
+    points: float
+
+
+def standing_of(samples: PlaneSamples) -> Standing:
+    """How a plane stands."""
+    block = np.floor(samples.time_s / _BLOCK_S).astype(np.int64)
+    moved_m, _ = _excess_m(block, samples.distance_m, samples.std_m)
+    bent_m, place_std_m = _excess_m(samples.cell, samples.distance_m, samples.std_m)
+    return Standing(moved_m, bent_m, place_std_m, samples.scatter, samples.points)
+
+
+def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tuple[float, float]:
+    """What groups' mean distances have beyond noise, and what noise makes of them, root mean squares by their averages."""
+    if len(group) == 0:
+        return 0.0, 0.0
+    _, index = np.unique(group, return_inverse=True)
+    count = np.bincount(index)
+    weight = np.bincount(index, 1.0 / std_m**2)
+    mean = np.bincount(index, distance_m / std_m**2) / weight
+    judged = count >= _FEW
+    if not judged.any():
+        return 0.0, 0.0
+    beyond = float(np.average(mean[judged] ** 2 - 1.0 / weight[judged], weights=count[judged]))
+    noise = float(np.average(1.0 / weight[judged], weights=count[judged]))
+    return float(np.sqrt(max(beyond, 0.0))), float(np.sqrt(noise))
+
+
+def doubts(standings: Sequence[Standing], least_m: float = LEAST_M) -> FloatArray:
+    """How far each plane is towards having moved, being bent, being several surfaces: (P, 3), at fault from 1 on.
+
+    least_m: below this nothing is a fault; more than the default while the motion is still rough.
+    """
+    points = np.array([s.points for s in standings])
+    if not points.sum() > 0:
+        return np.zeros((len(standings), 3))
+    lengths = np.array([[s.moved_m, s.bent_m] for s in standings])
+    most_m = max(least_m, _MOST_M)
+    limits = [float(np.clip(_TIMES * usual(length, points), least_m, most_m)) for length in lengths.T]
+    scatter = np.array([s.scatter for s in standings])
+    mixed = scatter / max(_MIXED_TIMES * usual(scatter, points), 1e-30)
+    return np.column_stack([lengths / np.array(limits), mixed])
+
+
+def fault_of(doubt: FloatArray) -> Fault:
+    """What is most wrong with a plane, "" where nothing is. doubt: (3,) a row of `doubts`."""
+    worst = int(np.argmax(doubt))
+    return _NAMES[worst] if doubt[worst] > 1.0 else ""
+
+
+def widening(standings: Sequence[Standing]) -> float:
+    """So many times as wide are the sigmas of an answer whose usual plane is not flat; 1 where it is.
+
+    What bends a place is the same for every return from it: a place's mean is known to its noise and its bend together.
+    """
+    points = np.array([s.points for s in standings])
+    bent = np.array([s.bent_m for s in standings])
+    if not points.sum() > 0 or usual(bent, points) <= LEAST_M:
+        return 1.0
+    noise = np.maximum([s.place_std_m for s in standings], 1e-9)
+    return float(np.sqrt(np.average(1.0 + (bent / noise) ** 2, weights=points)))
+
+
+def usual(value: FloatArray, points: FloatArray) -> float:
+    """The value of the plane in the middle, counted by points. (P,) each."""
+    order = np.argsort(value)
+    middle = int(np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum()))
+    return float(value[order][min(middle, len(order) - 1)])

@@ -1,0 +1,165 @@
+"""The sensors' own parameters as unknowns of the joint problem: which, in which columns, with which priors.
+
+A block is a row of this table: its names, its priors, and where its columns begin. Its effect on the readings is written
+once, in `imu/intrinsics.py` for the IMU's and in `factors/laser_features.py` for the lidar's; everything between here and
+there (columns, priors, the covariance that is marginal over them) goes by the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
+from calib_core.presets import find_imu_prior, find_lidar_prior
+from calib_core.settings import CalibrateSettings
+from calib_core.types import FloatArray, Recording, Scan
+
+IMU_BLOCKS: tuple[Block, ...] = (
+    "gyroscope_scale",
+    "gyroscope_axes",
+    "gyroscope_rotation",
+    "accelerometer_scale",
+    "accelerometer_axes",
+    "accelerometer_delay",
+)
+CLOCK_BLOCKS: tuple[Block, ...] = ("clock_rate",)
+LASER_BLOCKS: tuple[Block, ...] = (
+    "laser_range_offset",
+    "laser_elevation",
+    "laser_azimuth",
+    "laser_range_scale",
+)
+LIDAR_BLOCKS: tuple[Block, ...] = ("range_offset", "incidence")
+
+
+@dataclass(frozen=True, slots=True)
+class NuisanceBlock:
+    """One kind of parameter. names: of its members.   prior_std: (n,) about zero, each in the block's unit."""
+
+    block: Block
+    names: tuple[str, ...]
+    prior_std: FloatArray
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """The blocks in play, one after the other; their values are one vector (N,) in this order, in the blocks' units."""
+
+    blocks: tuple[NuisanceBlock, ...] = ()
+
+    @cached_property
+    def size(self) -> int:
+        """Number of parameters."""
+        return sum(len(each.names) for each in self.blocks)
+
+    @cached_property
+    def prior_std(self) -> FloatArray:
+        """(N,) of all, in order."""
+        return np.concatenate([np.zeros(0), *(each.prior_std for each in self.blocks)])
+
+    @cached_property
+    def places(self) -> dict[Block, slice]:
+        """Where each block's values lie in the vector."""
+        ends = np.cumsum([0, *(len(each.names) for each in self.blocks)])
+        return {each.block: slice(int(a), int(b)) for each, a, b in zip(self.blocks, ends, ends[1:], strict=False)}
+
+    def start(self, block: Block) -> int:
+        """Where a block's values begin; -1 where it is not in play."""
+        place = self.places.get(block)
+        return -1 if place is None else place.start
+
+    def values(self, vector: FloatArray, block: Block) -> FloatArray:
+        """A block's part of a vector (N,); zeros where it is not in play (lasers: none)."""
+        place = self.places.get(block)
+        return np.zeros(len(NAMES.get(block, ()))) if place is None else vector[place]
+
+    @property
+    def lasers(self) -> int:
+        """Lasers that are told apart; 0 where none are."""
+        return max((len(self.values(self.prior_std, block)) for block in LASER_BLOCKS), default=0)
+
+
+#: Of the sample that lasers are counted in; and what the elevation of one laser's points may vary by in a sweep.
+_SAMPLE = 5
+_MOST_LASERS = 128
+_SAME_ELEVATION_RAD = np.radians(0.35)
+_LEAST_POINTS = 50
+
+
+def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:
+    """How many lasers the points name, 0 where they name none, and whether each has an elevation of its own."""
+    if not scans:
+        return 0, False
+    some = [scans[int(i)].points for i in np.unique(np.linspace(0, len(scans) - 1, _SAMPLE).astype(np.int64))]
+    ring = np.concatenate([points["ring"] for points in some]).astype(np.int64)
+    xyz = np.concatenate([points["xyz"] for points in some]).astype(np.float64)
+    lasers = int(ring.max(initial=0)) + 1
+    if lasers < 2 or lasers > _MOST_LASERS:
+        return 0, False
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    spreads = []
+    for laser in range(lasers):
+        mine = elevation[ring == laser]
+        if len(mine) >= _LEAST_POINTS:
+            spreads.append(float(np.subtract(*np.percentile(mine, [90.0, 10.0]))))
+    if len(spreads) < 2:
+        return 0, False
+    return lasers, float(np.median(spreads)) < _SAME_ELEVATION_RAD
+
+
+def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:
+    """The parameters of a recording's own sensors that are unknowns beside the calibration, by settings and presets."""
+    if settings.intrinsics == "off":
+        return Nuisance()
+    lasers, fixed = count_lasers(recording.scans)
+    lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
+    if not fixed:
+        lidar = replace(lidar, laser_elevation_std_rad=0.0)
+    imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
+    wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics
+    return choose_nuisance(
+        imu,
+        lidar,
+        lasers=lasers,
+        clock_rate_std_ppm=CLOCK_RATE_STD_PPM,
+        wanted=wanted,
+    )
+
+
+def choose_nuisance(
+    imu: ImuPrior,
+    lidar: LidarPrior,
+    *,
+    lasers: int,
+    clock_rate_std_ppm: float,
+    wanted: tuple[Block, ...] | None = None,
+) -> Nuisance:
+    """The blocks of a pair of sensors. lasers: that the points name, 0 for none.   wanted: these alone; None for all.
+
+    A block whose prior leaves it no room is none.
+    """
+    std: dict[Block, float] = {
+        "gyroscope_scale": imu.gyroscope_scale_std,
+        "gyroscope_axes": imu.gyroscope_axes_std_rad,
+        "gyroscope_rotation": imu.gyroscope_rotation_std_rad,
+        "accelerometer_scale": imu.accelerometer_scale_std,
+        "accelerometer_axes": imu.accelerometer_axes_std_rad,
+        "accelerometer_delay": imu.accelerometer_delay_std_s,
+        "clock_rate": clock_rate_std_ppm,
+        "laser_range_offset": lidar.laser_range_offset_std_m,
+        "laser_elevation": lidar.laser_elevation_std_rad,
+        "laser_azimuth": lidar.laser_elevation_std_rad,
+        "laser_range_scale": lidar.laser_range_scale_std,
+        "range_offset": lidar.range_offset_std_m,
+        "incidence": lidar.incidence_std_m,
+    }
+    blocks = []
+    for block in (*IMU_BLOCKS, *CLOCK_BLOCKS, *LASER_BLOCKS, *LIDAR_BLOCKS):
+        names = tuple(map(str, range(lasers))) if block in LASER_BLOCKS else NAMES[block]
+        if std[block] > 0.0 and names and (wanted is None or block in wanted):
+            blocks.append(NuisanceBlock(block, names, np.full(len(names), std[block])))
+    return Nuisance(tuple(blocks))

@@ -1,0 +1,79 @@
+"""The first stage: when the readings were taken, how noisy they are, and how they are to be interpolated."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.errors import Refused, SettingsError
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
+from calib_core.full.prepare.clocks import read_clocks
+from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise
+from calib_core.full.prepare.imu_stamps import as_taken
+from calib_core.full.run import Clocks, ImuNoiseLevel, Run
+from calib_core.gp.training import fit_hyper
+from calib_core.imu.preintegration import NoiseDensity
+from calib_core.presets import find_imu_preset
+from calib_core.settings import CalibrateSettings, ImuNoise
+from calib_core.types import Recording
+
+#: With less there is nothing to compare: a second of a usual lidar, half a second of a slow IMU.
+FEWEST_SCANS, FEWEST_READINGS = 10, 50
+
+
+def require_length(recording: Recording, purpose: str, advice: str = "") -> None:
+    """Raises Refused where the recording is too short for anything. purpose: what for, "a calibration"."""
+    scans, readings = len(recording.scans), len(recording.imu.stamps_ns)
+    if scans < FEWEST_SCANS or readings < FEWEST_READINGS:
+        raise Refused(
+            "recording.too_short",
+            f"{purpose} needs at least {FEWEST_SCANS} scans and {FEWEST_READINGS} IMU readings, the recording has {scans} and "
+            f"{readings}{advice}",
+        )
+
+
+def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Run:
+    """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
+    on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
+    recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
+    clocks = replace(read_clocks(recording), jitter_mean_std_s=jitter_mean_std_s)
+    imu = recording.imu
+    noise = _imu_noise(recording, settings, clocks, on_event)
+    # A thread of its own, not one of the shared workers: it goes on for seconds.
+    pool = ThreadPoolExecutor(1)
+    values = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])
+    training = pool.submit(fit_hyper, clocks.imu_s, values, noise_std=noise.sample_std)
+    pool.shutdown(wait=False)
+    return Run(recording, settings, clocks, noise, training, on_event, should_cancel)
+
+
+def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks, on_event: OnEvent) -> ImuNoiseLevel:
+    """The noise the user gave, else measured: never a number taken on trust while the data can tell."""
+    imu = recording.imu
+    period = float(np.median(np.diff(clocks.imu_s)))
+    given = settings.imu_noise
+    if isinstance(given, str):
+        preset = find_imu_preset(given)
+        if preset is None:
+            raise SettingsError(
+                f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names"
+            )
+        given = preset.noise
+    if isinstance(given, ImuNoise):
+        density = np.repeat(
+            [given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz], 3
+        )
+        return ImuNoiseLevel(NoiseDensity(density[:3], density[3:]), density / np.sqrt(period), "the densities given")
+    still = longest_still(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2)
+    level = measure_imu_noise(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, still)
+    on_event(
+        LogEvent(
+            level="info",
+            code="imu.noise",
+            text=f"IMU noise from {level.source}: gyroscope {level.density.gyro_rad_s_sqrt_hz[0]:.2g} rad/s/sqrt(Hz), "
+            f"accelerometer {level.density.accel_m_s2_sqrt_hz[0]:.2g} m/s2/sqrt(Hz)",
+        )
+    )
+    return level

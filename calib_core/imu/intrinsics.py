@@ -1,0 +1,93 @@
+"""An IMU's own scale, axes and delay taken out of its readings, and what a change of them does to a link.
+
+    reading = M (x + b'),   M_g = (I + S_g + N_g) Exp(r_g),   M_a = I + S_a + N_a           (signs: calib_core/intrinsics.py)
+
+with x the true rate or specific force in the IMU's frame. The corrected reading r' = M^-1 reading is x + b': all that follows
+treats it as a reading whose bias is b' = M^-1 b. A later change dM adds -M^-1 dM r' to x, exactly what a bias greater by
+
+    db' = M^-1 dM r'
+
+would; over one link (10 ms) r' is as good as its mean. So every parameter's Jacobian is the bias's, turned by a (3,) vector a
+link, and no factor has to know of intrinsics. An accelerometer late by `delay` is asked that much later (`upsample`); a change
+of the delay by d is a bias greater by -d/dt r'_a d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.geometry import exp, hat
+from calib_core.imu.preintegration import UpsampledImu
+from calib_core.types import FloatArray
+
+_LOWER = ((1, 0), (2, 0), (2, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class ImuIntrinsics:
+    """Values in the order of their names: scales (3,), axes yx zx zy (3,) [rad], rotation (3,) [rad], delay [s]."""
+
+    gyro_scale: FloatArray
+    gyro_axes: FloatArray
+    gyro_rotation: FloatArray
+    accel_scale: FloatArray
+    accel_axes: FloatArray
+    accel_delay_s: float
+
+    @property
+    def gyro(self) -> FloatArray:
+        """M_g (3, 3): reading of the true rate."""
+        return np.asarray(_triangular(self.gyro_scale, self.gyro_axes) @ exp(self.gyro_rotation))
+
+    @property
+    def accel(self) -> FloatArray:
+        """M_a (3, 3): reading of the true specific force."""
+        return _triangular(self.accel_scale, self.accel_axes)
+
+
+def _triangular(scale: FloatArray, axes: FloatArray) -> FloatArray:
+    M = np.diag(1.0 + scale)
+    for value, (row, column) in zip(axes, _LOWER, strict=True):
+        M[row, column] = value
+    return M
+
+
+def corrected(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> UpsampledImu:
+    """The readings with M taken out. The delay is the upsampling's own."""
+    G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
+    return replace(
+        readings,
+        gyro=readings.gyro @ G.T,
+        knot_gyro=readings.knot_gyro @ G.T,
+        accel=readings.accel @ A.T,
+        knot_accel=readings.knot_accel @ A.T,
+    )
+
+
+#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1.
+COLUMNS = 16
+
+
+def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple[FloatArray, FloatArray]:
+    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 16), accelerometer (L, 3, 16).
+
+    readings: corrected about the intrinsics.   Units: rad/s and m/s2 per unit of the parameter.
+    """
+    w, f = readings.gyro.mean(axis=1), readings.accel.mean(axis=1)
+    links = len(w)
+    gyro, accel = np.zeros((links, 3, COLUMNS)), np.zeros((links, 3, COLUMNS))
+    turn = exp(intrinsics.gyro_rotation)
+    G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
+    turned = w @ turn.T
+    for c in range(3):
+        gyro[:, :, c] = turned[:, c, None] * G[:, c]
+        accel[:, :, 9 + c] = f[:, c, None] * A[:, c]
+    for c, (row, column) in enumerate(_LOWER):
+        gyro[:, :, 3 + c] = turned[:, column, None] * G[:, row]
+        accel[:, :, 12 + c] = f[:, column, None] * A[:, row]
+    # M Exp(d) - M to first order: M hat(d), whatever the rotation; its own right Jacobian is 1 to half a rotation.
+    gyro[:, :, 6:9] = -hat(w)
+    accel[:, :, 15] = -np.diff(readings.knot_accel, axis=0) / readings.spacing_s
+    return gyro, accel

@@ -1,0 +1,37 @@
+"""What is known of a sensor beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from calib_core.intrinsics import ImuPrior, LidarPrior
+from calib_core.settings import ImuNoise
+
+
+@dataclass(frozen=True, slots=True)
+class ImuPreset:
+    """One IMU. words: lower-case fragments that identify it in a topic, frame id or the user's own words.
+
+    prior: of its scales, axes and delay.   gyro_range_rad_s, accel_range_m_s2: usual full scale, for the saturation check;
+    None where models differ.
+    """
+
+    name: str
+    noise: ImuNoise
+    prior: ImuPrior
+    source: str
+    words: tuple[str, ...]
+    gyro_range_rad_s: float | None = None
+    accel_range_m_s2: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LidarPreset:
+    """One lidar: standard deviation of a range, and of a bearing where it matters; the prior of what its lasers do."""
+
+    name: str
+    range_std_m: float
+    bearing_std_rad: float
+    prior: LidarPrior
+    source: str
+    words: tuple[str, ...]

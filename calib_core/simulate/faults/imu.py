@@ -1,0 +1,86 @@
+"""Inertial readings of an IMU that is not ideal.
+
+    gyroscope(t)     = (I + S_g + N_g) Exp(r_g) w(t) + A f(t)          S: scales of the axes, on the diagonal
+    accelerometer(t) = (I + S_a + N_a) f(t - delay)                    N: axes off square, strictly below it
+
+with w, f the true angular rate and specific force in the axes that the accelerometer defines. A low-pass filter (second
+order, Butterworth) acts on w and f before; the stamps allow for its delay, so that slow motion is in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.spatial.transform import Rotation
+
+from calib_core.simulate.motion import Vector
+from calib_core.types import FloatArray
+
+_ZERO = (0.0, 0.0, 0.0)
+#: Readings at given instants: t_s (N,) to angular rate and specific force, (N, 3) each.
+Readings = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+#: Points at which the filter's answer is integrated, and the time constants after which it is over (it is then below 1e-7).
+_FILTER_POINTS, _FILTER_LASTS = 48, 16.0
+
+
+@dataclass(frozen=True, slots=True)
+class ImuDeviations:
+    """What sets one IMU apart from an ideal one; see the module. *_axes_rad: yx, zx, zy.   g_sensitivity: A by rows
+    [rad/s/(m/s2)].   low_pass_hz: 0 for none."""
+
+    gyro_scale: Vector = _ZERO
+    gyro_axes_rad: Vector = _ZERO
+    gyro_rotation_rad: Vector = _ZERO
+    accel_scale: Vector = _ZERO
+    accel_axes_rad: Vector = _ZERO
+    g_sensitivity: tuple[float, ...] = (0.0,) * 9
+    accel_delay_s: float = 0.0
+    low_pass_hz: float = 0.0
+
+    def readings(self, exact: Readings, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What this IMU reads, without noise and bias, where an ideal one would read `exact`. t_s: (N,) [s]."""
+        if self == IDEAL_IMU:
+            return exact(t_s)
+        seen = filtered(exact, self.low_pass_hz) if self.low_pass_hz else exact
+        rate, force = seen(t_s)
+        late = seen(t_s - self.accel_delay_s)[1] if self.accel_delay_s else force
+        turned = Rotation.from_rotvec(self.gyro_rotation_rad).as_matrix()
+        gyro_matrix = mixing(self.gyro_scale, self.gyro_axes_rad) @ turned
+        gyro = rate @ gyro_matrix.T + force @ np.reshape(self.g_sensitivity, (3, 3)).T
+        return gyro, late @ mixing(self.accel_scale, self.accel_axes_rad).T
+
+
+IDEAL_IMU = ImuDeviations()
+
+
+def mixing(scale: Vector, axes_rad: Vector) -> FloatArray:
+    """I + S + N, (3, 3)."""
+    matrix = np.diag(1.0 + np.asarray(scale, dtype=np.float64))
+    matrix[1, 0], matrix[2, 0], matrix[2, 1] = axes_rad
+    return matrix
+
+
+def filtered(exact: Readings, cutoff_hz: float) -> Readings:
+    """The readings behind a second-order Butterworth filter, stamped earlier by its delay.
+
+    Its answer to a jolt is w / sin(q) exp(-cos(q) w u) sin(sin(q) w u), q = 45 deg, at time u after it.
+    """
+    rate = 2.0 * np.pi * cutoff_hz * np.sqrt(0.5)
+    nodes, weights = leggauss(_FILTER_POINTS)
+    u = 0.5 * (nodes + 1.0) * _FILTER_LASTS / rate
+    weights = weights * np.exp(-rate * u) * np.sin(rate * u)
+    weights /= weights.sum()
+    delay = float(weights @ u)
+
+    def seen(t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rates, forces = np.zeros((len(t_s), 3)), np.zeros((len(t_s), 3))
+        for weight, lag in zip(weights, u - delay, strict=True):
+            rate_then, force_then = exact(t_s - lag)
+            rates += weight * rate_then
+            forces += weight * force_then
+        return rates, forces
+
+    return seen

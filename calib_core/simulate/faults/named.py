@@ -1,0 +1,62 @@
+"""What was drawn under the names, units and signs of `calib_core.intrinsics`; blocks that it lacks have names of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from calib_core.intrinsics import NAMES, UNITS, Block
+from calib_core.simulate.faults.draw import Drawn
+from calib_core.simulate.faults.imu import ImuDeviations
+from calib_core.simulate.faults.lidar import LidarDeviations
+
+#: Block, name, unit, value.
+Parameter = tuple[str, str, str, float]
+
+
+def parameters(drawn: Drawn, rings: Sequence[int]) -> Iterator[Parameter]:
+    """All that is not 0. rings: published number of each channel."""
+    yield from _of_imu(drawn.imu)
+    if drawn.clock_rate_ppm:
+        yield from _block("clock_rate", (drawn.clock_rate_ppm,))
+    yield from _of_lidar(drawn.lidar, rings)
+    if drawn.stamp_latency_s:
+        yield "stamp_latency", "mean", "s", drawn.stamp_latency_s
+
+
+def _block(block: Block, values: Sequence[float]) -> Iterator[Parameter]:
+    if any(values):
+        yield from ((block, name, UNITS[block], value) for name, value in zip(NAMES[block], values, strict=True))
+
+
+def _of_imu(imu: ImuDeviations) -> Iterator[Parameter]:
+    yield from _block("gyroscope_scale", imu.gyro_scale)
+    yield from _block("gyroscope_axes", imu.gyro_axes_rad)
+    yield from _block("gyroscope_rotation", imu.gyro_rotation_rad)
+    yield from _block("accelerometer_scale", imu.accel_scale)
+    yield from _block("accelerometer_axes", imu.accel_axes_rad)
+    yield from _block("accelerometer_delay", (imu.accel_delay_s,))
+    if any(imu.g_sensitivity):
+        names = [row + column for row in "xyz" for column in "xyz"]
+        for name, value in zip(names, imu.g_sensitivity, strict=True):
+            yield "g_sensitivity", name, "rad/s/(m/s2)", value
+    if imu.low_pass_hz:
+        yield "low_pass", "cutoff", "Hz", imu.low_pass_hz
+
+
+def _of_lidar(lidar: LidarDeviations, rings: Sequence[int]) -> Iterator[Parameter]:
+    by_laser = (
+        ("laser_range_offset", UNITS["laser_range_offset"], lidar.laser_range_offset_m),
+        ("laser_elevation", UNITS["laser_elevation"], lidar.laser_elevation_rad),
+        ("laser_azimuth", "rad", lidar.laser_azimuth_rad),
+        ("laser_range_scale", UNITS["laser_range_scale"], lidar.laser_range_scale),
+    )
+    for block, unit, values in by_laser:
+        for ring, value in sorted(zip(rings, values, strict=False)):
+            yield block, str(ring), unit, value
+    yield from _block("range_offset", (lidar.range_offset_m,))
+    once = (
+        ("eccentricity", "amplitude", lidar.eccentricity_rad),
+        ("eccentricity", "phase", lidar.eccentricity_phase_rad),
+        ("beam_divergence", "all", lidar.beam_divergence_rad),
+    )
+    yield from ((block, name, "rad", value) for block, name, value in once if value)

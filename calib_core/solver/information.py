@@ -1,0 +1,54 @@
+"""What an information matrix says: one rule for its inverse, and for what it leaves open.
+
+The unknowns differ by many orders of magnitude (metres, radians, seconds; columns held fixed have 1e12), so that "small"
+means nothing before each has unit information of its own:
+
+    I = D^-1 C D^-1,    diag C = 1,    C = V diag(l) V',    cov = D V diag(1 / max(l, eps)) V' D
+
+Along eigenvectors with l <= eps, round-off is all there is: they are *undetermined*, and said to be. Their variance is
+1 / eps, that is huge: a pseudo-inverse that cuts them off would call the unknown certain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.types import FloatArray
+
+#: Relative to unit diagonal: what double precision cannot resolve after eliminating a chain of knots.
+ROUND_OFF = 1e-11
+#: Information of an unknown that has none: far below any, and its inverse squared is still a number.
+_NOTHING = 1e-200
+
+
+@dataclass(frozen=True, slots=True)
+class Covariance:
+    """matrix: (S, S).   undetermined: (S, U), directions in the unknowns' own units that nothing is known of."""
+
+    matrix: FloatArray
+    undetermined: FloatArray
+
+    def of(self, some: slice | list[int]) -> FloatArray:
+        """The covariance of some of the unknowns, all others unknown too."""
+        return np.asarray(self.matrix[some][:, some])
+
+
+def covariance(information: FloatArray) -> Covariance:
+    """The covariance that an information matrix (S, S) stands for. An unknown without any information is undetermined."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), _NOTHING))
+    unit = information * scale[:, None] * scale[None, :]
+    values, vectors = np.linalg.eigh(0.5 * (unit + unit.T))
+    spread = scale[:, None] * vectors
+    return Covariance(spread / np.maximum(values, ROUND_OFF) @ spread.T, spread[:, values <= ROUND_OFF])
+
+
+def marginal(information: FloatArray, count: int) -> FloatArray:
+    """The information (count, count) of the first unknowns when all others are unknown too.
+
+    Directions of the others that nothing is known of take away whatever they are coupled to.
+    """
+    own, border, others = information[:count, :count], information[:count, count:], information[count:, count:]
+    left = own - border @ covariance(others).matrix @ border.T
+    return np.asarray(0.5 * (left + left.T))

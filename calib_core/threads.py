@@ -1,0 +1,35 @@
+"""Threads for what is parallel: made once for the process, never in a loop, and never more than the machine has cores.
+
+Work handed to them must not hand work on: a task that waits for another one's thread could wait for ever.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+
+#: More threads than this gain nothing: the compiled loops wait for memory.
+_MOST = 4
+
+
+def usable_cores() -> int:
+    """Cores that this process may use, where the system tells; else those that there are."""
+    if hasattr(os, "sched_getaffinity"):  # Linux only
+        return max(1, len(os.sched_getaffinity(0)))
+    return max(1, os.cpu_count() or 1)
+
+
+def usual_threads() -> int:
+    """Threads for a loop over scans."""
+    return min(_MOST, usable_cores())
+
+
+@lru_cache(maxsize=1)
+def workers() -> ThreadPoolExecutor:
+    """The one pool of the process. A child of a fork gets its own: threads do not survive it."""
+    return ThreadPoolExecutor(usual_threads(), thread_name_prefix="calib_core")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=workers.cache_clear)

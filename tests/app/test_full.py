@@ -1,0 +1,100 @@
+"""A machine that is full: jobs that ask for too much, disks without room, and what still works then."""
+
+from __future__ import annotations
+
+import errno
+import os
+from types import SimpleNamespace
+
+import pytest
+from sqlalchemy import event
+
+from app.limits import JobLimits, fair_memory_bytes, full_disk
+from app.storage.files import RESERVE_BYTES, RESERVE_NAME
+from tests.app.support.live import serving
+
+#: More than the free space within the pages that the store has.
+LONG_JOB = {"kind": "solve", "initial_guess": {"matrix": [[0.5] * 4000] * 4}}
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "words"),
+    [("greedy.bag", "job.memory", "1.1 GB a job may have"), ("filling.bag", "job.disk_full", "delete recordings")],
+)
+def test_a_job_that_asks_for_too_much_is_one_sentence(tmp_path, name, code, words):
+    """The kernel refuses. Mutations: no setrlimit, with which 64 GB are granted; an OSError told as a defect."""
+    with serving(tmp_path, job_memory_bytes=2**30, job_file_bytes=2**20) as live:
+        job = live.finish(live.start(live.upload(name)))
+        assert (job["state"], job["error"]["code"]) == ("failed", code)
+        assert words in job["error"]["text"]
+        assert live.http.get("/readyz").status_code == 200
+
+
+def test_only_a_full_disk_is_called_one():
+    """Mutation: taking every OSError for it."""
+    assert full_disk(OSError(errno.ENOSPC, "")) is not None
+    assert full_disk(OSError(errno.EACCES, "")) is None
+
+
+def test_a_job_s_share_of_memory_follows_from_the_machine_s():
+    """Oracle: the machine's own count. Mutation: the whole for each of several."""
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    assert 2**30 <= fair_memory_bytes(2) <= max(2**30, whole // 2)
+    assert fair_memory_bytes(10_000) == 2**30
+    with pytest.raises(ValueError, match="greater than 0"):
+        JobLimits(memory_bytes=0, file_bytes=1)
+
+
+def test_a_full_disk_still_lets_recordings_be_deleted_and_is_not_ready(tmp_path, monkeypatch):
+    """Oracle: the reserve on the disk. Mutations: no reserve, so that SQLite finds no page to delete with; os.access as
+    readiness, which says nothing about room.
+    """
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with serving(tmp_path) as live:
+        recording_id = live.ready()
+        assert (tmp_path / RESERVE_NAME).stat().st_blocks * 512 >= RESERVE_BYTES
+        with monkeypatch.context() as disk:
+            disk.setattr("app.storage.files.shutil.disk_usage", lambda _: SimpleNamespace(free=100))
+            disk.setattr("app.storage.files.os", SimpleNamespace(**(vars(os) | {"fsync": full})))
+            assert live.http.get("/readyz").status_code == 503
+            assert live.http.delete(f"/api/recordings/{recording_id}").status_code == 204
+            assert not (tmp_path / RESERVE_NAME).exists()
+        assert live.http.get("/readyz").status_code == 200
+        assert live.http.get("/api/recordings").json() == []
+        assert (tmp_path / RESERVE_NAME).exists()
+
+
+def test_a_job_ends_though_its_log_cannot_be_written(tmp_path):
+    """Mutation: the write's error out of the log leaves the job running for ever."""
+    with serving(tmp_path) as live:
+        recording_id = live.upload("slow.bag")
+        job_id = live.start(recording_id)
+        live.wait(lambda: live.job(job_id)["stage"] == "solve")
+        log = tmp_path / "jobs" / job_id / "events.jsonl"
+        log.unlink()
+        log.mkdir()
+        live.http.post(f"/api/jobs/{job_id}/cancel")
+        assert live.finish(job_id)["state"] == "cancelled"
+
+
+def test_a_store_without_a_page_left_says_so(tmp_path):
+    """SQLite's own refusal, by a bound on its pages. Mutation: without the engine's translation it is a 500."""
+    with serving(tmp_path) as live:
+        recording_id = live.upload("slow.bag")
+        job_id = live.start(recording_id)
+        live.wait(lambda: live.job(job_id)["stage"] == "solve")
+        engine = live.services._engine
+
+        def bound(pages):
+            engine.dispose()
+            event.listen(engine, "connect", lambda connection, _: connection.execute(f"PRAGMA max_page_count={pages}"))
+
+        bound(1)
+        refused = live.http.post(f"/api/recordings/{recording_id}/jobs", json=LONG_JOB)
+        assert (refused.status_code, refused.json()["error"]["code"]) == (507, "store.disk_full")
+        bound(2**30)
+        live.http.post(f"/api/jobs/{job_id}/cancel")
+        assert live.finish(job_id)["state"] == "cancelled"

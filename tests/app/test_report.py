@@ -1,0 +1,185 @@
+"""The report that one signs: what it holds, what it draws, and the evidence behind its pictures."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from app.results import plots
+from app.results.evidence import StepListener, measure_evidence
+from app.results.imu_evidence import compare_imu, imu_motion
+from app.results.report import Beside, report_page
+from app.results.scans import measure_scans
+from app.results.thickness import measure_thickness
+from calib_core.result import Crispness, RoomCrispness
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import generate
+from calib_core.types import Trajectory
+from tests.app.support import fake_jobs, world
+
+NAME = "room<b>.bag"
+
+
+@pytest.fixture(scope="module")
+def beside():
+    """Everything that a solve of the world leaves behind."""
+    recording, trajectory, result = world.make_recording(), world.make_trajectory(), world.make_result()
+    # The lidar turns about the map's z: gravity as its own axes have it, seen by a tilted IMU.
+    weight = np.tile(world.R_IMU_LIDAR @ [0.0, 0.0, 9.81], (len(recording.imu.stamps_ns), 1))
+    recording = replace(recording, imu=replace(recording.imu, accel_m_s2=weight))
+    told = []
+    listener = StepListener(told.append)
+    for step in range(4):
+        listener(fake_jobs.iteration(step))
+    assert len(told) == len(listener.steps) == 4
+    return Beside(
+        walls=measure_thickness(recording, trajectory, result.quality.planes),
+        scans=measure_scans(recording, trajectory, result.quality.planes),
+        evidence=measure_evidence(recording, result, trajectory, listener.steps),
+        command="unsweep calibrate 'room<b>.bag' --output result.json",
+        made_at=datetime(2026, 3, 4, 5, 6, tzinfo=UTC),
+    )
+
+
+@pytest.fixture(scope="module")
+def page(beside):
+    crisp = RoomCrispness(mean_entropy_nat=-5.0, thickness_std_m=0.02, points=9, cubes=3)
+    result = world.make_result(name=NAME)
+    quality = result.quality.model_copy(
+        update={"crispness": Crispness(before=crisp, after=crisp, text="Crisp & clear.")}
+    )
+    settings = CalibrateSettings(random_seed=7).model_dump(mode="json")
+    provenance = result.provenance.model_copy(update={"settings": settings})
+    return report_page(result.model_copy(update={"quality": quality, "provenance": provenance}), beside)
+
+
+def test_the_page_says_what_one_signs_for(page):
+    """Mutations: the date, the settings, the hash or the command left out; the recording's name not escaped."""
+    for said in (
+        "2026-03-04 05:06 UTC",
+        "<b>random seed 7</b>",
+        "; imu sampling",
+        "room&lt;b&gt;.bag",
+        "unsweep calibrate",
+        "signature",
+    ):
+        assert said in page
+    assert "Crisp &amp; clear." in page
+    assert "unsweep calibrate &#39;room" in page
+    assert len(re.findall(r"<code>([0-9a-f]{64})</code>", page)) >= 1
+    assert NAME not in page
+
+
+def test_every_picture_has_a_sentence_and_units_and_nothing_comes_from_a_network(page):
+    """Mutations: a figure without its caption; an axis without its label; the SVG linked instead of held."""
+    figures = re.findall(r"<figure.*?</figure>", page, re.DOTALL)
+    assert len(figures) == 9  # all but that by ring: this lidar has one
+    for figure in figures:
+        source = re.search(r'src="data:image/svg\+xml;base64,([^"]+)"', figure)
+        assert source is not None
+        drawn = base64.b64decode(source.group(1)).decode()
+        # Text is drawn as paths; what it says stands before it as a comment.
+        words = re.findall(r"<!-- (.*?) -->", drawn)
+        assert any(re.search(r"\[(m|mm|s|deg|deg/s|ms|%)\]|number|step", word) for word in words), words[-4:]
+        assert len(re.findall(r"<figcaption>[A-Z0-9].{60,}</figcaption>", figure)) == 1
+    for address in ("http:", "https:", "<script", "<link", "@import", "url("):
+        assert address not in page
+    assert len(page) < 3_000_000
+    assert "@page { size: A4" in page
+
+
+def test_a_run_without_an_answer_has_its_page_too():
+    """Mutation: figures of nothing drawn."""
+    page = report_page(world.make_result("refused"), Beside(evidence=None))
+    assert "<figure" not in page
+    assert "T_imu_lidar" not in page
+    assert "Refused.</b> Nothing moves" in page
+    assert "signature" in page
+
+
+def test_the_same_run_gives_the_same_pictures(beside):
+    """A page that was signed can be made again. Mutation: matplotlib's own names and date left in the pictures."""
+    with plots.drawing():
+        assert plots.thickness(beside.walls) == plots.thickness(beside.walls)
+
+
+def test_distances_are_binned_by_range_and_ring():
+    """Ring 3 reads two per cent too far. Oracle: walls stand 2 to 4 m away, so that is 40 to 80 mm. Mutations: mean for
+    rms; unsigned distances."""
+    recording, trajectory = world.make_recording(), world.make_trajectory()
+    scans = []
+    for scan in recording.scans:
+        points = scan.points.copy()
+        points["ring"] = np.arange(len(points)) % 5
+        points["xyz"][points["ring"] == 3] *= 1.02
+        scans.append(replace(scan, points=points))
+    evidence = measure_evidence(replace(recording, scans=scans), world.make_result(), trajectory, [])
+    rings = evidence.by_ring
+    assert rings is not None
+    assert rings.at == [0.0, 1.0, 2.0, 3.0, 4.0]
+    # Normals look inwards: farther is negative.
+    assert -0.10 < rings.mean_m[3] < -0.03
+    assert np.abs(np.delete(rings.mean_m, 3)).max() < 0.002
+    assert all(rms >= abs(mean) for rms, mean in zip(rings.rms_m, rings.mean_m, strict=True))
+    assert evidence.by_range is not None
+    assert evidence.by_range.at == sorted(evidence.by_range.at)
+
+
+def test_bins_of_range_do_not_choose_points_by_their_noise():
+    """Every point gets 40 mm of noise along its ray; the mean distance is zero in every bin all the same, within four
+    standard errors. Mutation: bins of the measured range; the nearest then holds what was measured too near."""
+    recording, trajectory = world.make_recording(), world.make_trajectory()
+    rng = np.random.default_rng(5)
+    scans = []
+    for scan in recording.scans:
+        points = scan.points.copy()
+        range_m = np.linalg.norm(points["xyz"], axis=1)
+        points["xyz"] *= (1.0 + 0.04 * rng.normal(size=len(points)) / range_m)[:, None].astype(np.float32)
+        scans.append(replace(scan, points=points))
+    binned = measure_evidence(replace(recording, scans=scans), world.make_result(), trajectory, []).by_range
+    assert binned is not None
+    assert len(binned.at) > 10
+    errors = np.array(binned.rms_m) / np.sqrt(binned.points)
+    assert np.abs(np.array(binned.mean_m) / errors).max() < 4.0
+
+
+def test_the_room_is_seen_from_above_and_thinner_de_skewed(beside):
+    """The world's walls are 8 by 6 m. Mutations: the picture turned over; floor and ceiling not left out."""
+    room = beside.evidence.room
+    assert room.width * room.cell_m == pytest.approx(8.0, abs=1.2)
+    before, after = (
+        np.frombuffer(base64.b64decode(cells), np.uint8).reshape(room.height, room.width) > 0
+        for cells in (room.before, room.after)
+    )
+    assert after.sum() < 0.5 * before.sum()
+    inside = after[room.height * 2 // 5 : room.height * 3 // 5, room.width * 2 // 5 : room.width * 3 // 5]
+    assert inside.mean() < 0.01
+
+
+def test_readings_are_foretold_by_the_true_motion_and_not_by_one_that_is_late():
+    """Oracle: the simulator's exact motion. Without noise what is left is that readings are taken as straight between
+    stamps: h^2 / 12 of their second derivative. Mutations: gravity left in; the lever arm's sign; the offset subtracted;
+    readings averaged over another time than the motion's differences."""
+    recording, truth = generate("paper-fast", noise=False, duration_s=6.0)
+    times_s = 0.01 * np.arange(1, 598)
+    R, p = truth.map_lidar(times_s)
+    trajectory = Trajectory(truth.epoch_ns, times_s, R, p, np.ones(len(times_s), bool))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = truth.R_imu_lidar, truth.p_imu_lidar
+    compared, up = compare_imu(recording, imu_motion(trajectory, T), truth.time_offset_ns)
+    assert compared is not None
+    second = [np.diff(values, n=2, axis=0) for values in (recording.imu.gyro_rad_s, recording.imu.accel_m_s2)]
+    assert compared.gyro_rms_rad_s < 1.5 * np.sqrt(np.mean(second[0] ** 2)) / 12
+    assert compared.accel_rms_m_s2 < 1.5 * np.sqrt(np.mean(second[1] ** 2)) / 12
+    assert np.linalg.norm(up) == pytest.approx(1.0)
+    floor = max(truth.planes, key=lambda plane: abs(plane.normal @ up))
+    assert abs(floor.normal @ up) > 0.9999
+    late, _ = compare_imu(recording, imu_motion(trajectory, T), truth.time_offset_ns + 20_000_000)
+    assert late is not None
+    assert late.gyro_rms_rad_s > 10 * compared.gyro_rms_rad_s
+    assert late.accel_rms_m_s2 > 5 * compared.accel_rms_m_s2

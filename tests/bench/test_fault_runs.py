@@ -1,0 +1,175 @@
+"""Campaigns on sensors as they are: rows against hand-made results, statistics against drawn errors, and one real run."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import fault_runs
+from bench.__main__ import main
+from bench.fault_report import parameters_text, summary, write_report
+from bench.fault_runs import (
+    TABLE,
+    Campaign,
+    FaultParameter,
+    FaultRun,
+    parameters_of,
+    read_fault_runs,
+    run_of,
+    scenario_of,
+    settings_from,
+)
+from bench.statistics import BIAS_SIGMAS, bias_text
+from bench.tables import append_row
+from calib_core.result import CalibrationResult
+from calib_core.simulate import SCENARIOS, Scenario, Truth, parse_faults, prepare
+
+CAMPAIGN = Campaign("handheld", "industrial", 30.0, "", "test")
+ORDER = ["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+
+
+def drawn(shift: float = 0.0, scale: float = 1.0, n: int = 200) -> list[FaultRun]:
+    """Runs whose errors have the stated sigmas, but for a shift along ty and a factor."""
+    rng = np.random.default_rng(3)
+    stds = np.array([1e-4, 2e-4, 3e-4, 1e-3, 2e-3, 3e-3, 1e-5])
+    runs = []
+    for seed in range(n):
+        scaled = scale * rng.standard_normal(7) + shift * np.eye(7)[4]
+        runs.append(
+            FaultRun(
+                *("handheld", "industrial", 30.0, "", "test"),
+                seed,
+                "calibrated",
+                "",
+                tuple(scaled * stds),
+                tuple(stds),
+                float(scaled @ scaled),
+                1.0,
+            )
+        )
+    return runs
+
+
+def test_a_bias_shows_that_the_square_hides() -> None:
+    """A shift of 0.4 sigma moves the NEES by 0.16 of 7 and the mean of 200 by 5.7 of its sigmas. Mutations: the mean error
+    over the sigma of one run; its square alone."""
+    honest, shifted, wide = summary(drawn()), summary(drawn(shift=0.4)), summary(drawn(scale=1.6))
+    low, high = honest.nees[1:]
+    assert low < honest.nees[0] < high
+    assert np.abs(honest.bias).max() < BIAS_SIGMAS
+    assert "biased" not in bias_text(honest.bias)
+    assert shifted.bias[4] == pytest.approx(honest.bias[4] + 0.4 * np.sqrt(200.0))
+    assert bias_text(shifted.bias).startswith("ty +")
+    assert bias_text(shifted.bias).endswith("**biased**")
+    assert wide.nees[0] > high
+    assert wide.inside < 0.92
+    assert honest.stated[1] == pytest.approx(1e3 * np.sqrt(1e-6 + 4e-6 + 9e-6))
+
+
+def answer(truth: Truth, **more: object) -> CalibrationResult:
+    """A document with the true extrinsic and unit covariance."""
+    turn, shift = truth.R_imu_lidar, truth.p_imu_lidar
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn, shift
+    document = truth.to_file()
+    return CalibrationResult.model_construct(
+        status="calibrated",
+        messages=[],
+        T_imu_lidar=document.T_imu_lidar,
+        time_offset_s=truth.time_offset_s,
+        time_offset_ns=truth.time_offset_ns,
+        uncertainty=type("Uncertainty", (), {"covariance": np.eye(7).tolist()})(),
+        **more,
+    )
+
+
+def test_the_offset_is_compared_at_the_instant_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: the middle's offset whatever the result says; the rate's sign."""
+    truth = prepare("handheld", seed=1, duration_s=10.0, faults=parse_faults("clock-rate=100,laser-offsets=8mm")).truth
+    result = answer(truth)
+    at_s = truth.time_offset_at_s + 2.0
+    stated = [
+        {"block": "laser_range_offset", "name": "3", "unit": "m", "value": 0.004, "std": 1e-3, "prior_std": 8e-3,
+         "state": "estimated", "significant": True},
+        {"block": "incidence", "name": "all", "unit": "m", "value": 1e-4, "std": 1e-3, "prior_std": 2e-3,
+         "state": "considered", "significant": False},
+    ]  # fmt: skip
+    monkeypatch.setattr(
+        CalibrationResult, "to_json", lambda _: json.dumps({"time_offset_at_s": at_s, "intrinsics": stated})
+    )
+    run = run_of(CAMPAIGN, 1, result, truth, 1.0)
+    np.testing.assert_allclose(run.errors[:6], 0.0, atol=1e-12)
+    assert run.errors[6] == pytest.approx(-200e-6, abs=2e-9)
+    laser, incidence = parameters_of(CAMPAIGN, 1, result, truth)
+    real = {each.name: each.value for each in truth.intrinsics if each.block == "laser_range_offset"}
+    assert (laser.truth, laser.value, laser.prior_std) == (real["3"], 0.004, 8e-3)
+    assert (incidence.truth, incidence.state) == (0.0, "considered")
+
+
+def test_parameters_are_judged_by_block() -> None:
+    """Mutation: considered ones judged as well; the std over the truth."""
+    made = FaultParameter(*("h", "f", 30.0, "", "l"), 1, "clock_rate", "rate", "estimated", 10.0, 14.0, 2.0, 40.0)
+    text = parameters_text([made, replace(made, state="considered", value=1e9)])
+    assert text == "clock_rate 2.00 (0.05)"
+
+
+def test_the_report_names_what_is_biased_or_refused(tmp_path: Path) -> None:
+    """Mutation: a campaign without an answer left out of the table."""
+    for run in (*drawn(shift=0.5, n=100), replace(drawn(n=1)[0], faults="glass", nees=np.nan, status="refused")):
+        append_row(tmp_path / fault_runs.FAULT_RUNS, run, ORDER)
+    text = write_report(tmp_path).read_text()
+    assert "**biased**" in text
+    assert "| glass | 0 of 1 |" in text
+    assert len(read_fault_runs(tmp_path)) == 101
+
+
+def test_a_campaign_runs_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the command line, the solve replaced. Mutations: seeds that are done run again; faults not passed on; the salt
+    left out."""
+    asked: list[tuple[str, str]] = []
+
+    def generate(scenario: Scenario, *, seed: int, duration_s: float, faults: object, salt: str) -> tuple[None, Truth]:
+        asked.append((str(faults), salt))
+        return None, prepare(scenario, seed=seed, duration_s=duration_s).truth
+
+    monkeypatch.setattr(fault_runs, "generate", generate)
+    words = [
+        "monte-carlo",
+        "static",
+        "--faults",
+        "accel-scale=0.005",
+        "--faults",
+        "none",
+        "--seeds",
+        "1-2",
+        "--jobs",
+        "1",
+    ]
+    words += ["--duration-s", "1", "--label", "x", "--folder", str(tmp_path)]
+    assert main(words) == 0
+    assert main(words) == 0
+    runs = read_fault_runs(tmp_path)
+    assert len(runs) == len(asked) == 4
+    assert {run.status for run in runs} == {"crashed"}
+    assert asked[0] == (str(parse_faults("accel-scale=0.005")), "static accel-scale=0.005")
+    assert asked[1] == ("()", "static none")
+    assert settings_from("method=paper").method == "paper"
+
+
+def test_the_table_and_the_lidars_are_known() -> None:
+    """Every row of the table can be made. Mutations: a fault's name misspelt in it; the lidar left as it was."""
+    for name, faults in TABLE:
+        assert scenario_of(name) is SCENARIOS[name]
+        assert faults == fault_runs.NONE or parse_faults(faults)
+    behind = scenario_of("handheld+xt32")
+    assert (behind.lidar.frame_id, behind.imu, behind.slug) == (
+        "PandarXT-32",
+        SCENARIOS["handheld"].imu,
+        "handheld+xt32",
+    )
+    with pytest.raises(ValueError, match=r"\+vlp16, \+xt32"):
+        scenario_of("handheld+vlp")

@@ -1,0 +1,128 @@
+"""A lidar's own parameters in its factors: points moved by the formula, moments point by point, features differenced."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.factors.laser_features import (
+    LaserErrors,
+    LaserFactors,
+    collapse_features,
+    feature_changes,
+    features_squares,
+)
+from calib_core.factors.lidar_plane import Gate, find_hits
+from calib_core.types import FloatArray
+from tests.core.factors import test_bins as bins
+
+LASERS = 4
+
+
+def _published(xyz: FloatArray, laser: np.ndarray, errors: LaserErrors) -> FloatArray:
+    """What a lidar with these errors would publish for true points (calib_core/intrinsics.py)."""
+    r = np.linalg.norm(xyz, axis=1) * (1.0 + errors.range_scale[laser]) + errors.range_offset_m[laser]
+    elevation = np.arcsin(xyz[:, 2] / np.linalg.norm(xyz, axis=1)) - errors.elevation_rad[laser]
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0]) - errors.azimuth_rad[laser]
+    level = r * np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), r * np.sin(elevation)], axis=1)
+
+
+def _errors(rng: np.random.Generator) -> LaserErrors:
+    return LaserErrors(
+        0.01 * rng.normal(size=LASERS), 0.004 * rng.normal(size=LASERS), 0.002 * rng.normal(size=LASERS),
+        0.002 * rng.normal(size=LASERS), 0.0,
+    )  # fmt: skip
+
+
+def test_points_come_back_from_what_a_wrong_lidar_publishes() -> None:
+    """Mutations: elevation subtracted, scale before offset, azimuth about the other way."""
+    rng = np.random.default_rng(0)
+    xyz, laser = 4.0 * rng.normal(size=(500, 3)), rng.integers(0, LASERS, 500)
+    errors = _errors(rng)
+    published = _published(xyz, laser, errors).astype(np.float32)
+    np.testing.assert_allclose(errors.corrected(published, laser.astype(np.uint16)), xyz, atol=3e-6)
+
+
+def test_points_of_no_known_laser_stay_as_they_are() -> None:
+    """Mutation: the number of a laser taken modulo how many there are."""
+    errors = _errors(np.random.default_rng(1))
+    xyz = np.ones((2, 3), np.float32)
+    out = errors.corrected(xyz, np.array([LASERS, 0], np.uint16))
+    assert (out[0] == xyz[0]).all()
+    assert (out[1] != xyz[1]).any()
+
+
+@pytest.mark.parametrize("column", range(5))
+def test_features_are_the_derivatives_of_distances(column: int) -> None:
+    """Finite differences through the correction and the plane. Mutations: two features exchanged, a sign, cosine for its
+    negative."""
+    scene = bins._scene(2, noise_m=0.0, slices=1)
+    laser = np.random.default_rng(2).integers(0, LASERS, len(scene.xyz)).astype(np.uint16)
+    gate = Gate()
+
+    def hits(parameter: float):
+        parts = [np.zeros(LASERS) for _ in range(4)]
+        if column < 4:
+            parts[(0, 2, 3, 1)[column]] += parameter
+        moved = LaserErrors(*parts, 0.0).corrected(scene.xyz, laser)
+        return find_hits(moved, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, gate)
+
+    size = 1e-3
+    forth, back, here = hits(size), hits(-size), hits(0.0)
+    same = (forth.plane == back.plane) & (forth.plane == here.plane) & (here.plane >= 0)
+    numerical = (forth.d - back.d) / (2 * size) if column < 4 else 1.0 + here.cosine
+    for laser_of in range(LASERS):
+        some = same & (laser == laser_of)
+        keep = np.zeros(len(same), bool)
+        index = np.flatnonzero(some)[:1]
+        keep[index] = True
+        sums = collapse_features(
+            here, keep, np.ones(len(same)), bins.NORMALS, laser=laser, lasers=LASERS,
+            group=np.zeros(1, np.int64), middle=np.zeros(1, np.int64),
+        )  # fmt: skip
+        assert sums.laser.tolist() == [laser_of]
+        # A point's first moment with the constant is its feature.
+        assert sums.cross[0, column, 3] == pytest.approx(numerical[index[0]], rel=2e-3, abs=2e-3)
+
+
+def test_moments_are_those_of_the_points_and_move_with_them() -> None:
+    """Mutations: hits left at their slice, gram by the wrong laser, weight squared."""
+    scene = bins._scene(4, slices=3)
+    rng = np.random.default_rng(4)
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    keep, weight = hits.plane >= 0, rng.uniform(1.0, 2.0, len(hits.plane))
+    laser = rng.integers(0, LASERS, len(hits.plane)).astype(np.uint16)
+    sums = collapse_features(
+        hits, keep, weight, bins.NORMALS, laser=laser, lasers=LASERS,
+        group=np.zeros(3, np.int64), middle=np.array([1]),
+    )  # fmt: skip
+    whole = np.zeros(5)
+    for plane, own, cross in zip(sums.plane, sums.laser, sums.cross, strict=True):
+        mine = keep & (hits.plane == plane) & (laser == own)
+        seen = -hits.cosine[mine]
+        y = np.column_stack([hits.x_hit[mine], np.ones(mine.sum()), hits.d[mine]])
+        np.testing.assert_allclose(cross[0], (weight[mine] * seen) @ y, rtol=2e-6, atol=1e-4)
+        np.testing.assert_allclose(cross[4], (weight[mine] * (1.0 - seen)) @ y, rtol=2e-6, atol=1e-4)
+        whole += (weight[mine] * seen) @ y
+    every = np.column_stack([hits.x_hit, np.ones(len(keep)), hits.d])[keep]
+    np.testing.assert_allclose(whole, (weight * -hits.cosine)[keep] @ every, rtol=1e-5)
+
+
+def test_changed_parameters_add_what_their_points_say() -> None:
+    """Mutation: the cross term once instead of twice."""
+    rng = np.random.default_rng(5)
+    y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 5))
+    factors = LaserFactors(
+        np.zeros(1, np.int64),
+        np.zeros(1, np.int64),
+        np.zeros(1, np.int64),
+        np.ones(1, np.int64),
+        (f.T @ y)[None],
+        (f.T @ f)[None],
+    )
+    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 6))
+    moved = feature_changes(change)[1]
+    before, after = y @ a[0], y @ a[0] + f @ moved
+    assert features_squares(factors, a, change)[0] == pytest.approx(after @ after - before @ before)
+    np.testing.assert_allclose(moved, [change[1, 0] + change[1, 4], *change[1, 1:4], change[1, 5]])

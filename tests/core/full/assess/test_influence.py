@@ -1,0 +1,125 @@
+"""Influences of single factors: they sum up to the stated covariance, and to the next step, which is nothing at the optimum."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.full.assess.considered import consider
+from calib_core.full.assess.disagreement import Disagreement, judge, roots, together
+from calib_core.full.assess.influence import Influences, factor_influences
+from calib_core.full.joint.priors import prior_rows
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.solver.arrow import solve_arrow, unit_responses
+from calib_core.solver.information import covariance
+from calib_core.solver.levenberg import minimise
+from calib_core.types import FloatArray
+from tests.core.full.joint.test_sensors import Case
+
+
+def _solved() -> tuple[JointProblem, Estimate]:
+    """A small problem at its optimum; where points hardly fit, that is far from nothing."""
+    case = Case(1)
+    return case.problem, minimise(case.problem, case.estimate, max_iterations=300, tolerance=1e-14).estimate
+
+
+def _of_priors(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Response and residuals of the priors, and what the terms add that keep unseen states in place: (7, 7)."""
+    system = problem.linearise(estimate)
+    residual, jacobian = prior_rows(problem.priors, problem.nodes, estimate, problem.layout(estimate))
+    along, border = unit_responses(system, CALIBRATION)
+    along, border = along / UNITS, border / UNITS
+    planes = border[problem.layout(estimate).every_plane()]
+    kept = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes
+    return jacobian @ border, residual, kept
+
+
+def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
+    """Mutations: the lasers' part left out, the mixed part once, a link's bias of one node only, changes of the parameters
+    since the points were laid out left out of the pulls."""
+    problem, estimate = _solved()
+    of = factor_influences(problem, estimate)
+    system = problem.linearise(estimate)
+    stated = covariance(solve_arrow(system).information).matrix[:CALIBRATION, :CALIBRATION] / UNITS / UNITS[:, None]
+    response, residual, kept = _of_priors(problem, estimate)
+    allowed = of.links.allowed.sum(axis=0) + of.bins.allowed.sum(axis=0) + response.T @ response + kept
+    unit = 1.0 / np.sqrt(np.diag(stated))
+    np.testing.assert_allclose(unit[:, None] * allowed * unit, unit[:, None] * stated * unit, atol=2e-3)
+    # The step that all pulls together ask for is the Gauss-Newton step of the calibration.
+    moved = of.links.moved.sum(axis=0) + of.bins.moved.sum(axis=0) - response.T @ residual
+    step = solve_arrow(system).step_shared[:CALIBRATION] / UNITS
+    size = np.abs(of.links.moved).sum(axis=0) + np.abs(of.bins.moved).sum(axis=0)
+    np.testing.assert_allclose((moved - step) / size, 0.0, atol=1e-6)
+
+
+def _clusters(rng: np.random.Generator, count: int, direction: FloatArray | None = None) -> Influences:
+    """Pulls of `count` clusters that noise allows, all alike, in units of the covariance; one direction thrice as far."""
+    allowed = np.repeat(np.eye(CALIBRATION)[None] / count, count, axis=0)
+    moved = rng.normal(size=(count, CALIBRATION)) / np.sqrt(count)
+    if direction is not None:
+        moved += 3.0 * rng.normal(size=(count, 1)) * direction / np.sqrt(count)
+    return Influences(moved, allowed)
+
+
+def test_noise_alone_is_hardly_ever_called_disagreement() -> None:
+    """Mutations: the limit at the mean, the variance without its factor of two."""
+    rng = np.random.default_rng(0)
+    eye = np.eye(CALIBRATION)
+    for count in (8, 60):
+        found = [judge("time", _clusters(rng, count), eye, eye) for _ in range(2000)]
+        beyond = sum(each.is_beyond_noise for each in found)
+        assert beyond <= 9  # 2 expected; more than nine of a Poisson law's 2 once in twenty thousand
+        assert 0.97 < np.mean([each.ratio**2 for each in found]) < 1.03
+
+
+def test_disagreement_widens_the_direction_in_which_it_lies() -> None:
+    """Mutation: all directions by the same factor."""
+    rng = np.random.default_rng(1)
+    eye = np.eye(CALIBRATION)
+    direction = np.array([0.6, 0.0, 0.0, 0.8, 0.0, 0.0, 0.0])
+    excess = np.mean([judge("surfaces", _clusters(rng, 60, direction), eye, eye).excess for _ in range(200)], axis=0)
+    assert direction @ excess @ direction == pytest.approx(9.0, rel=0.1)
+    across = np.array([0.8, 0.0, 0.0, -0.6, 0.0, 0.0, 0.0])
+    assert across @ excess @ across < 0.25
+    assert excess[1, 1] < 0.25
+
+
+def test_one_error_seen_in_two_ways_counts_once() -> None:
+    """Mutation: the sum of both."""
+    stated = np.diag([1.0, 4.0, 1.0, 1.0, 9.0, 1.0, 1.0])
+    way = np.eye(CALIBRATION)[4]
+    found = [Disagreement("time", 2.0, 5.0 * np.outer(way, way)), Disagreement("range", 2.0, 4.0 * np.outer(way, way))]
+    np.testing.assert_allclose(together(found, stated), 5.0 * np.outer(way, way), atol=1e-9)
+
+
+def test_what_is_open_is_left_out() -> None:
+    """Mutation: whitening by the whole covariance: along an open lever arm it is a prior's, ten metres wide."""
+    std = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1, 0.01])
+    way = np.array([0.0, 0.0, 0.0, 0.0, 0.6, 0.8, 0.0])
+    whiten, root = roots(np.diag(std**2))
+    assert whiten.shape == (7, 7)
+    whiten, root = roots(np.diag(std**2) + 1e6 * np.outer(way, way))
+    assert whiten.shape == (7, 6)
+    np.testing.assert_allclose(way @ root, 0.0, atol=1e-4)
+
+
+def test_considered_parameters_widen_by_what_they_would_move() -> None:
+    """Schmidt's covariance against the block inverse of the whole problem and against brute shifts.
+
+    Mutations: the prior's variance for its standard deviation, the cross block transposed."""
+    problem, estimate = _solved()
+    own = problem.layout(estimate).nuisance()
+    held = replace(problem, frozen=tuple(range(own.start, own.stop)))
+    prior_std = problem.priors.nuisance_std
+    found = consider(held, estimate, prior_std)
+    whole = solve_arrow(problem.linearise(estimate)).information
+    A, B = whole[: own.start, : own.start], whole[: own.start, own]
+    shift = np.linalg.solve(A, B)[:CALIBRATION] * prior_std / UNITS[:, None]
+    np.testing.assert_allclose(found.added, shift @ shift.T, rtol=1e-4, atol=1e-9 * np.abs(found.added).max())
+    # At the optimum of everything, one more step changes nothing: what would be estimated is what is there.
+    np.testing.assert_allclose(found.value, estimate.nuisance, atol=1e-3 * prior_std.max(), rtol=1e-3)
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(covariance(whole).matrix))[own], rtol=1e-6)

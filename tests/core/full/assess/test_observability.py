@@ -1,0 +1,206 @@
+"""What is known, from information matrices whose weak directions were put there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.joint.priors import PriorRow, Priors
+from calib_core.full.joint.undetermined import UNITS
+from calib_core.geometry import exp
+from calib_core.result import COVARIANCE_ORDER
+from calib_core.types import FloatArray
+
+#: Spread of a well-determined parameter, in units of 1 deg, 10 mm, 1 ms.
+GOOD = 0.02
+STANDING = tuple(PriorRow(i, 0.0, std) for i, std in enumerate([1.0] * 3 + [10.0] * 4))
+
+
+def _priors(*extra: PriorRow) -> Priors:
+    return Priors(np.eye(3), (*STANDING, *extra), 9.8, 0.02)
+
+
+def _information(spread: FloatArray, directions: FloatArray, priors: Priors) -> FloatArray:
+    """Shared information (15, 15) whose first seven, the rest eliminated, are known to `spread` along `directions`.
+
+    spread: (7,) in the contract's units, inf for unknown.   directions: (7, 7) orthonormal columns.
+    """
+    scaled = directions @ np.diag(1.0 / np.asarray(spread) ** 2) @ directions.T
+    marginal = scaled / UNITS[:, None] / UNITS[None, :]
+    for row in priors.rows:
+        marginal[row.column, row.column] += 1.0 / row.std**2
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(8, 8)) + 4 * np.eye(8)
+    corner = root @ root.T
+    # Coupled to biases and planes as strongly as can be told apart from nothing.
+    border = 0.1 * rng.normal(size=(7, 8)) * np.sqrt(np.diag(marginal))[:, None]
+    return np.block([[marginal + border @ np.linalg.solve(corner, border.T), border], [border.T, corner]])
+
+
+def _assess(spread: FloatArray, directions: FloatArray | None = None, *extra: PriorRow, **kw: float) -> Knowledge:
+    priors = _priors(*extra)
+    axes = np.eye(7) if directions is None else directions
+    return assess(_information(spread, axes, priors), priors, inflation=kw.get("inflation", 1.0))
+
+
+def _all(value: float, **changed: float) -> FloatArray:
+    spread = np.full(7, value)
+    for name, v in changed.items():
+        spread[COVARIANCE_ORDER.index(name)] = v
+    return spread
+
+
+def test_what_no_residual_knows_of_the_clocks_is_added_to_the_offset_alone() -> None:
+    """Mutation: added to the standard deviation instead of the variance, or although the offset is held."""
+    priors = _priors()
+    information = _information(_all(GOOD), np.eye(7), priors)
+    plain, widened = assess(information, priors), assess(information, priors, offset_std_s=3e-4)
+    expected = plain.covariance.copy()
+    expected[6, 6] += 9e-8
+    np.testing.assert_allclose(widened.covariance, expected, rtol=1e-12)
+    assert widened.data_std[6] == pytest.approx(np.hypot(plain.data_std[6], 3e-4))
+    held = assess(information, priors, frozen_offset=True, offset_std_s=3e-4)
+    np.testing.assert_array_equal(held.covariance, assess(information, priors, frozen_offset=True).covariance)
+
+
+def test_what_is_well_known_is_reported_with_its_own_spread() -> None:
+    """Fails when the rest is not eliminated (the block of the information is inverted instead of the whole).
+
+    Against the matrix that went in: covariance with the standing prior, spreads without it.
+    """
+    directions = np.linalg.qr(np.random.default_rng(1).normal(size=(7, 7)))[0]
+    spread = np.linspace(0.5, 2.0, 7) * GOOD
+    known = _assess(spread, directions)
+    assert known.weak == ()
+    assert not known.is_weak
+    assert known.rotation_known
+    covariance = (directions * spread**2) @ directions.T * UNITS[:, None] * UNITS
+    np.testing.assert_allclose(known.covariance, covariance, rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose(known.data_std, np.sqrt(np.diag(covariance)), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("label", "limit"), [*((f"r{a}", 0.5) for a in "xyz"), *((f"t{a}", 2.0) for a in "xyz"), ("dt", 2.0)]
+)
+def test_weak_is_beyond_half_a_degree_20_mm_or_2_ms(label: str, limit: float) -> None:
+    """Fails when a limit of LIMITS moves: 0.5 deg, 20 mm and 2 ms are the contract's."""
+    assert not _assess(_all(GOOD, **{label: 0.97 * limit})).is_weak
+    known = _assess(_all(GOOD, **{label: 1.05 * limit}))
+    assert known.is_weak
+    assert [d.label for d in known.weak] == [label]
+    assert known.weak[0].std_scaled == pytest.approx(1.05 * limit, rel=1e-3)
+    np.testing.assert_allclose(np.abs(known.weak[0].vector), np.eye(7)[COVARIANCE_ORDER.index(label)], atol=1e-6)
+    assert "1 sigma" in known.weak[0].text
+
+
+@pytest.mark.parametrize("label", COVARIANCE_ORDER)
+def test_what_nothing_determines_is_the_priors_and_said_to_be(label: str) -> None:
+    """Fails when an undetermined direction is worded like one that is merely weak."""
+    known = _assess(_all(GOOD, **{label: np.inf}))
+    assert [d.label for d in known.weak] == [label]
+    assert "does not determine" in known.weak[0].text
+    std = np.sqrt(np.diag(known.covariance))
+    column = COVARIANCE_ORDER.index(label)
+    assert std[column] == pytest.approx(STANDING[column].std, rel=1e-3)
+    assert np.isfinite(known.covariance).all()
+    assert np.delete(std / UNITS, column).max() < 1.1 * GOOD
+
+
+def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
+    """Fails when the vector is not in the contract's units, or a mixture is given the label of its largest part."""
+    way = np.zeros(7)
+    way[[3, 4, 6]] = [0.8, -0.5, np.sqrt(1 - 0.89)]
+    rest = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 3, 4, 5]]]))[0]
+    rest[:, 0] = way
+    known = _assess(np.array([30.0, *[GOOD] * 6]), rest)
+    assert len(known.weak) == 1
+    assert known.weak[0].label is None
+    assert abs(np.array(known.weak[0].vector) @ way) == pytest.approx(1.0, abs=1e-4)
+    assert "+0.80 x" in known.weak[0].text
+    assert "-0.50 y" in known.weak[0].text
+
+
+def test_a_direction_of_one_kind_is_named_as_such() -> None:
+    """Fails when a slanting lever arm is called a combination in units nobody thinks in, or a rotation a lever arm."""
+    for first, said in (
+        (3, "lever arm along (+0.80, -0.60, +0.00) of the IMU's"),
+        (0, "rotation about (+0.80, -0.60, +0.00) of"),
+    ):
+        basis = np.eye(7)
+        basis[first : first + 2, first : first + 2] = [[0.8, 0.6], [-0.6, 0.8]]
+        spread = np.full(7, GOOD)
+        spread[first] = 30.0
+        known = _assess(spread, basis)
+        assert [d.label for d in known.weak] == [None]
+        assert said in known.weak[0].text
+
+
+def test_a_tape_measure_fills_in_but_does_not_hide_what_the_data_lack() -> None:
+    """Fails when only standing priors are taken out: a user's prior of 1 mm would make the recording look good."""
+    tape = PriorRow(5, 0.3, 0.001)
+    for spread in (5.0, np.inf):
+        without = _assess(_all(GOOD, tz=spread))
+        known = _assess(_all(GOOD, tz=spread), None, tape)
+        assert [d.label for d in known.weak] == ["tz"]
+        assert known.is_weak
+        np.testing.assert_allclose(known.data_std, without.data_std, rtol=2e-2)
+        assert np.sqrt(known.covariance[5, 5]) == pytest.approx(0.001, rel=0.01)
+
+
+def test_a_trace_of_an_undetermined_direction_leaves_the_rotation_as_well_known_as_it_is() -> None:
+    """Fails when `undetermined` returns the bare eigenvectors: rz would pass for known to 0.2 deg only.
+
+    Noise in the motion mixes 0.0002 deg a 10 mm into a lever arm that nothing determines; 0.02 deg is what is known.
+    """
+    way = np.array([0.0, 0.0, 2e-4, 0.0, 0.6, 0.8, 0.0])
+    way /= np.linalg.norm(way)
+    others = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 3, 4, 6]]]))[0]
+    known = _assess(np.array([30.0, *[GOOD] * 6]), others)
+    std = np.sqrt(np.diag(known.covariance)) / UNITS
+    assert std[2] == pytest.approx(GOOD, rel=0.01)
+    assert std[5] == pytest.approx(800.0, rel=0.01)
+    mixed = np.array([0.0, 0.0, 2e-2, 0.0, 0.6, 0.8, 0.0])
+    others[:, 0] = mixed / np.linalg.norm(mixed)
+    others = np.linalg.qr(others)[0]
+    known = _assess(np.array([30.0, *[GOOD] * 6]), others)
+    assert np.sqrt(known.covariance[2, 2]) / UNITS[2] > 15.0, "a real part stays one"
+
+
+def test_inflation_multiplies_every_spread() -> None:
+    """Fails when variances are multiplied by the factor instead of its square."""
+    plain, inflated = _assess(_all(GOOD)), _assess(_all(GOOD), inflation=3.0)
+    np.testing.assert_allclose(inflated.data_std, 3.0 * plain.data_std, rtol=1e-4)
+    np.testing.assert_allclose(np.diag(inflated.covariance), 9.0 * np.diag(plain.covariance), rtol=1e-3)
+
+
+def test_a_time_offset_that_was_given_is_not_missed() -> None:
+    """Fails when a frozen offset's empty column counts as something the data lack."""
+    priors = _priors()
+    information = _information(_all(GOOD, dt=np.inf), np.eye(7), priors)
+    assert assess(information, priors).is_weak
+    frozen = assess(information, priors, frozen_offset=True)
+    assert not frozen.is_weak
+
+
+@pytest.mark.parametrize(
+    ("turns", "known"), [((np.inf,) * 3, False), ((30.0, 30.0, 30.0), False), ((1.0, np.inf, np.inf), True)]
+)
+def test_rotation_counts_as_known_where_any_component_is(turns: tuple[float, float, float], known: bool) -> None:
+    """Fails when the worst component decides instead of the best."""
+    assert _assess(np.array([*turns, *[GOOD] * 4])).rotation_known is known
+
+
+def test_advice_names_the_axis_to_turn_about() -> None:
+    """Fails when the axis that turned most is recommended, or advice is given where nothing is weak.
+
+    A lever arm along z is told by turning about x or y: about y here, which was quiet.
+    """
+    turning = np.array([0.5, 0.01, 0.7])
+    assert advice(_assess(_all(GOOD)), turning, np.eye(3)) == []
+    lines = advice(_assess(_all(GOOD, tz=np.inf)), turning, np.eye(3))
+    assert len(lines) == 1
+    assert "lever arm along the IMU's z axis" in lines[0]
+    assert "about the IMU's y axis" in lines[0]
+    assert any("rotation" in line for line in advice(_assess(_all(GOOD, rx=3.0)), turning, exp(np.array([0.1, 0, 0]))))
+    assert any("time offset" in line for line in advice(_assess(_all(GOOD, dt=5.0)), turning, np.eye(3)))

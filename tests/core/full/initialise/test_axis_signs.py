@@ -1,0 +1,49 @@
+"""An IMU whose signs or unit are not what they seem is named, and the calibration refused: never a wrong answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.calibrate import calibrate
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import Recording
+
+BOTH = (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("gyro", "accel", "code", "says"),
+    [
+        ((1, 1, -1), BOTH, "imu.axis_signs", "gyroscope's z axis"),
+        ((-1, -1, -1), BOTH, "imu.axis_signs", "gyroscope's x, y and z axes"),
+        ((-1, -1, 1), BOTH, "imu.axis_signs", "gyroscope's or the accelerometer's x and y axes"),
+        (BOTH, (1, -1, 1), "imu.axis_signs", "accelerometer's y axis"),
+        (BOTH, (-1, -1, -1), "imu.axis_signs", "accelerometer's x, y and z axes"),
+        ((180 / np.pi,) * 3, BOTH, "imu.gyroscope_unit", "pass --gyroscope-unit deg_s"),
+        ((np.pi / 180,) * 3, BOTH, "imu.gyroscope_unit", "pass --gyroscope-unit rad_s"),
+    ],
+)
+def test_a_misread_imu_is_named(
+    gyro: tuple[float, ...],
+    accel: tuple[float, ...],
+    code: str,
+    says: str,
+    noisy: tuple[Recording, Truth],
+) -> None:
+    """Mutation: take the lag of the rotation for the reflection's; name patterns without `np.prod(signs) < 0`;
+
+    correlate rates without bringing them to one size first (57 times slower is below the floor of a variance).
+    """
+    recording, _ = noisy
+    imu = replace(
+        recording.imu,
+        gyro_rad_s=recording.imu.gyro_rad_s * np.array(gyro),
+        accel_m_s2=recording.imu.accel_m_s2 * np.array(accel),
+    )
+    result = calibrate(replace(recording, imu=imu), CalibrateSettings()).result
+    assert result.status == "refused"
+    assert [(m.code, says in m.text) for m in result.messages if m.level == "error"] == [(code, True)]

@@ -1,0 +1,175 @@
+"""Points given to planes under the true motion of a simulated recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import Gate, LidarNoise
+from calib_core.factors.support import CELL_M, HALF_CELLS
+from calib_core.full.joint.association import Micro, View, associate, gather, measure_noise, survey
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.state import Estimate
+from calib_core.full.prepare.clocks import read_clocks
+from calib_core.geometry import plane_axes
+from calib_core.imu.preintegration import UpsampledImu
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import FloatArray, Recording
+
+NOISE = LidarNoise(0.02, 0.002)
+GATE = Gate(margin_m=0.1)
+SCANS = list(range(20, 40))
+
+
+def _view(recording: Recording, truth: Truth, *, settings: CalibrateSettings | None = None, threads: int = 1) -> View:
+    """The truth itself as the present estimate: knots every 10 ms from 1 to 5 s."""
+    lidar_s = 1.0 + 0.01 * np.arange(401)
+    at = truth.imu(lidar_s)
+    force = np.einsum("nji,nj->ni", at.R_world, at.a_m_s2 - truth.gravity_world_m_s2)
+    home = truth.lidar(np.array([(truth.map_time_ns - truth.epoch_ns) * 1e-9]))
+    R0, p0 = home.R_world[0], home.p_m[0]
+    states = KnotStates(R0.T @ at.R_world, (at.p_m - p0) @ R0, at.v_m_s @ R0)
+    none = np.zeros((400, 2, 3))
+    knots = lidar_s - truth.time_offset_s
+    readings = UpsampledImu(knots, 0.01, none, none, at.omega_rad_s, force, np.zeros((400, 6)), np.ones(400, bool))
+    zero = np.zeros((401, 3))
+    motion = Motion(readings, states, zero, zero, R0.T @ truth.gravity_world_m_s2)
+    estimate = Estimate(
+        states, truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_s, motion.gravity, zero[:1], zero[:1],
+        np.array([p.normal for p in truth.planes]), np.array([p.offset_m for p in truth.planes]),
+    )  # fmt: skip
+    return View(recording.scans, read_clocks(recording), motion, estimate, settings or CalibrateSettings(), threads)
+
+
+def _cost(view: View, knot: FloatArray, plane: FloatArray, scatter: FloatArray) -> float:
+    """Sum of squares of all factors at the truth, each seen from its knot."""
+    e = view.estimate
+    poses = view.motion.lidar_at(view.motion.readings.knots_s, e.R_imu_lidar, e.p_imu_lidar)
+    n = e.normals[plane]
+    a = np.ones((len(knot), 5))
+    a[:, :3] = np.einsum("bi,bij->bj", n, poses.R[knot])
+    a[:, 3] = np.einsum("bi,bi->b", n, poses.p[knot]) + e.offsets_m[plane]
+    return float(np.einsum("bi,bij,bj->", a, scatter, a))
+
+
+def test_at_the_truth_distances_are_noise_and_nothing_else(
+    clean: tuple[Recording, Truth], noisy: tuple[Recording, Truth]
+) -> None:
+    """Fails when the slices' poses are asked for at t + time_offset, or the offset within a scan is forgotten.
+
+    Without noise what is left is the packets' resolution, 2 mm; with it, the simulated 2 cm of range.
+    """
+    for (recording, truth), low, high in ((clean, 0.0, 0.0015), (noisy, 0.6, 1.1)):
+        view = _view(recording, truth)
+        hits = view.hits([30], GATE)
+        seen = hits.plane >= 0
+        keep = seen & (np.abs(hits.d) < 0.1) & (hits.ambiguous_m > 0.1)
+        assert keep.sum() > 0.8 * len(seen)
+        e = hits.d[keep] / (1.0 if high < 0.1 else NOISE.range_std_m * np.abs(hits.cosine[keep]))
+        assert low <= np.sqrt(np.mean(e**2)) < high
+
+
+def test_bins_hold_every_selected_point_once_and_the_same_cost(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when bins of one knot and plane overwrite one another, or are moved to a knot by the inverse motion.
+
+    The cost of all factors is the weighted sum of squares of the points; moved by at most 5 ms of true motion, whose
+    rates' change over it is all that may be missing.
+    """
+    view = _view(*noisy)
+    micro = associate(view, SCANS, NOISE, GATE, None)
+    bins = gather(micro, view.motion, view.estimate)
+    assert int(bins.count.sum()) == int(micro.count.sum()) > 50_000
+    assert len(np.unique(bins.knot * 100 + bins.plane)) == len(bins.knot)
+    directly = float(micro.scatter[:, 14].sum())  # of w d^2, the last of each packed triangle
+    assert _cost(view, bins.knot, bins.plane, bins.scatter) == pytest.approx(directly, rel=1e-3)
+    assert directly == pytest.approx(int(micro.count.sum()), rel=0.3)
+
+
+def test_threads_change_nothing(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when results are put together in the order in which they are ready."""
+    one, four = (associate(_view(*noisy, threads=n), SCANS, NOISE, GATE, None) for n in (1, 4))
+    for name in ("time_s", "scan", "plane", "scatter", "count"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
+
+
+def test_scans_taken_together_give_what_each_gives_alone(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when points of a second scan are looked up in the first one's slices, or bins get the wrong scan's time."""
+    view = _view(*noisy)
+    together = associate(view, SCANS, NOISE, GATE, None, stride=40)  # a batch of all of them
+    alone = Micro.joined([associate(view, [i], NOISE, GATE, None, stride=40) for i in SCANS])
+    assert len(set(together.scan)) == len(SCANS)
+    for name in ("time_s", "scan", "plane", "scatter", "count"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
+
+
+def test_a_scan_without_points_is_no_obstacle(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when a batch is begun by the first point only: an empty scan has none."""
+    view = _view(*noisy)
+    scans = [replace(scan, points=scan.points[:0]) if i == SCANS[0] else scan for i, scan in enumerate(view.scans)]
+    micro = associate(replace(view, scans=scans), SCANS, NOISE, GATE, None, stride=40)
+    assert set(micro.scan) == set(SCANS[1:])
+
+
+def test_a_cap_holds_for_every_plane_of_every_scan_and_is_drawn_the_same_way_again(
+    noisy: tuple[Recording, Truth],
+) -> None:
+    """Fails when the cap is for a scan as a whole, or drawn without the seed."""
+    capped = CalibrateSettings(points_per_plane_per_scan=40)
+    first, again = (associate(_view(*noisy, settings=capped), SCANS, NOISE, GATE, None) for _ in range(2))
+    for scan in SCANS:
+        for plane in range(6):
+            assert first.count[(first.scan == scan) & (first.plane == plane)].sum() <= 40
+    assert first.count.sum() > 2 * 40 * len(SCANS)
+    np.testing.assert_array_equal(first.scatter, again.scatter)
+
+
+def test_range_noise_is_measured_as_it_was_simulated(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when the split of variance swaps its two columns, or the share within three sigmas is not put right.
+
+    A hundred thousand ranges: good to a per cent, and the clipping at six sigmas of the start changes nothing.
+    """
+    recording, truth = noisy
+    measured = measure_noise(_view(recording, truth), SCANS, LidarNoise(0.02, 0.005), GATE, None)
+    assert measured.range_std_m == pytest.approx(truth.scenario.lidar.range_std_m, rel=0.05)
+    assert measured.surface_std_m < 0.004
+
+
+def test_surveyed_cells_are_those_of_the_walls(noisy: tuple[Recording, Truth]) -> None:
+    """Fails when cells are counted from another corner of the grid, thirty cells off.
+
+    Every cell found lies within the room, in front of or on every other wall.
+    """
+    view = _view(*noisy)
+    extents = survey(view, SCANS, NOISE, replace(GATE, extra_m=0.01), stride=4)
+    normals, offsets = view.estimate.normals, view.estimate.offsets_m
+    found = 0
+    for j in range(6):
+        cells = np.argwhere(extents.inside[j])
+        found += len(cells)
+        uv = (cells - HALF_CELLS + 0.5) * CELL_M
+        centres = uv @ plane_axes(normals[j]) - offsets[j] * normals[j]
+        for i in range(6):
+            if i != j:
+                assert (centres @ normals[i] + offsets[i]).min(initial=1.0) > -1.5 * CELL_M
+    assert found > 100
+
+
+def test_returns_that_all_lie_off_a_plane_make_it_no_cells(noisy: tuple[Recording, Truth]) -> None:
+    """A wall said to be 4.5 cm from where it is, as a door is from its wall: within the gate, but over two sigmas off.
+
+    Fails when only shares within the gate are looked at, or a sigma off is too much already.
+    """
+    view = _view(*noisy)
+    gate = replace(GATE, extra_m=0.01)
+    area = survey(view, SCANS, NOISE, gate, stride=4)
+    wall = int(np.argmax([area.area_m2(j) for j in range(6)]))
+    for off_m, least, most in ((0.02, 0.8, 1.2), (0.045, 0.0, 0.3)):
+        offsets = view.estimate.offsets_m.copy()
+        offsets[wall] += off_m
+        moved = replace(view, estimate=replace(view.estimate, offsets_m=offsets), thinned={})
+        left = survey(moved, SCANS, NOISE, gate, stride=4).area_m2(wall) / area.area_m2(wall)
+        assert least <= left <= most

@@ -1,0 +1,53 @@
+"""Answers that have run away, and solves that never come to rest: refused, with the quantity that moved."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.errors import Refused
+from calib_core.full.joint.bounds import last_move, require_bounds, require_rest
+from calib_core.full.joint.estimation import Estimation
+from calib_core.solver.information import covariance
+from tests.core.full.joint.conftest import Half
+
+
+def moved(state: Estimation, *, offset_s: float = 0.0, arm_m: float = 0.0) -> Estimation:
+    e = state.estimate
+    arm = e.p_imu_lidar + arm_m * np.array([0.0, -1.0, 0.0])
+    return replace(state, estimate=replace(e, time_offset_s=e.time_offset_s + offset_s, p_imu_lidar=arm))
+
+
+def test_an_offset_more_than_a_sweep_away_from_both_sensors_turning_is_refused(half: Half) -> None:
+    """Sweeps are 0.1 s. Mutations: leave the check out; measure from the last round instead of from the start."""
+    require_bounds(half.data, half.state, moved(half.state, offset_s=0.08))
+    for far_s in (-0.12, 8.8):
+        away = moved(half.state, offset_s=far_s)
+        with pytest.raises(
+            Refused, match=re.escape(f"the time offset by {far_s:+.2f} s from where the turning")
+        ) as refused:
+            require_bounds(half.data, away, away)
+        assert refused.value.code == "solve.offset_ran_away"
+
+
+def test_a_lever_arm_of_metres_known_to_millimetres_is_refused(half: Half) -> None:
+    """Mutations: leave the check out; refuse a long lever arm that says of itself that it is not known."""
+    with pytest.raises(Refused, match=r"the lidar 1\d\.\d m away from the IMU and claims to know that") as refused:
+        require_bounds(half.data, half.state, moved(half.state, arm_m=15.0))
+    assert refused.value.code == "solve.lever_arm_ran_away"
+    require_bounds(half.data, half.state, moved(half.state, arm_m=5.0))
+    require_bounds(half.data, half.state, replace(moved(half.state, arm_m=15.0), minimum=None))
+
+
+def test_what_still_moves_beyond_its_own_sigma_has_not_settled(half: Half) -> None:
+    """Oracle: the sigma from the information's inverse. Mutations: compare with a fixed size; name the first quantity."""
+    assert half.state.information is not None
+    std_s = float(np.sqrt(covariance(half.state.information).matrix[6, 6]))
+    little, much = moved(half.state, offset_s=0.8 * std_s), moved(half.state, offset_s=2.5 * std_s)
+    require_rest(half.state, little, 1.0)
+    assert last_move(half.state, much)[0][6] == pytest.approx(2.5 * std_s)
+    with pytest.raises(Refused, match=r"the time offset still moved by .* ms, 2\.5 times its standard deviation"):
+        require_rest(half.state, much, 1.0)

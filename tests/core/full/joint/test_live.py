@@ -1,0 +1,42 @@
+"""What the steps of a solve tell of the motion is the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calib_core.calibrate import calibrate
+from calib_core.events import IterationEvent
+from calib_core.full.joint.live import INSTANTS, SWEEPS
+from calib_core.geometry import log
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import Recording
+
+
+def test_the_last_step_puts_its_sweeps_where_they_were(noisy: tuple[Recording, Truth]) -> None:
+    """Within each sweep the lidar turned and moved as in truth, and its planes are the room's, by name.
+
+    Fails with the time offset left out (the motion of 17 ms later), or with the IMU's poses told for the lidar's.
+    """
+    recording, truth = noisy
+    steps: list[IterationEvent] = []
+    calibrate(
+        recording, CalibrateSettings(), on_event=lambda e: steps.append(e) if isinstance(e, IterationEvent) else None
+    )
+    last = steps[-1]
+    assert SWEEPS - 2 <= len(last.sweeps) <= SWEEPS
+    known = {scan.stamp_ns: scan for scan in recording.scans}
+    for sweep in last.sweeps:
+        end_s = float(known[sweep.stamp_ns].points["offset_ns"].max()) * 1e-9
+        np.testing.assert_allclose(sweep.offset_s, np.linspace(0.0, end_s, INSTANTS), atol=1e-6)
+        R = Rotation.from_quat(sweep.quaternion_xyzw).as_matrix()
+        p = np.array(sweep.position_m)
+        t_s = (sweep.stamp_ns - truth.epoch_ns) * 1e-9 + np.array(sweep.offset_s)
+        R_true, p_true = truth.map_lidar(t_s)
+        turned, turned_true = R[0].T @ R[-1], R_true[0].T @ R_true[-1]
+        moved, moved_true = R[0].T @ (p[-1] - p[0]), R_true[0].T @ (p_true[-1] - p_true[0])
+        assert np.degrees(np.linalg.norm(log(turned_true.T @ turned))) < 0.1
+        assert np.linalg.norm(moved - moved_true) < 0.003
+    assert len({plane.name for plane in last.planes}) == len(last.planes)
+    np.testing.assert_allclose([np.linalg.norm(plane.normal) for plane in last.planes], 1.0, atol=1e-6)

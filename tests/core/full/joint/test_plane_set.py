@@ -1,0 +1,134 @@
+"""Which planes are none, from numbers made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import LidarNoise
+from calib_core.full.joint import plane_set
+from calib_core.full.joint.estimation import Estimation, MapPlane
+from calib_core.full.joint.plane_set import drop_planes, kept_planes, new_ones, over_usual, with_planes
+from calib_core.full.joint.priors import Priors
+from calib_core.full.joint.residuals import misfit, plane_misfit
+from calib_core.full.joint.schedule import PlaneSet
+from calib_core.full.joint.state import Estimate
+from calib_core.planes.segment import PlaneFit
+
+
+def test_the_usual_is_what_half_of_the_points_are() -> None:
+    """Fails when the middle plane counts instead of the middle point: three bushes would outvote two walls."""
+    badness = np.array([0.5, 0.6, 5.0, 6.0, 7.0])
+    points = np.array([900.0, 800.0, 50.0, 40.0, 30.0])
+    assert over_usual(badness, points) == pytest.approx(badness / 0.6)
+
+
+def test_three_planes_are_left_and_none_of_them_without_points() -> None:
+    """Fails when everything is kept because two walls alone are beyond doubt, or a plane without points fills up."""
+    points = np.array([900.0, 800.0, 0.0, 50.0, 40.0, 30.0])
+    few = np.array([0.2, 0.3, 0.0, 4.0, 1.2, 9.0])
+    assert kept_planes(few, points, 3).tolist() == [True, True, False, False, True, False]
+    enough = np.array([0.2, 0.3, 0.0, 0.9, 0.5, 9.0])
+    assert kept_planes(enough, points, 3).tolist() == [True, True, False, True, True, False]
+    assert kept_planes(few[:3], points[:3], 3).tolist() == [True, True, False]
+
+
+def test_a_plane_wanders_by_its_bins_averages() -> None:
+    """Fails when distances are summed before they are squared (a wandering plane has mean zero), or bins go by points.
+
+    Two planes of two bins each. A bin of n points of weight 1 at distance d has scatter[3, 3] = n and the sum n d.
+    """
+    away = np.array([0.01, -0.01, 0.3, -0.3])
+    count = np.array([400.0, 100.0, 100.0, 100.0])
+    scatter = np.zeros((4, 5, 5))
+    scatter[:, 3, 3] = count
+    bins = SimpleNamespace(scatter=scatter, plane=np.array([0, 0, 1, 1]))
+    problem: Any = SimpleNamespace(bins=bins, sums=lambda _: count * away)
+    estimate: Any = SimpleNamespace(normals=np.eye(3)[:2])
+    found = plane_misfit(problem, estimate)
+    assert found == pytest.approx([(0.04 + 0.01) / 2, 9.0])
+    assert misfit(problem, estimate) == pytest.approx(found.mean())
+
+
+def state_of(normals: np.ndarray, offsets_m: np.ndarray, *planes: MapPlane) -> Estimation:
+    """A state of a single knot with these planes."""
+    estimate = Estimate(
+        states=KnotStates(np.eye(3)[None], np.zeros((1, 3)), np.zeros((1, 3))),
+        R_imu_lidar=np.eye(3),
+        p_imu_lidar=np.zeros(3),
+        time_offset_s=0.0,
+        gravity=np.array([0.0, 0.0, -9.8]),
+        gyro_bias=np.zeros((1, 3)),
+        accel_bias=np.zeros((1, 3)),
+        normals=normals,
+        offsets_m=offsets_m,
+    )
+    priors = Priors(np.eye(3), (), 9.8, 0.02)
+    return Estimation(estimate, priors, planes, (0,), LidarNoise(0.02, 0.005), observations=cast("Any", object()))
+
+
+def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when planes are thinned out but not their names and outlines, or points of the old numbers are kept."""
+    outline_m = np.zeros((3, 3))
+    planes = [MapPlane(name, outline_m if name == "c" else None) for name in "abcd"]
+    state = state_of(np.arange(12.0).reshape(4, 3), np.arange(4.0), *planes)
+
+    @dataclass(frozen=True)
+    class Problem:
+        bins: object = None
+
+        def motion(self, _: object) -> None:
+            return None
+
+    monkeypatch.setattr(plane_set, "gather", lambda *_: None)
+    monkeypatch.setattr(plane_set, "problem_of", lambda *_: Problem())
+    monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.array([1.0, 90.0, 1.1, 0.9]), np.full(4, 100.0)))
+    monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: np.zeros((4, 3)))
+    said: list[str] = []
+    data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what[-1])))
+    left = drop_planes(data, state, PlaneSet())
+    assert [plane.name for plane in left.planes] == ["a", "c", "d"]
+    assert [plane.outline_m is outline_m for plane in left.planes] == [False, True, False]
+    np.testing.assert_array_equal(left.estimate.normals, state.estimate.normals[[0, 2, 3]])
+    np.testing.assert_array_equal(left.estimate.offsets_m, [0.0, 2.0, 3.0])
+    assert left.observations is None
+    assert len(state.planes) == 4  # what was known before is as it was
+    assert said == ["b does not fit the motion that the others share: left out"]
+    assert drop_planes(data, state, PlaneSet(worst_scatter=100.0)) is state
+
+
+def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
+    """A door 10 cm before its wall is the wall; one 40 cm before it, or facing another way, is a plane of its own.
+
+    Mutations: leave out the distance, or the angle; measure from the origin instead of the find's middle.
+    """
+    state = state_of(np.array([[-1.0, 0.0, 0.0]]), np.array([5.0]), MapPlane("wall"))
+    turned = np.radians(10.0)
+    cloud = np.array([[4.9, 1.0, 0.5], [4.6, 1.0, 0.5], [5.0, 3.0, 0.5]])
+    each = np.eye(3, dtype=bool)
+    door = PlaneFit(np.array([-1.0, 0.0, 0.0]), 4.9, each[0], 0.01)
+    wardrobe = PlaneFit(np.array([-1.0, 0.0, 0.0]), 4.6, each[1], 0.01)
+    leaf = PlaneFit(np.array([-np.cos(turned), np.sin(turned), 0.0]), 4.4, each[2], 0.01)
+    found = new_ones(state.estimate, [door, wardrobe, leaf], cloud, PlaneSet())
+    assert [fit.offset_m for fit in found] == [4.6, 4.4]
+    # Tilted by 7 deg about its own middle on the wall: near there, though 0.4 m off at the origin's foot.
+    tilted = np.radians(7.0)
+    normal = np.array([-np.cos(tilted), np.sin(tilted), 0.0])
+    there = np.array([[5.0, 4.0, 0.0]])
+    assert not new_ones(
+        state.estimate, [PlaneFit(normal, float(-normal @ there[0]), np.ones(1, bool), 0.0)], there, PlaneSet()
+    )
+
+
+def test_planes_that_come_in_are_numbered_on() -> None:
+    """Mutation: number from the first again, or leave the offset out."""
+    state = state_of(np.eye(3)[:2], np.array([1.0, 2.0]), MapPlane("floor"), MapPlane("plane 2"))
+    more = with_planes(state, [PlaneFit(np.eye(3)[2], 3.0, np.ones(1, bool), 0.0)])
+    assert [plane.name for plane in more.planes] == ["floor", "plane 2", "plane 3"]
+    np.testing.assert_array_equal(more.estimate.offsets_m, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(more.estimate.normals, np.eye(3))

@@ -1,0 +1,300 @@
+"""The joint problem against its residuals written out one below the other and differenced numerically."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.factors.imu import KnotStates, link_residuals
+from calib_core.full.joint.begin import bias_nodes
+from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
+from calib_core.full.joint.problem import JointProblem, bin_jacobian
+from calib_core.full.joint.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
+from calib_core.geometry import plane_axes
+from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
+from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
+from calib_core.types import FloatArray
+
+KNOTS, PLANES, H_S = 7, 3, 0.05
+LAYOUT = Layout(nodes=2, planes=PLANES)
+OFFSET_S = 0.02
+DENSITY = NoiseDensity(np.full(3, 0.5), np.full(3, 2.0))
+#: Full-size steps of every kind of unknown, so that none hides behind another's units.
+_UNIT = 1e-5
+
+
+def _estimate(rng: np.random.Generator) -> Estimate:
+    R = [Rotation.random(rng=rng).as_matrix()]
+    while len(R) < KNOTS:
+        R.append(R[-1] @ Rotation.from_rotvec(0.05 * rng.normal(size=3)).as_matrix())
+    normals = rng.normal(size=(PLANES, 3))
+    return Estimate(
+        states=KnotStates(np.array(R), rng.normal(size=(KNOTS, 3)), rng.normal(size=(KNOTS, 3))),
+        R_imu_lidar=Rotation.random(rng=rng).as_matrix(),
+        p_imu_lidar=0.3 * rng.normal(size=3),
+        time_offset_s=OFFSET_S,
+        gravity=np.array([3.0, -4.0, 8.5]),
+        gyro_bias=0.05 * rng.normal(size=(2, 3)),
+        accel_bias=0.2 * rng.normal(size=(2, 3)),
+        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        offsets_m=rng.uniform(1.0, 3.0, PLANES),
+    )
+
+
+def _problem(seed: int, *, delta_s: float = 0.0) -> tuple[JointProblem, Estimate]:
+    """A problem in which nothing fits anything: residuals of every kind are large.
+
+    delta_s: the estimate's time offset less that for which the bins were made.
+    """
+    rng = np.random.default_rng(seed)
+    e = _estimate(rng)
+    links = KNOTS - 1
+    readings = UpsampledImu(
+        H_S * np.arange(KNOTS), H_S, rng.normal(size=(links, 4, 3)), 9.0 + rng.normal(size=(links, 4, 3)),
+        rng.normal(size=(KNOTS, 3)), rng.normal(size=(KNOTS, 3)), np.zeros((links, 6)), np.ones(links, bool),
+    )  # fmt: skip
+    nodes = BiasNodes.spread(readings.knots_s, 0.2 * (KNOTS - 1) * H_S)
+    nodes = BiasNodes(nodes.times_s[[0, -1]], np.zeros(links, np.int64), (np.arange(links) + 0.5) / links)
+    bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
+    pairs = np.array([(k, j) for k in range(KNOTS) for j in range(PLANES) if rng.random() < 0.7])
+    y = np.concatenate([rng.normal(size=(len(pairs), 9, 3)), np.ones((len(pairs), 9, 1))], axis=2)
+    y = np.concatenate([y, 0.1 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
+    bins = Bins(pairs[:, 0], pairs[:, 1], np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), OFFSET_S - delta_s)
+    rows = (PriorRow(0, 0.3, 0.5), PriorRow(2, -0.1, 0.2), PriorRow(4, 1.0, 0.4), PriorRow(6, 0.5, 0.3))
+    priors = Priors(e.R_imu_lidar, rows, 9.8, 0.05, gyro_walk=0.3, accel_walk=0.7)
+    return JointProblem(readings, nodes, preintegrate(readings, bg, ba, DENSITY), bg, ba, bins, priors, 0), e
+
+
+def _step(knots: FloatArray, shared: FloatArray) -> ArrowSolution:
+    return ArrowSolution(knots.reshape(KNOTS, 9), shared, np.zeros((0, 0)), 0.0)
+
+
+def _stacked(problem: JointProblem, e: Estimate) -> FloatArray:
+    """All residuals: links, the roots of the scatter matrices times a, priors."""
+    change = (
+        problem.nodes.at_links(e.gyro_bias) - problem.links_gyro_bias,
+        problem.nodes.at_links(e.accel_bias) - problem.links_accel_bias,
+    )
+    links = link_residuals(problem.links, e.states, e.gravity, *change)
+    b = problem.bins
+    lidar = []
+    for k, j, scatter in zip(b.knot, b.plane, b.scatter, strict=True):
+        delta = e.time_offset_s - b.time_offset_s
+        omega = problem.readings.knot_gyro[k] - problem.nodes.at_knots(e.gyro_bias)[k]
+        R = e.states.R[k] @ Rotation.from_rotvec(-omega * delta).as_matrix()
+        p = e.states.p[k] - e.states.v[k] * delta
+        # n . (R (R_c x + p_c) + p) + w for the three unit vectors and the origin gives n_lidar and w_lidar.
+        corners = np.vstack([np.zeros(3), np.eye(3)]) @ e.R_imu_lidar.T + e.p_imu_lidar
+        w, *tips = (corners @ R.T + p) @ e.normals[j] + e.offsets_m[j]
+        lidar.append(np.linalg.cholesky(scatter).T @ np.array([*(np.array(tips) - w), w, 1.0]))
+    prior, _ = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
+    return np.concatenate([links.ravel(), np.concatenate(lidar), prior])
+
+
+def _numerical_jacobian(problem: JointProblem, e: Estimate) -> FloatArray:
+    """Central differences of the stacked residuals over every unknown, knots first."""
+    size = KNOTS * 9 + LAYOUT.size
+    columns = []
+    for i in range(size):
+        step = _UNIT * np.eye(size)[i]
+        forth, back = (
+            _stacked(problem, problem.moved(e, _step(s * step[: KNOTS * 9], s * step[KNOTS * 9 :]))) for s in (1, -1)
+        )
+        columns.append((forth - back) / (2 * _UNIT))
+    return np.array(columns).T
+
+
+def _written_out(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
+    n, size = 9, KNOTS * 9 + LAYOUT.size
+    H = np.zeros((size, size))
+    for k in range(KNOTS):
+        at, border = slice(k * n, k * n + n), slice(KNOTS * n, size)
+        H[at, at], H[at, border], H[border, at] = system.diagonal[k], system.border[k], system.border[k].T
+        if k + 1 < KNOTS:
+            H[at.stop : at.stop + n, at], H[at, at.stop : at.stop + n] = system.lower[k], system.lower[k].T
+    H[KNOTS * n :, KNOTS * n :] = system.corner
+    return H, np.concatenate([system.gradient.ravel(), system.gradient_shared])
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("delta_s", [0.0, 0.004])
+def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s: float) -> None:
+    """Fails when the border misses the bins' share of a plane, or the node right of a link gets the left's weight.
+
+    With delta the gyro bias also turns the pose that a bin asks for, by delta times as much: left out, and so here.
+    """
+    problem, e = _problem(seed, delta_s=delta_s)
+    r, J = _stacked(problem, e), _numerical_jacobian(problem, e)
+    assert problem.cost(e) == pytest.approx(0.5 * r @ r)
+    system = problem.linearise(e)
+    assert system.cost == pytest.approx(0.5 * r @ r)
+    H, g = _written_out(system)
+    gauge = np.zeros(len(g))
+    gauge[: KNOTS * 9] = 1e-6
+    gauge[:6] += 1e8
+    gauge[KNOTS * 9 + LAYOUT.plane(0).start :] += 1e-4
+    use = np.ones(len(g), bool)
+    if delta_s:
+        bias = LAYOUT.gyro_bias()
+        use[KNOTS * 9 + bias.start : KNOTS * 9 + bias.stop] = False
+    expected = J.T @ J
+    scale = np.sqrt(np.diag(expected))
+    difference = (H - np.diag(gauge) - expected) / scale[:, None] / scale
+    # 1e8 on the diagonal costs eight of its own digits.
+    np.testing.assert_allclose(difference[np.ix_(use, use)], 0.0, atol=2e-6)
+    np.testing.assert_allclose((g - J.T @ r)[use] / scale[use], 0.0, atol=2e-6 * np.linalg.norm(r))
+
+
+def test_gradient_is_the_derivative_of_the_cost() -> None:
+    """Fails when `cost` and `linearise` price the lidar differently (no half in one of them).
+
+    Twenty random directions over all kinds of unknowns at once.
+    """
+    problem, e = _problem(3)
+    _, g = _written_out(problem.linearise(e))
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        way = rng.normal(size=len(g))
+        forth, back = (
+            problem.cost(problem.moved(e, _step(s * way[: KNOTS * 9], s * way[KNOTS * 9 :]))) for s in (1e-6, -1e-6)
+        )
+        assert (forth - back) / 2e-6 == pytest.approx(g @ way, rel=1e-5)
+
+
+@pytest.mark.parametrize("delta_s", [0.0, 0.01])
+def test_bin_jacobian_column_by_column(delta_s: float) -> None:
+    """Fails when phi is not carried across the delay (no exp(omega delta)), or the velocity's column is + delta n."""
+    problem, e = _problem(5, delta_s=delta_s)
+    a, part = problem.planes_seen(e)
+    J = bin_jacobian(a, part, e, problem.bins.plane)
+    starts = {0: 0, 9: LAYOUT.size}
+    assert starts[9] == LAYOUT.size
+    for column in range(19):
+        values = []
+        for sign in (1, -1):
+            knots, shared = np.zeros((KNOTS, 9)), np.zeros(LAYOUT.size)
+            if column < 9:
+                knots[:, column] = sign * _UNIT
+            elif column < 16:
+                shared[column - 9] = sign * _UNIT
+            else:
+                for j in range(PLANES):
+                    shared[LAYOUT.plane(j).start + column - 16] = sign * _UNIT
+            values.append(problem.planes_seen(problem.moved(e, _step(knots, shared)))[0][:, :4])
+        numerical = (values[0] - values[1]) / (2 * _UNIT)
+        np.testing.assert_allclose(J[:, :, column], numerical, atol=1e-7, err_msg=str(column))
+
+
+def test_prior_rows_are_differenced_too() -> None:
+    """Fails when a random walk's row has no minus, or gravity's row is not of unit length.
+
+    The rotation prior about its own reference, where the solve holds it.
+    """
+    problem, e = _problem(6)
+    residual, J = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
+    assert J.shape == (len(residual), LAYOUT.size)
+    for column in range(LAYOUT.size):
+        steps = (_step(np.zeros(KNOTS * 9), s * _UNIT * np.eye(LAYOUT.size)[column]) for s in (1, -1))
+        forth, back = (prior_rows(problem.priors, problem.nodes, problem.moved(e, step), LAYOUT)[0] for step in steps)
+        np.testing.assert_allclose(J[:, column], (forth - back) / (2 * _UNIT), atol=1e-6)
+
+
+def test_priors_say_what_they_are_told() -> None:
+    """Fails when the walk's spread does not grow with the root of time, or a fixed gravity has no row.
+
+    One by one: rotation, translation and time rows; gravity's magnitude; the first node; the steps between nodes.
+    """
+    problem, e = _problem(7)
+    residual, _ = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
+    span = problem.nodes.times_s[1] - problem.nodes.times_s[0]
+    expected = [-0.3 / 0.5, 0.1 / 0.2, (e.p_imu_lidar[1] - 1.0) / 0.4, (OFFSET_S - 0.5) / 0.3]
+    expected.append((np.linalg.norm(e.gravity) - 9.8) / 0.05)
+    for values, first, walk in ((e.gyro_bias, 0.2, 0.3), (e.accel_bias, 1.0, 0.7)):
+        for axis in range(3):
+            expected += [values[0, axis] / first, (values[1, axis] - values[0, axis]) / (walk * np.sqrt(span))]
+    np.testing.assert_allclose(np.sort(residual), np.sort(expected), atol=1e-12)
+    fixed, _ = prior_rows(replace(problem.priors, gravity_std_m_s2=0.0), problem.nodes, e, LAYOUT)
+    assert np.abs(fixed).max() > 1e4
+
+
+def test_moving_moves_each_kind_of_unknown_in_its_own_way() -> None:
+    """Fails when a normal is not normalised, a plane's two turns act along each other's axis, or gravity grows by turning."""
+    problem, e = _problem(8)
+    rng = np.random.default_rng(9)
+    knots, shared = rng.normal(size=(KNOTS, 9)), 0.1 * rng.normal(size=LAYOUT.size)
+    m = problem.moved(e, _step(knots, shared))
+    np.testing.assert_allclose(m.R_imu_lidar, e.R_imu_lidar @ Rotation.from_rotvec(shared[:3]).as_matrix(), atol=1e-13)
+    np.testing.assert_allclose(m.p_imu_lidar, e.p_imu_lidar + shared[3:6])
+    assert m.time_offset_s == e.time_offset_s + shared[6]
+    pulled = e.gravity + shared[7:10]
+    heavier = np.linalg.norm(e.gravity) + shared[7:10] @ e.gravity / np.linalg.norm(e.gravity)
+    np.testing.assert_allclose(m.gravity, pulled * heavier / np.linalg.norm(pulled))
+    np.testing.assert_allclose(m.gyro_bias, e.gyro_bias + shared[10:16].reshape(2, 3))
+    np.testing.assert_allclose(m.accel_bias, e.accel_bias + shared[16:22].reshape(2, 3))
+    np.testing.assert_allclose(m.states.p, e.states.p + knots[:, 3:6])
+    for j in range(PLANES):
+        u, v, w = shared[LAYOUT.plane(j)]
+        e1, e2 = plane_axes(e.normals[j])
+        tilted = e.normals[j] + u * e1 + v * e2
+        np.testing.assert_allclose(m.normals[j], tilted / np.linalg.norm(tilted), atol=1e-14)
+        assert m.offsets_m[j] == pytest.approx(e.offsets_m[j] + w)
+
+
+@pytest.mark.parametrize(("lasts_s", "spacing_s"), [(20.0, 2.5), (52.0, 4.0), (100.0, 5.0)])
+def test_bias_nodes_stand_closer_in_a_short_recording(lasts_s: float, spacing_s: float) -> None:
+    """Fails when every recording gets a node each 5 s: a walk strays from the straight line between them."""
+    times_s = bias_nodes(np.arange(0.0, lasts_s + 0.005, 0.01)).times_s
+    np.testing.assert_allclose(np.diff(times_s), spacing_s, rtol=1e-3)
+
+
+def test_the_map_frame_is_free() -> None:
+    """Fails when a lidar factor leaves the knot's position out: its plane would not move along.
+
+    Law: turning and shifting map, planes and gravity together changes no cost.
+    """
+    problem, e = _problem(10, delta_s=0.003)
+    R, t = Rotation.from_rotvec([0.5, -1.0, 0.8]).as_matrix(), np.array([4.0, -2.0, 7.0])
+    normals = e.normals @ R.T
+    moved = replace(
+        e,
+        states=KnotStates(R @ e.states.R, e.states.p @ R.T + t, e.states.v @ R.T),
+        gravity=R @ e.gravity,
+        normals=normals,
+        offsets_m=e.offsets_m - normals @ t,
+    )
+    assert problem.cost(moved) == pytest.approx(problem.cost(e), rel=1e-12)
+
+
+def test_the_gauge_knot_and_frozen_columns_stay() -> None:
+    """Fails when the gauge's weight is on another knot, or a frozen column keeps its border."""
+    problem, e = _problem(11)
+    frozen = (6, LAYOUT.plane(1).start)
+    held = replace(problem, gauge_knot=3, frozen=frozen)
+    solution = solve_arrow(held.linearise(e), damping=1e-9)
+    assert np.abs(solution.step[3, :6]).max() < 1e-4 * np.abs(solution.step).max()
+    assert np.abs(solution.step_shared[list(frozen)]).max() < 1e-12
+    free = solve_arrow(problem.linearise(e), damping=1e-9)
+    assert np.abs(free.step_shared[list(frozen)]).min() > 1e-6
+
+
+def test_bias_nodes_interpolate() -> None:
+    """Fails when a link takes the bias at its left knot instead of at its middle, or an hour gets a node every 3 s.
+
+    Linear biases are reproduced: at the links' middles exactly, at the knots to the ends' half links.
+    """
+    knots = 5.0 + 0.1 * np.arange(101)
+    nodes = BiasNodes.spread(knots, 3.0)
+    assert len(nodes.times_s) == 5
+    values = np.outer(nodes.times_s, [1.0, -2.0, 0.5])
+    middles = 0.5 * (knots[1:] + knots[:-1])
+    np.testing.assert_allclose(nodes.at_links(values), np.outer(middles, [1.0, -2.0, 0.5]), atol=1e-12)
+    np.testing.assert_allclose(nodes.at_knots(values)[1:-1], np.outer(knots[1:-1], [1.0, -2.0, 0.5]), atol=1e-12)
+    hour = BiasNodes.spread(np.arange(0.0, 3600.0, 0.5), 3.0)
+    assert len(hour.times_s) == MOST_NODES
+    np.testing.assert_allclose(np.diff(hour.times_s), 3599.5 / (MOST_NODES - 1))
+    for spacing in (None, 8.0):
+        single = BiasNodes.spread(knots, spacing)
+        np.testing.assert_array_equal(single.at_knots(np.array([[1.0, 2.0, 3.0]])), np.tile([1.0, 2.0, 3.0], (101, 1)))

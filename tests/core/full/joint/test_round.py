@@ -1,0 +1,108 @@
+"""What every round is made of: who is told of its progress, what is read, which columns are held."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import overload
+
+import numpy as np
+import pytest
+
+from calib_core.errors import Cancelled
+from calib_core.events import StageEvent
+from calib_core.factors.lidar_plane import Gate
+from calib_core.full.joint.round import associate, coarse_stride, descend, gate_of, problem_of
+from calib_core.full.joint.schedule import Sampling
+from calib_core.settings import CalibrateSettings
+from calib_core.types import Scan
+from tests.core.full.joint.conftest import Half
+
+
+def test_progress_is_told_from_the_callers_thread(half: Half) -> None:
+    """Whoever listens need not be safe against several threads at once. Four threads work; one tells.
+
+    Mutation: call `on_scans` in the job that the threads run.
+    """
+    told: list[tuple[int, float]] = []
+
+    def listen(event: object) -> None:
+        if isinstance(event, StageEvent):
+            told.append((threading.get_ident(), event.fraction))
+
+    run = replace(half.data.run, on_event=listen, threads=4)
+    associate(replace(half.data, run=run), half.state, Gate(), stride=1)
+    assert {thread for thread, _ in told} == {threading.get_ident()}
+    assert [fraction for _, fraction in told] == sorted(fraction for _, fraction in told)
+
+
+def test_a_cancel_is_heard_between_batches(half: Half) -> None:
+    """Mutation: tell progress without asking."""
+    run = replace(half.data.run, should_cancel=lambda: True)
+    with pytest.raises(Cancelled):
+        associate(replace(half.data, run=run), half.state, Gate(), stride=1)
+
+
+class Unreadable(Sequence[Scan]):
+    """Scans that must not be read."""
+
+    @overload
+    def __getitem__(self, place: int) -> Scan: ...
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[Scan]: ...
+    def __getitem__(self, place: int | slice) -> Scan | Sequence[Scan]:
+        raise AssertionError("a scan was read")
+
+    def __len__(self) -> int:
+        return 60
+
+    def __iter__(self) -> Iterator[Scan]:
+        raise AssertionError("scans were read")
+
+
+def test_the_thinning_reads_no_scan_again(half: Half) -> None:
+    """How many points a scan has was seen when its clock was read. Oracle: counted here.
+
+    Mutation: take the length of the scans' points at each call: twenty scans read from the store, thrice a piece.
+    """
+    scans = half.data.run.recording.scans
+    run = replace(half.data.run, recording=replace(half.data.run.recording, scans=Unreadable()))
+    sampling = Sampling(points=24_000, points_per_scan=(100, 4000))
+    counts = [len(scans[i].points) for i in half.state.positions]
+    expected = int(np.median(counts) // (24_000 / len(counts)))
+    assert coarse_stride(replace(half.data, run=run), half.state, sampling) == expected > 1
+
+
+def test_hits_near_two_planes_are_told_by_the_noise_within_bounds(half: Half) -> None:
+    """By hand. Mutations: leave out either bound; measure in the gate's own sigmas."""
+    sampling = Sampling()
+    for range_std_m, margin_m in ((0.02, 0.12), (0.001, 0.03), (0.2, 0.3)):
+        state = replace(half.state, lidar_noise=replace(half.state.lidar_noise, range_std_m=range_std_m))
+        assert gate_of(state, 0.05, sampling).margin_m == pytest.approx(margin_m)
+
+
+@pytest.mark.parametrize(
+    ("settings", "held"),
+    [
+        (CalibrateSettings(), []),
+        (CalibrateSettings(estimate_time_offset=False), ["offset"]),
+        (CalibrateSettings(estimate_planes=False), ["planes"]),
+    ],
+)
+def test_what_the_settings_hold_does_not_move(half: Half, settings: CalibrateSettings, held: list[str]) -> None:
+    """Mutations: hold gravity's column for the offset's; hold all planes but the last one's offset."""
+    data = replace(half.data, run=replace(half.data.run, settings=settings))
+    off = replace(
+        half.state.estimate,
+        time_offset_s=half.state.estimate.time_offset_s + 1e-3,
+        offsets_m=half.state.estimate.offsets_m + 1e-3,
+        gravity=half.state.estimate.gravity + 0.01,
+    )
+    state = associate(data, replace(half.state, estimate=off), Gate(extra_m=0.05), stride=4)
+    after, problem = descend(data, state, iterations=2, tolerance=1e-6)
+    assert len(problem.frozen) == len(problem_of(data, state).frozen)
+    assert (after.estimate.time_offset_s == off.time_offset_s) == ("offset" in held)
+    assert (after.estimate.offsets_m == off.offsets_m).all() == ("planes" in held)
+    assert not (after.estimate.offsets_m == off.offsets_m).any() or "planes" in held
+    assert (after.estimate.gravity != off.gravity).any()

@@ -1,0 +1,187 @@
+"""The sensors' own parameters in the joint problem: every residual written out point by point, and differenced numerically."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.factors.imu import link_residuals
+from calib_core.factors.laser_features import LaserFactors
+from calib_core.full.joint.priors import prior_rows
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensors import laser_places, sensor_columns
+from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.prepare.nuisance import Nuisance, choose_nuisance
+from calib_core.geometry import exp
+from calib_core.imu.preintegration import preintegrate
+from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
+from calib_core.solver.arrow import ArrowSolution
+from calib_core.types import FloatArray
+from tests.core.full.joint import test_problem as plain
+
+LASERS, POINTS = 3, 11
+NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate_std_ppm=40.0)
+#: Columns of a laser -> features of a point: offset, elevation, azimuth, scale, everybody's offset, incidence.
+FEATURE = (0, 1, 2, 3, 0, 4)
+MIDDLE_S = 0.11
+
+
+class Case:
+    """A problem in which nothing fits, its points kept one by one."""
+
+    def __init__(self, seed: int, nuisance: Nuisance = NUISANCE) -> None:
+        rng = np.random.default_rng(seed)
+        base, estimate = plain._problem(seed)
+        # Large for the lidar's; for the IMU's, a link's turn by its bias is the first order's.
+        scale = np.where(np.arange(nuisance.size) < 16, 1.0, 30.0) * nuisance.prior_std
+        laid_out = scale * rng.normal(size=nuisance.size)
+        values = laid_out + scale * rng.normal(size=nuisance.size)
+        # A gyroscope's bias turns the pose that a later bin asks for: left out of its columns, and so is a later bin here.
+        values[nuisance.start("clock_rate")] = laid_out[nuisance.start("clock_rate")]
+        self.estimate = replace(estimate, nuisance=values)
+        pairs = list(zip(base.bins.knot, base.bins.plane, strict=True))
+        self.pair = np.repeat(np.arange(len(pairs)), POINTS)
+        self.laser = rng.integers(0, LASERS, len(self.pair))
+        n = len(self.pair)
+        self.y = np.concatenate([rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1)
+        self.f = rng.normal(size=(n, 5))
+        scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
+        clusters = [
+            (q, j) for q in range(len(pairs)) for j in range(LASERS) if ((self.pair == q) & (self.laser == j)).any()
+        ]
+        mine = [(self.pair == q) & (self.laser == j) for q, j in clusters]
+        lasers = LaserFactors(
+            base.bins.knot,
+            base.bins.plane,
+            np.array([q for q, _ in clusters]),
+            np.array([j for _, j in clusters]),
+            np.array([self.f[m].T @ self.y[m] for m in mine]),
+            np.array([self.f[m].T @ self.f[m] for m in mine]),
+        )
+        bins = Bins(
+            base.bins.knot, base.bins.plane, scatter, np.full(len(pairs), POINTS), plain.OFFSET_S, lasers, laid_out
+        )
+        links_at = scale * rng.normal(size=nuisance.size)
+        self.problem: JointProblem = replace(
+            base,
+            bins=bins,
+            priors=replace(base.priors, nuisance_std=scale),
+            sensors=sensor_columns(nuisance, links_at, base.readings, MIDDLE_S),
+        )
+
+    def stacked(self, e: Estimate) -> FloatArray:
+        """All residuals: links, points one by one, priors."""
+        p = self.problem
+        links = link_residuals(p.links, e.states, e.gravity, *p.bias_changes(e))
+        b = p.bins
+        rate = NUISANCE.start("clock_rate")
+        places = laser_places(NUISANCE)
+        change = e.nuisance - b.nuisance
+        out = []
+        for i in range(len(self.pair)):
+            k, j = b.knot[self.pair[i]], b.plane[self.pair[i]]
+            late_s = 1e-6 * change[rate] * (p.readings.knots_s[k] + e.time_offset_s - MIDDLE_S)
+            delta = e.time_offset_s - b.time_offset_s + late_s
+            omega = p.readings.knot_gyro[k] - p.nodes.at_knots(e.gyro_bias)[k]
+            R, origin = e.states.R[k] @ exp(-omega * delta), e.states.p[k] - e.states.v[k] * delta
+            n = e.normals[j]
+            seen = np.append(e.R_imu_lidar.T @ R.T @ n, n @ (R @ e.p_imu_lidar + origin) + e.offsets_m[j])
+            own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(6))
+            out.append(seen @ self.y[i, :4] + self.y[i, 4] + own)
+        prior, _ = prior_rows(p.priors, p.nodes, e, p.layout(e))
+        return np.concatenate([links.ravel(), out, prior])
+
+    def numerical_jacobian(self) -> FloatArray:
+        """Central differences, each parameter of the sensors in steps of its own size."""
+        p, e = self.problem, self.estimate
+        shared = p.layout(e).size
+        size = plain.KNOTS * 9 + shared
+        unit = np.full(size, 1e-5)
+        unit[size - NUISANCE.size :] = 1e-3 * p.priors.nuisance_std
+        columns = []
+        for i in range(size):
+            step = np.zeros(size)
+            step[i] = unit[i]
+            forth, back = (
+                self.stacked(
+                    p.moved(
+                        e,
+                        ArrowSolution(
+                            (s * step[: plain.KNOTS * 9]).reshape(-1, 9),
+                            s * step[plain.KNOTS * 9 :],
+                            np.zeros((0, 0)),
+                            0.0,
+                        ),
+                    )
+                )
+                for s in (1, -1)
+            )
+            columns.append((forth - back) / (2 * unit[i]))
+        return np.array(columns).T
+
+
+def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
+    system = case.problem.linearise(case.estimate)
+    n, size = 9, plain.KNOTS * 9 + system.corner.shape[0]
+    H = np.zeros((size, size))
+    for k in range(plain.KNOTS):
+        at, border = slice(k * n, k * n + n), slice(plain.KNOTS * n, size)
+        H[at, at], H[at, border], H[border, at] = system.diagonal[k], system.border[k], system.border[k].T
+        if k + 1 < plain.KNOTS:
+            H[at.stop : at.stop + n, at], H[at, at.stop : at.stop + n] = system.lower[k], system.lower[k].T
+    H[plain.KNOTS * n :, plain.KNOTS * n :] = system.corner
+    return H, np.concatenate([system.gradient.ravel(), system.gradient_shared])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_normal_equations_are_those_of_single_points_with_their_lasers(seed: int) -> None:
+    """Mutations: the incidence's feature read for the scale's column, the rate's lever without the middle, a parameter's
+    change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's."""
+    case = Case(seed)
+    r, J = case.stacked(case.estimate), case.numerical_jacobian()
+    assert case.problem.cost(case.estimate) == pytest.approx(0.5 * r @ r, rel=1e-9)
+    H, g = _written_out(case)
+    # What keeps the gauge and unseen planes in place is no residual.
+    idle = np.abs(np.diag(H) - np.sum(J**2, axis=0)) > 1e-3 * np.diag(H)
+    assert idle.sum() <= 6
+    unit = 1.0 / np.sqrt(np.diag(H))
+    unit[idle] = 0.0
+    np.testing.assert_allclose(unit[:, None] * H * unit, unit[:, None] * (J.T @ J) * unit, atol=3e-4)
+    np.testing.assert_allclose(unit * g, unit * (J.T @ r), atol=3e-4 * np.abs(unit * g).max())
+
+
+def test_bins_know_of_what_their_lasers_have_changed() -> None:
+    """Mutation: `sums` or `squares` without the lasers' part."""
+    case = Case(3)
+    links = len(case.problem.links.DR) * 9
+    r = case.stacked(case.estimate)[links : links + len(case.pair)]
+    bins = len(case.problem.bins.plane)
+    np.testing.assert_allclose(case.problem.sums(case.estimate), np.bincount(case.pair, r, bins), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(case.problem.squares(case.estimate), np.bincount(case.pair, r**2, bins), rtol=1e-9)
+
+
+def test_an_ideal_pair_of_sensors_adds_no_column() -> None:
+    """Mutation: a column for the clocks' rate whatever the blocks."""
+    problem, e = plain._problem(0)
+    assert problem.layout(e).size == plain.LAYOUT.size
+    assert problem.bins_seen(e)[1].shape[2] == 19
+
+
+def test_links_integrated_anew_agree_with_their_columns() -> None:
+    """Mutations: `links_at` of another linearisation; the delay's column with the other sign."""
+    _, e = plain._problem(1)
+    base = plain._problem(1)[0]
+    zero = np.zeros(NUISANCE.size)
+    columns = sensor_columns(NUISANCE, zero, base.readings, 0.0)
+    assert columns.links_at.shape == (16,)
+    assert (columns.links_at == 0.0).all()
+    problem = replace(base, sensors=columns, priors=replace(base.priors, nuisance_std=NUISANCE.prior_std))
+    late = zero.copy()
+    late[NUISANCE.start("accelerometer_delay")] = 1e-4
+    gyro, accel = problem.bias_changes(replace(e, nuisance=late))
+    np.testing.assert_allclose(gyro, 0.0, atol=1e-12)
+    slope = np.diff(base.readings.knot_accel, axis=0) / base.readings.spacing_s
+    np.testing.assert_allclose(accel, -1e-4 * slope, atol=1e-12)
+    assert preintegrate(base.readings, gyro, accel, plain.DENSITY).DR.shape == (plain.KNOTS - 1, 3, 3)

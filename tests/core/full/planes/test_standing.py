@@ -1,0 +1,109 @@
+"""Whether a plane stands still, is flat and is one: numbers made by hand, with noise of known size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.full.planes.standing import (
+    LEAST_M,
+    PlaneSamples,
+    Standing,
+    doubts,
+    fault_of,
+    standing_of,
+    usual,
+    widening,
+)
+from calib_core.types import FloatArray
+
+STD_M = 0.004
+SECONDS, CELLS, REPEATS = 12, 20, 5
+
+
+def _samples(away_m: FloatArray, *, noise: bool = True) -> PlaneSamples:
+    """Averages in every second and cell, five of each. away_m: (seconds, cells) where the surface is."""
+    rng = np.random.default_rng(7)
+    seconds, cells = away_m.shape
+    second, cell, _ = np.meshgrid(np.arange(seconds), np.arange(cells), np.arange(REPEATS), indexing="ij")
+    distance = np.broadcast_to(away_m[..., None], second.shape).ravel().copy()
+    distance += noise * rng.normal(0.0, STD_M, distance.size)
+    return PlaneSamples(second.ravel() + 0.3, cell.ravel(), distance, np.full(distance.size, STD_M), 1.0, 1000.0)
+
+
+def _of(moved_m: float, bent_m: float, scatter: float, points: float = 50.0) -> Standing:
+    return Standing(moved_m, bent_m, 0.0005, scatter, points)
+
+
+def test_noise_alone_is_no_fault() -> None:
+    """The excess of noise is zero on average; over N groups its square strays by sqrt(2 / N) of a mean's variance.
+
+    Mutation: leave out the variance of the means: one sigma of a mean, 0.4 and 0.09 mm.
+    """
+    groups = 400
+    got = standing_of(_samples(np.zeros((groups, CELLS))))
+    assert got.moved_m < np.sqrt(3.0 * np.sqrt(2 / groups)) * STD_M / np.sqrt(CELLS * REPEATS)
+    got = standing_of(_samples(np.zeros((SECONDS, groups))))
+    assert got.bent_m < np.sqrt(3.0 * np.sqrt(2 / groups)) * STD_M / np.sqrt(SECONDS * REPEATS)
+
+
+def test_what_moves_differs_by_second_and_what_bends_by_place() -> None:
+    """Plus and minus 10 mm by second (by cell): the means of the other grouping are zero, exactly.
+
+    Mutation: exchange the groupings; weigh with the standard deviation in place of its inverse square changes nothing
+    here, so the second plane's averages differ in weight.
+    """
+    by_second = np.where(np.arange(SECONDS) % 2, 0.01, -0.01)[:, None] * np.ones(CELLS)
+    by_cell = np.where(np.arange(CELLS) % 2, 0.01, -0.01) * np.ones(SECONDS)[:, None]
+    moved, bent = (standing_of(_samples(away, noise=False)) for away in (by_second, by_cell))
+    assert moved.moved_m == pytest.approx(np.sqrt(1e-4 - STD_M**2 / (CELLS * REPEATS)))
+    assert bent.bent_m == pytest.approx(np.sqrt(1e-4 - STD_M**2 / (SECONDS * REPEATS)))
+    assert moved.bent_m == 0.0
+    assert bent.moved_m == 0.0
+
+
+def test_sure_averages_count_for_more() -> None:
+    """Three sure averages at 5 mm beside three unsure ones at 50 mm, all of one second and place.
+
+    Mutation: the plain mean of a group, 27 mm.
+    """
+    distance, std = np.array([0.005] * 3 + [0.05] * 3), np.array([1e-4] * 3 + [1e-2] * 3)
+    got = standing_of(PlaneSamples(np.zeros(6), np.zeros(6, np.int64), distance, std, 1.0, 6.0))
+    assert got.moved_m == pytest.approx(0.005, rel=1e-2)
+
+
+def test_few_averages_are_not_judged() -> None:
+    """Mutation: judge groups of one: a single wrong return would be a person."""
+    two = PlaneSamples(np.array([0.1, 1.1]), np.array([0, 1]), np.array([0.2, -0.2]), np.full(2, 0.01), 1.0, 2.0)
+    assert standing_of(two) == Standing(0.0, 0.0, 0.0, 1.0, 2.0)
+
+
+def test_a_fault_is_beyond_what_is_usual_and_beyond_plaster() -> None:
+    """Three walls that are 1 mm off flat, a box rim of 5 mm, a person, two surfaces as one; nobody else is named.
+
+    Mutation: `usual` by planes in place of points; no floor (walls that are perfect would make 0.1 mm a fault).
+    """
+    walls = [_of(0.0002, 0.001, 0.9, 1000.0)] * 3
+    others = [_of(0.0, 0.005, 1.0), _of(0.02, 0.01, 2.0), _of(0.0, 0.0, 9.0)]
+    doubt = doubts([*walls, *others, _of(0.0001, 0.0009 + LEAST_M / 2, 1.2)])
+    assert [fault_of(row) for row in doubt] == ["", "", "", "bent", "moved", "mixed", ""]
+
+
+def test_a_rough_motion_is_no_fault_of_any_plane_but_has_its_limit() -> None:
+    """All planes off by 5 mm: the motion's. All by 10 mm: none is a plane. Mutation: no upper limit to the usual."""
+    assert [fault_of(row) for row in doubts([_of(0.005, 0.005, 1.0)] * 4)] == [""] * 4
+    assert [fault_of(row) for row in doubts([_of(0.0, 0.01, 1.0)] * 4)] == ["bent"] * 4
+
+
+def test_what_bends_averages_out_by_places_not_by_returns() -> None:
+    """Places off by 4 mm that are each known to 0.5 mm tell as much as places known to 4.03 mm: sigmas are 8 times as wide.
+
+    Mutation: 1 for walls that bend (a 15 mm error was stated as 5 +- 1), or more than 1 for flat ones.
+    """
+    assert widening([_of(0.0, 0.004, 1.0)] * 3) == pytest.approx(np.hypot(4.0, 0.5) / 0.5)
+    assert widening([_of(0.0, 0.002, 1.0)] * 3) == 1.0
+
+
+def test_the_usual_is_what_half_of_the_points_are() -> None:
+    """Mutation: the middle plane: three bushes would outvote two walls."""
+    assert usual(np.array([7.0, 0.5, 6.0, 0.6, 5.0]), np.array([30.0, 900.0, 40.0, 800.0, 50.0])) == 0.6

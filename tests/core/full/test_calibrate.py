@@ -1,0 +1,198 @@
+"""The whole calibration on short simulated recordings: truth recovered, choices obeyed, refusals with a reason."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.calibrate import Calibration, calibrate
+from calib_core.errors import Cancelled, SettingsError
+from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
+from calib_core.geometry import log
+from calib_core.result import CalibrationResult
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Scenario, Truth, generate
+from calib_core.simulate.motions import STILL
+from calib_core.types import FloatArray, ImuData, Recording
+
+
+def _errors(result: CalibrationResult, truth: Truth) -> FloatArray:
+    """(7,) in the contract's order: rad, m, s."""
+    assert result.T_imu_lidar is not None
+    assert result.time_offset_ns is not None
+    T = np.array(result.T_imu_lidar.matrix)
+    late = (result.time_offset_ns - truth.time_offset_ns) * 1e-9
+    return np.concatenate([log(truth.R_imu_lidar.T @ T[:3, :3]), T[:3, 3] - truth.p_imu_lidar, [late]])
+
+
+def _first(recording: Recording, readings: int) -> ImuData:
+    """The IMU's first readings."""
+    imu = recording.imu
+    return replace(
+        imu,
+        stamps_ns=imu.stamps_ns[:readings],
+        gyro_rad_s=imu.gyro_rad_s[:readings],
+        accel_m_s2=imu.accel_m_s2[:readings],
+    )
+
+
+def test_without_noise_the_truth_comes_back(clean: tuple[Recording, Truth]) -> None:
+    """Fails when the time offset enters with the other sign, or eq. (3) loses its half.
+
+    Ranges are rounded to 2 mm by the packets, 40 000 of them a second: what is left is that and the interpolation.
+    """
+    recording, truth = clean
+    result = calibrate(recording, CalibrateSettings(intrinsics="off")).result
+    errors = _errors(result, truth)
+    assert np.degrees(np.abs(errors[:3])).max() < 2e-3
+    assert np.abs(errors[3:6]).max() < 1e-4
+    assert abs(errors[6]) < 2e-6
+    assert result.status == "calibrated"
+    assert result.gravity_m_s2 == pytest.approx(truth.gravity_m_s2, abs=2e-3)
+
+
+def test_under_noise_the_errors_are_as_large_as_the_error_bars(
+    noisy: tuple[Recording, Truth], calibrated: Calibration
+) -> None:
+    """Fails when every weight is ten times too small: the chi-square of the errors leaves its range.
+
+    One draw of chi-square with 7 degrees of freedom: 24.3 is passed once in a thousand, 0.6 the other way.
+    """
+    truth, result = noisy[1], calibrated.result
+    errors = _errors(result, truth)
+    assert result.uncertainty is not None
+    covariance = np.array(result.uncertainty.covariance)
+    assert 0.6 < errors @ np.linalg.solve(covariance, errors) < 24.3
+    std = np.concatenate([np.radians(result.uncertainty.rotation_std_deg), result.uncertainty.translation_std_m])
+    np.testing.assert_allclose(std, np.sqrt(np.diag(covariance))[:6], rtol=1e-9)
+    assert result.uncertainty.time_offset_std_s == pytest.approx(np.sqrt(covariance[6, 6]))
+    np.testing.assert_allclose(result.gyroscope_bias_rad_s, truth.gyro_bias_rad_s, atol=1e-3)
+    np.testing.assert_allclose(result.accelerometer_bias_m_s2, truth.accel_bias_m_s2, atol=0.06)
+
+
+def test_the_document_says_one_thing_in_all_its_forms(noisy: tuple[Recording, Truth], calibrated: Calibration) -> None:
+    """Fails when planes are left in the frame of the solve, or the quaternion is that of the inverse."""
+    recording, truth = noisy
+    result = calibrated.result
+    assert result.T_imu_lidar is not None
+    matrix = np.array(result.T_imu_lidar.matrix)
+    np.testing.assert_allclose(
+        Rotation.from_quat(result.T_imu_lidar.quaternion_xyzw).as_matrix(), matrix[:3, :3], atol=1e-9
+    )
+    roll, pitch, yaw = result.T_imu_lidar.euler_xyz_deg
+    np.testing.assert_allclose(
+        Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True).as_matrix(), matrix[:3, :3], atol=1e-9
+    )
+    np.testing.assert_array_equal(result.T_imu_lidar.translation_m, matrix[:3, 3])
+    assert result.time_offset_ns is not None
+    assert result.time_offset_s == pytest.approx(result.time_offset_ns * 1e-9, abs=1e-12)
+    for plane in result.quality.planes:
+        best = max(truth.planes, key=lambda t: float(t.normal @ np.array(plane.normal)))
+        assert float(best.normal @ np.array(plane.normal)) > np.cos(np.radians(0.2))
+        assert plane.offset_m == pytest.approx(best.offset_m, abs=0.01)
+    assert result.quality.scans_used == result.quality.scans_total == len(recording.scans)
+    assert result.quality.points_used == sum(p.points for p in result.quality.planes) > 200_000
+    assert CalibrationResult.model_validate_json(result.to_json()) == result
+
+
+def test_the_trajectory_is_the_lidars_true_motion(noisy: tuple[Recording, Truth], calibrated: Calibration) -> None:
+    """Fails when the trajectory is the IMU's, or is left in the frame of the solve."""
+    truth, path = noisy[1], calibrated.trajectory
+    assert path is not None
+    t = path.times_s + (path.epoch_ns - truth.epoch_ns) * 1e-9
+    inside = (t > 0.0) & (t < 5.9)
+    R, p = truth.map_lidar(t[inside])
+    assert np.degrees(np.linalg.norm(log(np.swapaxes(R, 1, 2) @ path.R_map_lidar[inside]), axis=1)).max() < 0.1
+    assert np.linalg.norm(path.p_map_lidar[inside] - p, axis=1).max() < 0.01
+    assert path.valid[inside].all()
+
+
+def test_one_thread_gives_the_same_answer_bit_for_bit(
+    noisy: tuple[Recording, Truth], calibrated: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails when scans are summed in the order in which threads finish. Also: every event is valid and in order."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    events: list[StageEvent | IterationEvent | LogEvent] = []
+    again = calibrate(noisy[0], CalibrateSettings(), on_event=events.append)
+    first, second = (c.result.model_dump() for c in (calibrated, again))
+    for document in (first, second):
+        document["quality"].pop("duration_s")
+    assert first == second
+    assert calibrated.trajectory is not None
+    assert again.trajectory is not None
+    np.testing.assert_array_equal(again.trajectory.p_map_lidar, calibrated.trajectory.p_map_lidar)
+    steps = [e for e in events if isinstance(e, IterationEvent)]
+    assert [e.iteration for e in steps] == list(range(1, len(steps) + 1))
+    assert [e.round for e in steps] == sorted(e.round for e in steps)
+    assert again.result.T_imu_lidar is not None
+    np.testing.assert_allclose(steps[-1].translation_m, again.result.T_imu_lidar.translation_m, atol=1e-9)
+    told = [e for e in events if isinstance(e, StageEvent)]
+    assert tuple(dict.fromkeys(e.stage for e in told)) == PLANNED["full"]
+    place = [(PLANNED["full"].index(e.stage), e.fraction) for e in told]
+    assert place == sorted(place)
+    assert all(0.0 <= e.fraction <= 1.0 for e in told)
+    solving = [e.fraction for e in told if e.stage == "solve"]
+    assert len(set(solving)) > 5
+    assert any(isinstance(e, LogEvent) and e.code == "imu.noise" for e in events)
+
+
+def test_standing_still_is_refused(short: Scenario) -> None:
+    """Fails when a recording without motion goes on to the solve."""
+    recording, _ = generate(replace(short, motion=STILL, duration_s=2.5), seed=1)
+    done = calibrate(recording, CalibrateSettings())
+    assert done.result.status == "refused"
+    assert done.trajectory is None
+    assert done.result.T_imu_lidar is None
+    assert done.result.uncertainty is None
+    assert done.result.messages[-1].code == "motion.none"
+    assert done.result.messages[-1].level == "error"
+
+
+@pytest.mark.parametrize(("scans", "readings"), [(9, 1000), (60, 49), (0, 0)])
+def test_too_little_is_refused_before_anything_is_tried(
+    clean: tuple[Recording, Truth], scans: int, readings: int
+) -> None:
+    """Fails when either count is not asked for; an empty recording would then raise."""
+    recording = clean[0]
+    imu = recording.imu
+    cut = replace(
+        imu,
+        stamps_ns=imu.stamps_ns[:readings],
+        gyro_rad_s=imu.gyro_rad_s[:readings],
+        accel_m_s2=imu.accel_m_s2[:readings],
+    )
+    result = calibrate(replace(recording, scans=recording.scans[:scans], imu=cut), CalibrateSettings()).result
+    assert result.status == "refused"
+    assert [m.code for m in result.messages] == ["recording.too_short"]
+
+
+def test_clocks_that_never_meet_are_refused(clean: tuple[Recording, Truth]) -> None:
+    """Fails when an IMU of another hour is answered with an exception."""
+    recording = clean[0]
+    result = calibrate(replace(recording, imu=_first(recording, 60)), CalibrateSettings()).result
+    assert result.status == "refused"
+    assert result.messages[-1].code.startswith("start.")
+
+
+@pytest.mark.parametrize("polls", [1, 6])
+def test_cancelling_raises_and_nothing_else(clean: tuple[Recording, Truth], polls: int) -> None:
+    """Fails when Cancelled is turned into a refusal."""
+    asked = [0]
+
+    def cancel() -> bool:
+        asked[0] += 1
+        return asked[0] >= polls
+
+    with pytest.raises(Cancelled):
+        calibrate(clean[0], CalibrateSettings(), should_cancel=cancel)
+    assert asked[0] == polls
+
+
+def test_an_unknown_noise_preset_is_the_calls_fault(clean: tuple[Recording, Truth]) -> None:
+    """Fails when an unknown name falls back to measuring without a word."""
+    with pytest.raises(SettingsError, match="no-such-imu"):
+        calibrate(clean[0], CalibrateSettings(imu_noise="no-such-imu"))

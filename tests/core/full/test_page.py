@@ -1,0 +1,75 @@
+"""The page's own decisions: when the estimate is confined to what the lidar could follow, and what is refused at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from calib_core.errors import Refused
+from calib_core.full import calibrate as page
+from calib_core.full.joint.schedule import FULL, Schedule
+
+
+@dataclass(frozen=True)
+class State:
+    """As much of an estimation as the page touches."""
+
+    iterations: int = 0
+
+
+class Estimator:
+    """In the place of the joint estimation: refuses or answers as told, and remembers what it was asked."""
+
+    def __init__(self, *outcomes: Refused | str) -> None:
+        self.outcomes = list(outcomes)
+        self.asked: list[tuple[Schedule, int]] = []
+
+    def __call__(self, _: object, state: State, schedule: Schedule) -> Any:
+        self.asked.append((schedule, state.iterations))
+        outcome = self.outcomes.pop(0)
+        if isinstance(outcome, Refused):
+            raise outcome
+        return SimpleNamespace(name=outcome, iterations=7)
+
+
+def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: int) -> Any:
+    """What the page makes of it. followed: of ten scans. An answer called "wrong" is not plausible."""
+    monkeypatch.setattr(page, "estimate_jointly", estimator)
+    monkeypatch.setattr(page, "begin", lambda *_: (None, State(), 1.0))
+    monkeypatch.setattr(page, "implausible", lambda _, end: "why" if end.name == "wrong" else None)
+    run: Any = SimpleNamespace(recording=SimpleNamespace(scans=range(10)), say=lambda *_: None)
+    track: Any = SimpleNamespace(motions=range(followed))
+    unused: Any = None
+    return page.solve(run, track, unused, unused, None, may_add_planes=True)
+
+
+def test_an_answer_that_can_be_true_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: always solve twice."""
+    estimator = Estimator("right")
+    assert solved(monkeypatch, estimator, followed=6).name == "right"
+    assert [schedule for schedule, _ in estimator.asked] == [FULL]
+
+
+@pytest.mark.parametrize("first", ["wrong", Refused("solve.offset_ran_away", "it ran away")])
+def test_what_was_propagated_over_is_left_out_where_it_spoils_the_answer(
+    monkeypatch: pytest.MonkeyPatch, first: Refused | str
+) -> None:
+    """Mutations: let the refusal of the first attempt through; propagate again; begin to count iterations anew."""
+    estimator = Estimator(first, "right")
+    assert solved(monkeypatch, estimator, followed=6).name == "right"
+    _, (again, iterations) = estimator.asked
+    assert again.propagation is None
+    assert again.planes is None
+    assert iterations == (7 if first == "wrong" else 0)
+
+
+def test_where_every_scan_was_followed_there_is_nothing_to_leave_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: try the same again."""
+    estimator = Estimator(Refused("solve.unsettled", "it moves"))
+    with pytest.raises(Refused, match="it moves"):
+        solved(monkeypatch, estimator, followed=10)
+    assert len(estimator.asked) == 1
+    assert solved(monkeypatch, Estimator("wrong"), followed=10).name == "wrong"

@@ -1,0 +1,90 @@
+"""An IMU's own scale, axes and delay: readings made by the formula, taken apart again, and their Jacobians differenced."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.gp.regression import Hyper
+from calib_core.imu.intrinsics import COLUMNS, ImuIntrinsics, bias_equivalents, corrected
+from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate, upsample
+from calib_core.types import FloatArray
+
+LINKS, H_S = 5, 0.01
+DENSITY = NoiseDensity(np.full(3, 1e-3), np.full(3, 1e-2))
+WRONG = ImuIntrinsics(
+    gyro_scale=np.array([0.01, -0.02, 0.015]),
+    gyro_axes=np.array([0.004, -0.007, 0.006]),
+    gyro_rotation=np.array([0.02, -0.01, 0.03]),
+    accel_scale=np.array([-0.01, 0.005, 0.02]),
+    accel_axes=np.array([0.003, 0.008, -0.005]),
+    accel_delay_s=0.0,
+)
+
+
+def _vector(values: FloatArray) -> ImuIntrinsics:
+    return ImuIntrinsics(values[:3], values[3:6], values[6:9], values[9:12], values[12:15], float(values[15]))
+
+
+def _readings(seed: int) -> UpsampledImu:
+    """Steady within each link, so that a link's mean is the whole truth of it."""
+    rng = np.random.default_rng(seed)
+    gyro, accel = rng.normal(size=(LINKS, 1, 3)), 9.0 + rng.normal(size=(LINKS, 1, 3))
+    return UpsampledImu(
+        H_S * np.arange(LINKS + 1), H_S, np.repeat(gyro, 4, axis=1), np.repeat(accel, 4, axis=1),
+        rng.normal(size=(LINKS + 1, 3)), rng.normal(size=(LINKS + 1, 3)), np.zeros((LINKS, 6)), np.ones(LINKS, bool),
+    )  # fmt: skip
+
+
+def test_a_reading_made_by_the_formula_is_taken_apart_again() -> None:
+    """Mutations: the gyroscope's rotation from the other side, an upper triangle, the inverse forgotten."""
+    true = _readings(0)
+    turn = Rotation.from_rotvec(WRONG.gyro_rotation).as_matrix()
+    lower_g = np.array([[1.01, 0, 0], [0.004, 0.98, 0], [-0.007, 0.006, 1.015]])
+    lower_a = np.array([[0.99, 0, 0], [0.003, 1.005, 0], [0.008, -0.005, 1.02]])
+    read = UpsampledImu(
+        true.knots_s, H_S, true.gyro @ (lower_g @ turn).T, true.accel @ lower_a.T, true.knot_gyro @ (lower_g @ turn).T,
+        true.knot_accel @ lower_a.T, true.excess_density2, true.linked,
+    )  # fmt: skip
+    back = corrected(read, WRONG)
+    for name in ("gyro", "accel", "knot_gyro", "knot_accel"):
+        np.testing.assert_allclose(getattr(back, name), getattr(true, name), atol=1e-12)
+
+
+@pytest.mark.parametrize("column", range(COLUMNS - 1))
+def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
+    """Finite differences of integrated links. Mutations: a column's sign, yx for zx, scale applied before the rotation."""
+    readings = _readings(1)
+    at = np.concatenate(
+        [WRONG.gyro_scale, WRONG.gyro_axes, WRONG.gyro_rotation, WRONG.accel_scale, WRONG.accel_axes, [0.0]]
+    )
+    about = corrected(readings, _vector(at))
+    gyro, accel = bias_equivalents(about, _vector(at))
+    none = np.zeros((LINKS, 3))
+    links = preintegrate(about, none, none, DENSITY)
+    step = 1e-6 * np.eye(COLUMNS)[column]
+    forth, back = (preintegrate(corrected(readings, _vector(at + s * step)), none, none, DENSITY) for s in (1, -1))
+    for name, by_gyro, by_accel in (("Dv", links.Dv_D_bg, links.Dv_D_ba), ("Dp", links.Dp_D_bg, links.Dp_D_ba)):
+        numerical = (getattr(forth, name) - getattr(back, name)) / 2e-6
+        column_of = (by_gyro @ gyro[..., column : column + 1] + by_accel @ accel[..., column : column + 1])[..., 0]
+        # A rotation's own right Jacobian is left out: half a rotation of three hundredths.
+        np.testing.assert_allclose(column_of, numerical, atol=0.02 * np.abs(numerical).max() + 1e-12)
+    turned = Rotation.from_matrix(np.swapaxes(back.DR, 1, 2) @ forth.DR).as_rotvec() / 2e-6
+    np.testing.assert_allclose(
+        (links.DR_D_bg @ gyro[..., column : column + 1])[..., 0], turned, atol=0.02 * np.abs(turned).max() + 1e-9
+    )
+
+
+def test_a_late_accelerometer_is_asked_later() -> None:
+    """Mutation: `query - accel_delay_s`."""
+    stamps_s = np.arange(0.0, 2.0, 0.005)
+    delay_s = 0.004
+    accel = np.stack([np.sin(2 * np.pi * 2.0 * (stamps_s - delay_s) + phase) for phase in (0.0, 1.0, 2.0)], axis=1)
+    gyro = np.zeros_like(accel)
+    hyper = Hyper(np.full(6, 0.1), np.ones(6), np.full(6, 1e-4))
+    knots_s = np.arange(0.5, 1.5, 0.01)
+    read = upsample(stamps_s, gyro, accel, knots_s, hyper, accel_delay_s=delay_s)
+    true = np.stack([np.sin(2 * np.pi * 2.0 * knots_s + phase) for phase in (0.0, 1.0, 2.0)], axis=1)
+    np.testing.assert_allclose(read.knot_accel, true, atol=2e-4)
+    assert read.accel_delay_s == delay_s

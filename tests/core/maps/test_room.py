@@ -1,0 +1,103 @@
+"""The accumulated room: a box that is known, laid together from scans of a lidar that moves through it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core import api
+from calib_core.errors import InputError
+from calib_core.maps.accumulate import MAP_DTYPE, RoomMap, accumulate
+from calib_core.maps.room import Room, room_of
+from calib_core.maps.surface import mesh_of, without_strays
+from calib_core.types import POINT_DTYPE, Scan, Trajectory
+
+HALF_M = 2.0
+
+
+def box_scans(n_scans: int = 12, n_points: int = 4000) -> tuple[list[Scan], Trajectory]:
+    """A cube of 4 m seen from inside, without noise, from a place that moves along x; ring is the face's number."""
+    rng = np.random.default_rng(3)
+    R = np.broadcast_to(np.eye(3), (2, 3, 3)).copy()
+    motion = Trajectory(1000, np.array([0.0, 2.0]), R, np.array([[-0.5, 0, 0], [0.5, 0, 0]]), np.ones(2, bool))
+    scans = []
+    for k in range(n_scans):
+        face = rng.integers(0, 6, n_points)
+        xyz = rng.uniform(-HALF_M, HALF_M, (n_points, 3))
+        xyz[np.arange(n_points), face % 3] = np.where(face < 3, -HALF_M, HALF_M)
+        points = np.zeros(n_points, POINT_DTYPE)
+        points["offset_ns"] = np.arange(n_points) * 20_000
+        time_s = k * 0.1 + points["offset_ns"] * 1e-9
+        points["xyz"] = xyz - np.outer(-0.5 + 0.5 * time_s, [1.0, 0, 0])
+        points["ring"], points["intensity"] = face, face * 10.0
+        scans.append(Scan(k, 1000 + k * 100_000_000, points))
+    return scans, motion
+
+
+def test_each_voxel_keeps_one_return_as_it_was() -> None:
+    """Mutations: the mean of a voxel's points; the last return; time without the offset in the scan."""
+    scans, motion = box_scans()
+    room = accumulate(scans, motion, 0.1)
+    cells = np.floor(room.xyz_m.astype(np.float64) / 0.1).astype(int)
+    assert len(np.unique(cells, axis=0)) == len(room.points) > 5000
+    faces = room.points["ring"]
+    side = np.where(faces < 3, -HALF_M, HALF_M)
+    np.testing.assert_allclose(room.xyz_m[np.arange(len(faces)), faces % 3], side, atol=1e-5)
+    np.testing.assert_array_equal(room.points["intensity"], faces * 10.0)
+    assert (np.diff(room.points["time"]) >= 0).all()
+    assert room.points["time"].max() > 1.1
+
+
+def test_a_stray_goes_and_normals_look_at_the_lidar() -> None:
+    """Mutations: keep the outliers instead; turn every normal away; normals at the lidar's first place only."""
+    scans, motion = box_scans()
+    room = accumulate(scans, motion, 0.1)
+    stray = np.zeros(1, MAP_DTYPE)
+    stray["x"], stray["z"] = 0.3, 0.4
+    cleaned = without_strays(RoomMap(np.concatenate([room.points, stray]), 0.1))
+    assert not ((np.abs(cleaned.xyz_m) < 1.0).all(axis=1)).any()
+    assert len(cleaned.points) > 0.9 * len(room.points)
+    whole = room_of(scans, motion, 0.1)
+    inner = (np.sort(np.abs(whole.cloud.xyz_m), axis=1)[:, 1] < HALF_M - 0.3) & (
+        np.abs(whole.normals).max(axis=1) > 0.99
+    )
+    faces = whole.cloud.points["ring"]
+    towards = np.where(faces < 3, 1.0, -1.0)
+    assert inner.mean() > 0.6
+    assert (whole.normals[np.arange(len(faces)), faces % 3] * towards > 0.9)[inner].all()
+
+
+def test_the_mesh_lies_on_the_box_and_only_where_it_was_seen() -> None:
+    """Mutation: keep what the Poisson surface invents (the ceiling is never seen here)."""
+    scans, motion = box_scans()
+    whole = room_of(scans, motion, 0.1)
+    seen = whole.cloud.points["ring"] != 5
+    below = Room(RoomMap(whole.cloud.points[seen], 0.1), whole.normals[seen])
+    mesh = mesh_of(below.cloud, below.normals)
+    assert len(mesh.triangles) > 2000
+    assert mesh.triangles.max() < len(mesh.vertices_m)
+    assert mesh.vertices_m[:, 2].max() < HALF_M + 0.15
+    ceiling = (mesh.vertices_m[:, 2] > HALF_M - 0.05) & (np.abs(mesh.vertices_m[:, :2]).max(axis=1) < HALF_M - 0.3)
+    assert not ceiling.any()
+    off_m = np.abs(np.abs(mesh.vertices_m).max(axis=1) - HALF_M)
+    assert np.percentile(off_m, 95) < 0.05
+
+
+def test_what_gives_no_room_is_one_sentence() -> None:
+    """Mutations: an empty map written; a mesh of three points asked of Open3D."""
+    scans, motion = box_scans(1)
+    bridged = Trajectory(motion.epoch_ns, motion.times_s, motion.R_map_lidar, motion.p_map_lidar, np.zeros(2, bool))
+    with pytest.raises(InputError, match=r"one map.*without a map\.$"):
+        room_of(scans, bridged, 0.1)
+    few = RoomMap(np.zeros(3, MAP_DTYPE), 0.1)
+    with pytest.raises(InputError, match=r"at least 100 points"):
+        api.room_mesh(Room(few, np.zeros((3, 3), np.float32)))
+
+
+def test_the_fields_of_a_written_map() -> None:
+    """Mutation: normals in front, so that x y z are no longer first."""
+    scans, motion = box_scans(4)
+    room = room_of(scans, motion, 0.2)
+    names = room.with_normals().dtype.names
+    assert names == ("x", "y", "z", "intensity", "time", "ring", "normal_x", "normal_y", "normal_z")
+    np.testing.assert_array_equal(room.with_normals()["normal_z"], room.normals[:, 2])

@@ -1,0 +1,350 @@
+"""Faults of sensors, clocks and rooms against closed forms, with the signs that `calib_core.intrinsics` gives them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.errors import SettingsError
+from calib_core.presets import find_imu_prior, find_lidar_prior
+from calib_core.simulate import SCENARIOS, Simulation, generate, parse_faults, prepare
+from calib_core.simulate.faults import FAULTS, PROFILES, Fault, clock
+from calib_core.simulate.faults.engine import shaken
+from calib_core.simulate.faults.imu import ImuDeviations
+from calib_core.simulate.motion import Kinematics, Pose, Sway
+from calib_core.simulate.scene import Face, Scene
+from calib_core.simulate.sensors import LIVOX, OS1_64, VLP_16, XT_32, Lidar
+from calib_core.types import FloatArray
+
+STATIC = replace(SCENARIOS["static"], noise=False, duration_s=1.0)
+#: A level lidar 2 m above a level floor, nothing else.
+OVER_THE_FLOOR = replace(
+    STATIC,
+    scene=Scene((Face("floor", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), reflectivity=1.0),)),
+    motion=Sway(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
+)
+
+
+def made(faults: str, scenario: object = STATIC, **wishes: object) -> Simulation:
+    return prepare(scenario, seed=5, faults=parse_faults(faults), **wishes)  # type: ignore[arg-type]
+
+
+def truth_of(simulation: Simulation, block: str) -> dict[str, float]:
+    return {each.name: each.value for each in simulation.truth.intrinsics if each.block == block}
+
+
+def ranges(simulation: Simulation, index: int = 0) -> FloatArray:
+    """(C, K), NaN where nothing answered."""
+    sweep = simulation.sweep(index)
+    return np.where(sweep.valid, np.linalg.norm(sweep.xyz_m, axis=2), np.nan)
+
+
+def test_a_still_accelerometer_reads_scaled_and_sheared_gravity() -> None:
+    """Written out axis by axis. Mutations: the sign of a scale; the axes' matrix transposed; names zx and zy swapped."""
+    biased = replace(STATIC, accel_bias_m_s2=(0.1, -0.2, 0.3))
+    fx, fy, fz = made("", STATIC).imu_messages.accel_m_s2[0]
+    faulty = made("accel-scale,imu-axes", biased)
+    s, n = truth_of(faulty, "accelerometer_scale"), truth_of(faulty, "accelerometer_axes")
+    expected = [
+        (1 + s["x"]) * fx + 0.1,
+        n["yx"] * fx + (1 + s["y"]) * fy - 0.2,
+        n["zx"] * fx + n["zy"] * fy + (1 + s["z"]) * fz + 0.3,
+    ]
+    assert min(abs(value) for value in (*s.values(), *n.values())) > 1e-5
+    np.testing.assert_allclose(faulty.imu_messages.accel_m_s2, np.tile(expected, (len(faulty.imu_messages.true_ns), 1)))
+
+
+def test_a_gyroscope_is_turned_scaled_and_feels_force() -> None:
+    """Mutations: the rotation transposed; scale before the rotation; force taken behind the accelerometer's own errors."""
+    deviations = ImuDeviations(
+        gyro_scale=(0.0, 0.0, 0.01),
+        gyro_rotation_rad=(0.0, 0.3, 0.0),
+        g_sensitivity=(0.0, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        accel_scale=(0.5, 0.5, 0.5),
+    )
+
+    def exact(t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return np.tile([0.0, 0.0, 2.0], (len(t_s), 1)), np.tile([0.0, 0.0, 9.8], (len(t_s), 1))
+
+    gyro, _ = deviations.readings(exact, np.zeros(1))
+    np.testing.assert_allclose(gyro[0], [2.0 * np.sin(0.3) + 9.8e-3, 0.0, 2.02 * np.cos(0.3)])
+
+
+def test_a_late_accelerometer_shifts_a_sine() -> None:
+    """Mutation: the delay's sign, or the gyroscope late as well."""
+
+    def exact(t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        wave = np.tile(np.sin(7.0 * t_s)[:, None], (1, 3))
+        return wave, wave
+
+    t_s = np.linspace(0.0, 1.0, 50)
+    gyro, accel = ImuDeviations(accel_delay_s=0.0025).readings(exact, t_s)
+    np.testing.assert_allclose(gyro[:, 0], np.sin(7.0 * t_s))
+    np.testing.assert_allclose(accel[:, 1], np.sin(7.0 * (t_s - 0.0025)))
+    assert truth_of(made("accel-delay=2.5ms"), "accelerometer_delay") == {"delay": 0.0025}
+
+
+def test_the_low_pass_has_its_cutoff_and_keeps_slow_motion_in_time() -> None:
+    """A second-order Butterworth: 1 / sqrt(1 + (f/fc)^4) of a sine; at 1 Hz late by less than 10 us after its delay is
+    allowed for. Mutations: delay not allowed for (5.6 ms); first order (0.707 at the cutoff, too, but 0.447 at twice it)."""
+    t_s = np.linspace(0.0, 1.0, 400, endpoint=False)
+    for hz in (1.0, 40.0, 80.0):
+
+        def exact(at_s: FloatArray, hz: float = hz) -> tuple[FloatArray, FloatArray]:
+            wave = np.tile(np.sin(2 * np.pi * hz * at_s)[:, None], (1, 3))
+            return wave, wave
+
+        seen = ImuDeviations(low_pass_hz=40.0).readings(exact, t_s)[0][:, 0]
+        answer = 2.0 * np.mean(seen * np.exp(-2j * np.pi * hz * t_s))
+        assert abs(answer) == pytest.approx(1.0 / np.sqrt(1.0 + (hz / 40.0) ** 4), rel=1e-5)
+        if hz == 1.0:
+            assert abs(np.angle(answer * 1j)) / (2 * np.pi) < 1e-5
+
+
+@pytest.mark.parametrize("lidar", [VLP_16, XT_32, OS1_64, LIVOX], ids=["vlp-16", "xt-32", "os1-64", "livox"])
+def test_a_laser_is_off_by_the_offset_of_its_number(lidar: Lidar) -> None:
+    """By the number that the driver publishes. Mutations: the offset's sign; the firing order instead of the ring."""
+    scenario = replace(STATIC, lidar=lidar)
+    exact, faulty = generate(scenario)[0], generate(scenario, seed=5, faults=parse_faults("laser-offsets=8mm"))[0]
+    offsets = truth_of(made("laser-offsets=8mm", scenario), "laser_range_offset")
+    assert len(offsets) == len(lidar.pattern.ring)
+    a, b = exact.scans[0].points, faulty.scans[0].points
+    rows = lidar_key(a), lidar_key(b)
+    _, mine, theirs = np.intersect1d(*rows, return_indices=True)
+    longer = np.linalg.norm(b["xyz"][theirs], axis=1) - np.linalg.norm(a["xyz"][mine], axis=1)
+    expected = [offsets[str(ring)] for ring in a["ring"][mine]]
+    # The optics of an OS1 sit beside its origin: seen from there the offset is all but along the ray.
+    np.testing.assert_allclose(longer, expected, atol=2e-6 if lidar is not OS1_64 else 2e-5)
+
+
+def lidar_key(points: np.ndarray) -> np.ndarray:
+    return points["offset_ns"].astype(np.int64) * 256 + points["ring"]
+
+
+def test_lasers_look_and_read_as_told_over_a_floor() -> None:
+    """From 2 m above a floor a ray of elevation e is 2 / sin(-e) long. Mutations: the sign of elevation or scale; the
+    direction published where it is fired."""
+    down = np.deg2rad(np.asarray(VLP_16.pattern.elevations_deg))  # type: ignore[attr-defined]
+    ring = VLP_16.pattern.ring
+    looks_down = down < -0.06
+    raised = made("laser-elevation=0.1deg", OVER_THE_FLOOR)
+    e = np.array([truth_of(raised, "laser_elevation")[str(r)] for r in ring])
+    seen = np.nanmean(ranges(raised)[:, looks_down], axis=0)
+    np.testing.assert_allclose(seen, (-2.0 / np.sin(down + e))[looks_down], rtol=1e-9)
+    published = raised.sweep(0).xyz_m[3]
+    elevation = np.arcsin(published[looks_down, 2] / np.linalg.norm(published[looks_down], axis=1))
+    np.testing.assert_allclose(elevation, down[looks_down], atol=1e-12)
+    scaled = made("laser-scale", OVER_THE_FLOOR)
+    s = np.array([truth_of(scaled, "laser_range_scale")[str(r)] for r in ring])
+    seen = np.nanmean(ranges(scaled)[:, looks_down], axis=0)
+    np.testing.assert_allclose(seen, ((1 + s) * -2.0 / np.sin(down))[looks_down], rtol=1e-9)
+
+
+def test_a_slanting_beam_reads_short() -> None:
+    """Over a floor: tan(incidence) is 1 / tan(-e). Mutations: long instead of short; by the cosine's inverse."""
+    down = np.deg2rad(np.asarray(VLP_16.pattern.elevations_deg))  # type: ignore[attr-defined]
+    steep = down < -0.06
+    seen = np.nanmean(ranges(made("incidence=2e-3", OVER_THE_FLOOR))[:, steep], axis=0)
+    length = -2.0 / np.sin(down)
+    expected = length * (1.0 - 0.25 * 2e-3 / np.tan(-down))
+    np.testing.assert_allclose(seen, expected[steep], rtol=1e-9)
+
+
+def test_the_azimuth_is_off_by_laser_and_by_the_encoder() -> None:
+    """Facing a wall at x = 3 a ray of azimuth a and elevation e is 3 / (cos a cos e) long. Mutations: the sign of either;
+    the cosine instead of the sine of the eccentricity."""
+    wall = Scene((Face("wall", (-1.0, 0.0, 0.0), (3.0, 0.0, 0.0), reflectivity=1.0),))
+    simulation = made("laser-azimuth=0.2deg,eccentricity=0.1deg", replace(OVER_THE_FLOOR, scene=wall))
+    own = truth_of(simulation, "laser_azimuth")
+    assert sum(own.values()) == pytest.approx(0.0, abs=1e-12)  # else the lidar's frame itself would be turned
+    encoder = truth_of(simulation, "eccentricity")
+    sweep = simulation.sweep(0)
+    azimuth = np.arctan2(sweep.xyz_m[..., 1], sweep.xyz_m[..., 0])
+    looked = (
+        azimuth
+        + np.array([own[str(r)] for r in sweep.ring])
+        + encoder["amplitude"] * np.sin(azimuth + encoder["phase"])
+    )
+    elevation = np.deg2rad(np.asarray(VLP_16.pattern.elevations_deg))  # type: ignore[attr-defined]
+    expected = 3.0 / (np.cos(looked) * np.cos(elevation))
+    facing = sweep.valid & (np.abs(azimuth) < 1.0)
+    assert facing.sum() > 1000
+    np.testing.assert_allclose(np.linalg.norm(sweep.xyz_m, axis=2)[facing], expected[facing], rtol=1e-9)
+
+
+def test_the_clocks_rate_stretches_the_stamps() -> None:
+    """t_lidar = t_imu + offset + rate (t_lidar - middle). Mutations: the sign; the offset of the start, not the middle."""
+    plain, fast = made("", duration_s=20.0), made("clock-rate=50", duration_s=20.0)
+    late_s = (fast.imu_records.stamps_ns - plain.imu_records.stamps_ns) * 1e-9
+    t_s = fast.imu_messages.true_ns * 1e-9
+    first, last = (fast.cloud(index).stamp_ns - fast.truth.epoch_ns for index in (0, fast.n_scans - 1))
+    np.testing.assert_allclose(late_s, -50e-6 * (t_s - 0.5e-9 * (first + last)), atol=2e-9)
+    assert fast.truth.time_offset_ns == plain.truth.time_offset_ns
+    at = fast.truth.time_offset_at_s
+    assert at == pytest.approx(0.5e-9 * (last - first), abs=1e-6)
+    assert fast.truth.time_offset_ns_at(at + 10.0) - fast.truth.time_offset_ns == pytest.approx(500_000, abs=2)
+    document = fast.truth.to_file()
+    assert (document.clock_rate_ppm, document.time_offset_at_s) == (50.0, at)
+
+
+def test_a_busy_host_stamps_late_and_sometimes_very_late() -> None:
+    """Mutations: two-sided jitter; stamps that run backwards after a stall; the mean left in."""
+    true_ns = np.arange(20_000, dtype=np.int64) * 5_000_000
+    late_s = clock.latency_ns(true_ns, 0.0005, np.random.default_rng(1)) * 1e-9
+    assert late_s.min() >= -0.0005 - 1e-9
+    assert np.median(late_s) == pytest.approx(0.0005 * (np.log(2.0) - 1.0), abs=5e-5)
+    assert 0.01 < np.mean(late_s > 0.005) < 0.04
+    assert np.all(np.diff(true_ns + np.rint(late_s * 1e9).astype(np.int64)) > 0)
+
+
+def test_an_engine_really_shakes_the_rig() -> None:
+    """Velocity, acceleration and rates are the derivatives of the pose, and as large as asked for. Mutations: the
+    displacement without its acceleration; the size for each axis instead of for all."""
+    calm = SCENARIOS["paper-fast"].motion
+    motion = shaken(calm, 2.0, np.random.default_rng(2))
+    t, h = np.linspace(3.0, 5.0, 4001), 1e-5
+    now, before, after = (motion.kinematics(t + step) for step in (0.0, -h, h))
+    np.testing.assert_allclose((after.p_m - before.p_m) / (2 * h), now.v_m_s, atol=1e-4)
+    np.testing.assert_allclose((after.v_m_s - before.v_m_s) / (2 * h), now.a_m_s2, atol=2e-4)
+    turn = Rotation.from_matrix(np.swapaxes(before.R_world, 1, 2) @ after.R_world).as_rotvec() / (2 * h)
+    np.testing.assert_allclose(turn, now.omega_rad_s, atol=1e-5)
+    added = now.a_m_s2 - calm.kinematics(t).a_m_s2
+    assert np.sqrt((added**2).sum(axis=1).mean()) == pytest.approx(2.0, rel=0.05)
+
+
+def _on_faces(simulation: Simulation) -> tuple[FloatArray, np.ndarray]:
+    """World points (N, 3) of the first sweep, and what they were hits of."""
+    sweep = simulation.sweep(0)
+    pose: Kinematics = simulation.truth.lidar(sweep.time_ns[sweep.valid] * 1e-9)
+    world = np.einsum("nij,nj->ni", pose.R_world, sweep.xyz_m[sweep.valid]) + pose.p_m
+    return world, sweep.surface[sweep.valid]
+
+
+def test_bent_walls_are_where_they_bend() -> None:
+    """Each point is as far off its plane as the bend says there. Mutations: the bend's sign; one step instead of four."""
+    simulation = made("bent-walls=5mm", SCENARIOS["static"], noise=False)
+    points, surface = _on_faces(simulation)
+    off = []
+    for number, face in enumerate(simulation.scenario.scene.faces):
+        mine = points[surface == number]
+        distance = mine @ face.unit_normal + face.offset_m
+        assert face.bend is not None
+        np.testing.assert_allclose(distance, face.bend.height_m(mine.T), atol=1e-7)
+        off.append(distance)
+    assert 0.004 < np.abs(np.concatenate(off)).max() <= 0.005
+
+
+def test_a_door_skirting_and_a_window() -> None:
+    """Mutations: the door opens out of the room; the board within the wall; the glass keeps every ray."""
+    scene = SCENARIOS["static"].scene
+    normals, offsets = np.array([f.unit_normal for f in scene.faces]), np.array([f.offset_m for f in scene.faces])
+    door, surface = _on_faces(made("door-ajar=5deg"))
+    leaf = door[surface >= len(scene.faces)]
+    off_the_wall = (leaf @ normals.T + offsets)[:, 2:].min(axis=1)
+    assert len(leaf) > 300
+    # 0.9 m of leaf at 5 degrees stand 78 mm off the wall, and the leaf is 40 mm thick; walls lean a little.
+    assert 0.06 < off_the_wall.max() < 0.115
+    boards, surface = _on_faces(made("skirting=15mm", replace(SCENARIOS["handheld"], noise=False)))
+    low = boards[surface >= len(scene.faces)]
+    assert (low[:, 2] < 0.09).sum() > 20
+    window, surface = _on_faces(made("glass"))
+    behind = window[surface == len(scene.faces)]
+    assert len(behind) > 300
+    np.testing.assert_allclose((behind @ normals.T + offsets).min(axis=1), -2.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_fault_changes_the_data_and_is_in_the_truth(name: str) -> None:
+    """Mutation: a fault whose name is known and does nothing, or is left out of the document."""
+    plain, faulty = (prepare("no-static-start", seed=5, duration_s=1.0, faults=parse_faults(f)) for f in ("", name))
+    a, b = plain.imu_records, faulty.imu_records
+    same = (
+        np.array_equal(plain.sweep(3).xyz_m, faulty.sweep(3).xyz_m)
+        and np.array_equal(a.gyro_rad_s, b.gyro_rad_s)
+        and np.array_equal(a.accel, b.accel)
+        and np.array_equal(a.stamps_ns, b.stamps_ns)
+    )
+    assert not same
+    document = faulty.truth.to_file()
+    assert document.faults == [name]
+    in_the_room = {"vibration", "bent-walls", "door-ajar", "skirting", "glass"}
+    assert bool(document.intrinsics) == (name not in in_the_room)
+
+
+def test_a_draw_is_the_faults_own() -> None:
+    """Mutations: one generator for all faults, so that asking for one more changes the others; the same numbers for two."""
+    alone = truth_of(made("accel-scale=0.005"), "accelerometer_scale")
+    among = truth_of(made("laser-offsets,gyro-scale,accel-scale=0.005"), "accelerometer_scale")
+    assert alone == among
+    gyro = truth_of(made("gyro-scale=0.005"), "gyroscope_scale")
+    assert not np.allclose(list(gyro.values()), list(alone.values()))
+    other = prepare(STATIC, seed=6, faults=parse_faults("accel-scale=0.005"))
+    assert truth_of(other, "accelerometer_scale") != alone
+    drawn = [
+        truth_of(prepare(STATIC, seed=seed, faults=parse_faults("laser-offsets=1")), "laser_range_offset")
+        for seed in range(40)
+    ]
+    values = np.array([list(each.values()) for each in drawn])
+    assert values.std() == pytest.approx(1.0, abs=0.15)
+    assert abs(values.mean()) < 0.15
+
+
+def test_a_salt_gives_a_recording_noise_of_its_own() -> None:
+    """Mutation: the salt left out of the seed. Without one, scenarios share their noise, on which paired figures rely."""
+    plain = prepare("paper-normal", seed=3, duration_s=1.0)
+    for scenario, salt, shared in (("walking-person", "", True), ("walking-person", "walking-person", False)):
+        other = prepare(scenario, seed=3, duration_s=1.0, salt=salt)
+        noise = [
+            (s.imu_messages.gyro_rad_s - s.truth.imu(s.imu_messages.true_ns * 1e-9).omega_rad_s) for s in (plain, other)
+        ]
+        likeness = np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]
+        assert (likeness > 0.99) if shared else abs(likeness) < 0.2
+
+
+def test_without_a_size_a_fault_is_as_large_as_the_sensors_prior() -> None:
+    """Mutations: the unknown sensor's prior for every sensor; the laser's elevation in degrees."""
+    for slug, imu, lidar in (("ouster", "ouster-icm20948", "ouster-os"), ("handheld", "", "velodyne")):
+        drawn = [
+            prepare(slug, seed=s, faults=parse_faults("accel-scale,imu-axes,laser-elevation")).faults for s in range(60)
+        ]
+        axes = np.array([each.imu.accel_axes_rad for each in drawn])
+        assert axes.std() == pytest.approx(find_imu_prior(imu).accelerometer_axes_std_rad, rel=0.25)
+        scale = np.array([each.imu.accel_scale for each in drawn])
+        assert scale.std() == pytest.approx(find_imu_prior(imu).accelerometer_scale_std, rel=0.25)
+        angles = np.array([each.lidar.laser_elevation_rad for each in drawn])
+        assert angles.std() == pytest.approx(find_lidar_prior(lidar).laser_elevation_std_rad, rel=0.1)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("slug", ["handheld", "ouster", "outdoor", "livox"])
+def test_profiles_fit_every_lidar(profile: str, slug: str) -> None:
+    """Mutations: lasers counted from the VLP-16; an encoder in a rosette."""
+    simulation = made(profile, SCENARIOS[slug], duration_s=1.0)
+    lasers = len(simulation.scenario.lidar.pattern.ring)
+    for block in ("laser_range_offset", "laser_elevation", "laser_azimuth"):
+        assert set(truth_of(simulation, block)) == {str(number) for number in range(lasers)}
+    assert bool(truth_of(simulation, "eccentricity")) == (slug != "livox")
+    assert simulation.sweep(2).valid.any()
+
+
+def test_names_sizes_and_units_are_read() -> None:
+    """Mutations: the first of two sizes counts; a unit of another quantity is taken."""
+    assert parse_faults("") == ()
+    assert parse_faults("laser-offsets=8mm, accel-scale=0.5%,clock-rate") == (
+        Fault("laser-offsets", 0.008),
+        Fault("accel-scale", 0.005),
+        Fault("clock-rate"),
+    )
+    of_profile = {fault.name: fault.size for fault in parse_faults("industrial,laser-offsets=0.01")}
+    assert of_profile["laser-offsets"] == 0.01
+    assert of_profile["gyro-scale"] == 0.0005
+    for wrong, said in (
+        ("laser", "choose some of industrial"),
+        ("laser-offsets=3deg", "in m or mm"),
+        ("industrial=2", "no size"),
+    ):
+        with pytest.raises(SettingsError, match=said):
+            parse_faults(wrong)

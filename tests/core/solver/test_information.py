@@ -1,0 +1,68 @@
+"""The one inverse of an information matrix: exact where all is known, and never certain of what is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.solver.arrow import FROZEN
+from calib_core.solver.information import ROUND_OFF, covariance, marginal
+from calib_core.types import FloatArray
+
+#: Standard deviations of unknowns in very different units: 1 urad, 1 mm, 0.1 s, 10 m.
+SPREAD = np.array([1e-6, 1e-3, 0.1, 10.0])
+
+
+def known(seed: int = 0) -> FloatArray:
+    """Information whose covariance has these standard deviations, all unknowns coupled."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(4, 4)) + 2.0 * np.eye(4)
+    unit = root @ root.T
+    scale = np.sqrt(np.diag(np.linalg.inv(unit))) / SPREAD
+    return unit * scale[:, None] * scale[None, :]
+
+
+def test_where_all_is_known_it_is_the_inverse() -> None:
+    """Oracle: I cov = 1, whatever the units. Mutation: leave the unit diagonal out of either side."""
+    information = known()
+    found = covariance(information)
+    assert found.undetermined.shape == (4, 0)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.matrix)), SPREAD, rtol=1e-9)
+    np.testing.assert_allclose(found.of([1, 3]), np.linalg.inv(information)[np.ix_([1, 3], [1, 3])], rtol=1e-8)
+
+
+@pytest.mark.parametrize("beside", [1.0, 1e4, FROZEN])
+def test_what_is_unknown_is_never_certain(beside: float) -> None:
+    """A sum of two unknowns is measured, their difference is not; beside them one that is held fixed.
+
+    Oracle: the sum's variance is 1 / (information along it); the difference's is beyond anything. A pseudo-inverse gives
+    the difference variance zero; one with a cut-off beside FROZEN columns, the sum too.
+    Mutations: `np.linalg.pinv(information, rcond=1e-15, hermitian=True)` for the whole; cut off instead of clamping.
+    """
+    J = np.array([[1.0, 1.0, 0.0]])
+    information = 1e-4 * J.T @ J
+    information[2, 2] = beside
+    found = covariance(information)
+    along = np.array([1.0, 1.0, 0.0])
+    away = np.array([1.0, -1.0, 0.0])
+    assert along @ found.matrix @ along == pytest.approx(1e4, rel=1e-6)
+    assert away @ found.matrix @ away > 0.1 / ROUND_OFF
+    assert found.matrix[2, 2] == pytest.approx(1.0 / beside)
+    (direction,) = (found.undetermined / np.linalg.norm(found.undetermined, axis=0)).T
+    np.testing.assert_allclose(np.abs(direction @ away) / np.sqrt(2.0), 1.0, rtol=1e-9)
+
+
+def test_an_unknown_without_any_information_is_undetermined() -> None:
+    """Mutation: divide by the root of a diagonal of zero: NaN everywhere."""
+    found = covariance(np.diag([4.0, 0.0]))
+    assert found.matrix[0, 0] == pytest.approx(0.25)
+    assert found.matrix[1, 1] > 1e100
+    assert found.undetermined.shape == (2, 1)
+
+
+def test_the_marginal_is_what_is_left_when_the_others_are_unknown() -> None:
+    """Oracle: the inverse of the block of the inverse. Mutation: take the block of the information itself."""
+    information = known(3)
+    expected = np.linalg.inv(np.linalg.inv(information)[:2, :2])
+    np.testing.assert_allclose(marginal(information, 2), expected, rtol=1e-8)
+    assert marginal(information, 2)[0, 0] < 0.9 * information[0, 0]

@@ -1,0 +1,46 @@
+"""One pool for the process, and a count of cores wherever it runs."""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import pytest
+
+from calib_core.threads import usable_cores, usual_threads, workers
+
+
+def test_cores_are_counted_where_the_system_does_not_tell_which_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only Linux has an affinity. Mutation: ask for it everywhere."""
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    for there, expected in ((6, 6), (None, 1)):
+        monkeypatch.setattr(os, "cpu_count", lambda there=there: there)
+        assert usable_cores() == expected
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    assert usual_threads() == 4
+
+
+def test_there_is_one_pool() -> None:
+    """Mutation: a pool for each caller."""
+    assert workers() is workers()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_child_has_a_pool_of_its_own() -> None:
+    """Threads do not survive a fork: a child that waited for its parent's would wait for ever.
+
+    Mutation: leave `register_at_fork` out.
+    """
+    before = workers()
+    code = os.waitstatus_to_exitcode(os.waitpid(_child(before), 0)[1])
+    assert code == 0
+
+
+def _child(before: object) -> int:
+    """A child that says with its exit code whether its pool is another one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # forking beside threads is what is tried here
+        pid = os.fork()
+    if pid == 0:
+        os._exit(int(workers() is before))
+    return pid
