@@ -30,10 +30,10 @@ help:
 	@echo "make lock         write the pinned requirements anew"
 	@echo "make clean        remove everything that make has made"
 
-run: system-run client
+run: system-run client $(STAMPS)/kernels
 	@$(BIN)/unsweep serve --host $(HOST) --port $(PORT)
 
-test: system-test client modules $(STAMPS)/test
+test: system-test client modules $(STAMPS)/test $(STAMPS)/kernels
 	$(NPM) run test
 	browser=$$($(BIN)/python tools/browser.py) && \
 	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto
@@ -87,6 +87,11 @@ $(STAMPS)/test: requirements-test.txt $(STAMPS)/requirements
 $(STAMPS)/project: pyproject.toml hatch_build.py $(STAMPS)/requirements
 	@echo "Installing unsweep"
 	@UNSWEEP_SKIP_CLIENT=1 $(PIP) install --no-build-isolation --no-deps --editable .
+	@touch $@
+
+# Compiled loops made ready now rather than in somebody's first calibration; a note of its own says what is done already.
+$(STAMPS)/kernels: $(STAMPS)/project $(shell grep -rl njit calib_core --include=*.py)
+	@$(BIN)/unsweep compile-kernels
 	@touch $@
 
 # Both look at a hash first and do nothing where nothing has changed.

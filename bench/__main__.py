@@ -2,7 +2,7 @@
 
     list                                what can be measured
     run [NAME...]                       measure, show, write bench/results/NAME.json
-    gate [NAME...]                      measure the gated workloads; exit 1 where a ratio slipped
+    gate [NAME...]                      measure what is gated, passes too (bench/passes.py); exit 1 where a ratio slipped
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's table from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
@@ -27,11 +27,11 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, starts
+from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, passes, starts
 from bench.metrics import Metric, slips
 from bench.readme import README, table, with_table
 from bench.store import RESULTS, bless, read_baseline, write_results
-from bench.workloads import WORKLOADS, metrics_of, runs_of
+from bench.workloads import WORKLOADS, Workload, metrics_of, runs_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -68,6 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         case "list":
             for workload in WORKLOADS.values():
                 sys.stdout.write(f"{workload.name:24}{workload.text} Seeds {workload.seeds}.\n")
+            sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":
             README.write_text(with_table(README.read_text(encoding="utf-8"), table()), encoding="utf-8")
         case _:
@@ -194,11 +195,12 @@ def _add_faulty(command: argparse.ArgumentParser) -> None:
 
 
 def _workloads(command: str, names: Sequence[str], jobs: int) -> int:
-    unknown = [name for name in names if name not in WORKLOADS]
+    known = [*WORKLOADS, passes.NAME]
+    unknown = [name for name in names if name not in known]
     if unknown:
-        sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(WORKLOADS)}.\n")
+        sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(known)}.\n")
         return 2
-    gated = [workload.name for workload in WORKLOADS.values() if workload.is_gated]
+    gated = [*(workload.name for workload in WORKLOADS.values() if workload.is_gated), passes.NAME]
     measured = _measure(names or gated, jobs)
     if command == "gate":
         return _gate(measured)
@@ -211,17 +213,21 @@ def _measure(names: Iterable[str], jobs: int) -> list[Metric]:
     """Run the workloads, show and write each as it is done."""
     everything: list[Metric] = []
     for name in names:
-        workload = WORKLOADS[name]
-        runs = []
-        for run in runs_of(workload, jobs):
-            sys.stderr.write(f"{name} seed {run.seed}: {run.status} in {run.solve_s:.1f} s\n")
-            runs.append(run)
-        metrics = metrics_of(workload, sorted(runs, key=lambda run: run.seed))
+        metrics = passes.measure() if name == passes.NAME else _solve(WORKLOADS[name], jobs)
         for metric in metrics:
             sys.stdout.write(f"{metric.key:44}{metric.value:12.5g} {metric.unit}\n")
         write_results(name, metrics)
         everything += metrics
     return everything
+
+
+def _solve(workload: Workload, jobs: int) -> list[Metric]:
+    """What the runs of a workload amount to."""
+    runs = []
+    for run in runs_of(workload, jobs):
+        sys.stderr.write(f"{workload.name} seed {run.seed}: {run.status} in {run.solve_s:.1f} s\n")
+        runs.append(run)
+    return metrics_of(workload, sorted(runs, key=lambda run: run.seed))
 
 
 def _gate(measured: list[Metric]) -> int:

@@ -221,22 +221,28 @@ def deskew(
     *,
     cloud_format: CloudFormat = "ply",
     map_out: Path | None = None,
+    correct_lasers: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> int:
     """Write the recording at `path` to `out` with the motion taken out of every scan; the number of scans.
 
     out: without suffix a folder of .ply or .pcd files, else a bag of the same kind.   map_out: .ply or .pcd for the
-    accumulated map beside it.
+    accumulated map beside it.   correct_lasers: take out what the calibration found of the lasers (offsets and scales of
+    ranges, angles), too.
     """
     from calib_core import readers
-    from calib_core.full.known_extrinsic import held_calibration, held_motion
+    from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
     from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
     held_calibration(result)  # says so before the recording is read where there is none
+    if correct_lasers:
+        laser_corrector(result)
     recording = readers.load(path, settings, on_event=on_event, should_cancel=should_cancel)
-    motion = held_motion(recording, result, on_event=on_event, should_cancel=should_cancel)
+    motion = held_motion(
+        recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
+    )
     if map_out is not None:
         _write_map(recording, motion.solved, map_out, should_cancel)
     return rewrite_clouds(
@@ -323,7 +329,7 @@ def discard_archives(folder: Path) -> bool:
 
 
 def export(result: CalibrationResult, name: str) -> str:
-    """The extrinsic as the program called `name` wants it: text of one of its own files or command lines."""
+    """The extrinsic, or what was found of the sensors, as the program called `name` wants it: text of one of its own files."""
     from calib_core import exporters
 
     return exporters.export(result, name)

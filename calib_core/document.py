@@ -22,8 +22,8 @@ from calib_core.result import (
     Uncertainty,
     WeakDirection,
 )
-from calib_core.settings import CalibrateSettings
-from calib_core.types import FloatArray, Recording, Trajectory
+from calib_core.settings import CalibrateSettings, ImuNoise
+from calib_core.types import FloatArray, IntArray, Recording, Trajectory
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ class Answer:
     imu_frame: str = ""
     clock_rate_ppm: tuple[float, float] | None = None
     time_offset_at_s: float | None = None
+    imu_noise: ImuNoise | None = None
 
 
 def document(
@@ -101,6 +102,7 @@ def document(
         clock_rate_ppm=None if answer.clock_rate_ppm is None else answer.clock_rate_ppm[0],
         clock_rate_ppm_std=None if answer.clock_rate_ppm is None else answer.clock_rate_ppm[1],
         time_offset_at_s=answer.time_offset_at_s,
+        imu_noise=answer.imu_noise,
         imu_frame=answer.imu_frame,
     )
 
@@ -144,10 +146,19 @@ def provenance(recording: Recording, settings: CalibrateSettings) -> Provenance:
             imu_topic=recording.imu.topic,
             lidar_frame_id=recording.lidar.frame_id,
             imu_frame_id=recording.imu.frame_id,
+            lidar_model=recording.lidar.model,
+            imu_rate_hz=_rate_hz(recording.imu.stamps_ns),
         ),
         settings=settings.model_dump(mode="json"),
         software={"unsweep": _version("unsweep"), "numpy": np.__version__, "python": platform.python_version()},
     )
+
+
+def _rate_hz(stamps_ns: IntArray) -> float | None:
+    """Readings a second, by the median of their distances; None where there are too few."""
+    steps_ns = np.diff(stamps_ns)
+    usual_ns = float(np.median(steps_ns)) if steps_ns.size else 0.0
+    return 1e9 / usual_ns if usual_ns > 0.0 else None
 
 
 def _version(name: str) -> str:

@@ -13,7 +13,7 @@ Lidar, of the point that laser l returns from true range d at incidence cosine c
 
     published range = d (1 + range_scale_l) + range_offset_l + range_offset + incidence (1 / c - 1)
     true elevation  = published elevation + elevation_l          [from the lidar's xy plane, upwards]
-    true azimuth    = published azimuth + azimuth_l              [about the lidar's z axis]
+    true azimuth    = published azimuth + azimuth_l + sine sin(published azimuth) + cosine cos(published azimuth)
 
 so that a laser that reads 9 mm short has a range offset of -0.009 m.
 """
@@ -35,6 +35,7 @@ Block = Literal[
     "laser_elevation",
     "laser_azimuth",
     "laser_range_scale",
+    "eccentricity",
     "range_offset",
     "incidence",
 ]
@@ -52,6 +53,7 @@ UNITS: dict[Block, str] = {
     "laser_elevation": "rad",
     "laser_azimuth": "rad",
     "laser_range_scale": "1",
+    "eccentricity": "rad",
     "range_offset": "m",
     "incidence": "m",
 }
@@ -65,6 +67,7 @@ NAMES: dict[Block, tuple[str, ...]] = {
     "accelerometer_axes": LOWER,
     "accelerometer_delay": ("delay",),
     "clock_rate": ("rate",),
+    "eccentricity": ("sine", "cosine"),
     "range_offset": ("all",),
     "incidence": ("all",),
 }
@@ -87,7 +90,7 @@ class LidarPrior:
     """Standard deviations of a lidar's own parameters. laser_*: of each laser by itself; 0 where it has no lasers to tell.
 
     Azimuths are taken to be as uncertain as elevations: their mean is a turn of the whole lidar, which nothing but this prior
-    limits.
+    limits. A turning lidar's encoder is off its axis by `eccentricity`, once a turn.
     """
 
     laser_range_offset_std_m: float
@@ -95,6 +98,7 @@ class LidarPrior:
     laser_range_scale_std: float
     range_offset_std_m: float
     incidence_std_m: float
+    eccentricity_std_rad: float = 3.5e-4
 
 
 #: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.

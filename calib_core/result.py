@@ -11,6 +11,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.settings import ImuNoise
+
 COVARIANCE_ORDER: tuple[str, ...] = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 Status = Literal["calibrated", "weak", "refused"]
 
@@ -121,6 +123,8 @@ class RecordingProvenance(_Model):
     imu_topic: str
     lidar_frame_id: str
     imu_frame_id: str
+    lidar_model: str = Field(default="", description="the lidar preset that the recording was recognised by, if any")
+    imu_rate_hz: float | None = Field(default=None, gt=0)
 
 
 class Provenance(_Model):
@@ -153,6 +157,9 @@ class CalibrationResult(_Model):
     clock_rate_ppm_std: float | None = None
     time_offset_at_s: float | None = Field(
         default=None, description="lidar time, seconds after the first scan, at which time_offset_s holds"
+    )
+    imu_noise: ImuNoise | None = Field(
+        default=None, description="the IMU's noise densities and random walks that the solve used, mean over axes"
     )
     imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
 

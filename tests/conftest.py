@@ -14,6 +14,9 @@ from xdist.scheduler import LoadScopeScheduling
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+# `make test` has compiled what there is to compile; a server under test shall not do so beside it.
+os.environ.setdefault("UNSWEEP_SKIP_COMPILE", "1")
+
 # No clock decides a test, and the same examples are tried everywhere: a failure here is a failure there.
 settings.register_profile(
     "unsweep", deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]

@@ -28,7 +28,7 @@ def download_result(services: ServicesDep, job: JobDep) -> Response:
 
 @router.get("/results/{job_id}/export/{format_name}", response_class=PlainTextResponse)
 def export_result(services: ServicesDep, job: JobDep, format_name: str) -> str:
-    """The same extrinsic as another program wants it; names as in GET /api/info."""
+    """The answer as another program wants it; names as in GET /api/info. 422 where the result lacks what it takes."""
     return services.results.export(job, format_name)
 
 

@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
-    code = "calibration.refused"
+    def __init__(self, text: str, *, code: str = "calibration.refused") -> None:
+        super().__init__(text)
+        self.code = code
 
 
 class AuditFailed(Exception):
@@ -93,6 +95,16 @@ def calibrate(chosen: argparse.Namespace) -> None:
         raise Refused(refusal(done.result))
 
 
+def calibrate_many(chosen: argparse.Namespace) -> None:
+    """Calibrate every recording of a folder or a list. Raises Refused where some have no document in the end."""
+    from app.cli.many import calibrate_all, without_document
+
+    rows = calibrate_all(chosen, _read_settings(chosen), _solve_settings(chosen), _manner(chosen))
+    sentence = without_document(rows)
+    if sentence is not None:
+        raise Refused(sentence, code="fleet.incomplete")
+
+
 def deskew(chosen: argparse.Namespace) -> None:
     """Write the recording's scans with the motion removed."""
     result, manner = api.read_result(chosen.calibration), _manner(chosen)
@@ -108,6 +120,7 @@ def deskew(chosen: argparse.Namespace) -> None:
             _read_settings(chosen),
             cloud_format=chosen.cloud_format,
             map_out=chosen.map,
+            correct_lasers=chosen.correct_lasers,
             on_event=on_event,
         )
     if manner in {Manner.live, Manner.plain}:
@@ -156,7 +169,7 @@ def audit(chosen: argparse.Namespace) -> None:
 
 
 def export(chosen: argparse.Namespace) -> None:
-    """Print the extrinsic as another program wants it."""
+    """Print the extrinsic, or what was found of the sensors, as another program wants it."""
     sys.stdout.write(api.export(api.read_result(chosen.result), chosen.format))
 
 
@@ -180,14 +193,30 @@ def simulate(chosen: argparse.Namespace) -> None:
         sys.stderr.write(f"Wrote {chosen.out}, and its truth {truth}\n")
 
 
+def compile_kernels(chosen: argparse.Namespace) -> None:
+    """Compile every loop for this machine, so that the first calibration is as quick as the second."""
+    from app import kernels
+
+    told = _manner(chosen) in {Manner.live, Manner.plain}
+    if kernels.note_path().exists():
+        if told:
+            sys.stderr.write("The program's loops are compiled for this machine already\n")
+        return
+    if told:
+        sys.stderr.write("Compiling the program's loops for this machine (once, about a minute)\n")
+    kernels.compile_kernels()
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "serve": serve,
     "inspect": inspect,
     "calibrate": calibrate,
+    "calibrate-many": calibrate_many,
     "deskew": deskew,
     "audit": audit,
     "export": export,
     "simulate": simulate,
+    "compile-kernels": compile_kernels,
 }
 
 
@@ -232,6 +261,8 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             field_of_view_deg=options.parse_field_of_view(chosen.field_of_view_deg, chosen.method),
             gravity=options.parse_gravity(chosen.gravity),
             imu_noise=options.parse_imu_noise(chosen.imu_noise),
+            intrinsics=options.parse_intrinsics(chosen.intrinsics),
+            lidar=options.parse_lidar(chosen.lidar),
             estimate_time_offset=not chosen.fix_time_offset,
             estimate_planes=not chosen.fix_planes,
             bias_model=chosen.bias_model,

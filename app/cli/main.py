@@ -41,8 +41,10 @@ def run(arguments: Sequence[str]) -> int:
     except (AuditFailed, Refused) as refused:
         exit_code = EXIT_FAILED if isinstance(refused, AuditFailed) else EXIT_REFUSED
         return _fail(exit_code, refused.code, str(refused), log_json=log_json)
-    except (KeyboardInterrupt, Cancelled):
-        return _fail(EXIT_INTERRUPTED, "interrupted", "Interrupted; nothing was written.", log_json=log_json)
+    except (KeyboardInterrupt, Cancelled) as stopped:
+        # Ctrl-C comes without words; a command that leaves something behind says what.
+        text = (isinstance(stopped, KeyboardInterrupt) and str(stopped)) or "Interrupted; nothing was written."
+        return _fail(EXIT_INTERRUPTED, "interrupted", text, log_json=log_json)
     except UsageError as error:
         return _fail(EXIT_INPUT, "usage", str(error), log_json=log_json)
     except InputError as error:

@@ -10,6 +10,8 @@ from typing import Literal, get_args
 
 from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
+from calib_core.intrinsics import UNITS, Block
+from calib_core.presets import LIDAR_PRESETS
 from calib_core.settings import Gravity, ImuNoise, Prior
 
 #: The published algorithm's own choices, used with `--method paper` where nothing else is asked for.
@@ -21,7 +23,9 @@ PAPER_FIELD_OF_VIEW_DEG = 45.0
 LATITUDE_GRAVITY_STD_M_S2 = 0.005
 
 Method = Literal["full", "paper"]
+Intrinsics = Literal["auto", "consider", "off"] | tuple[Block, ...]
 Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+_INTRINSICS: dict[str, Literal["auto", "consider", "off"]] = {"auto": "auto", "consider": "consider", "off": "off"}
 _AXIS_UNITS: dict[str, dict[str, float]] = {
     "r": {"": 1.0, "rad": 1.0, "deg": math.radians(1.0)},
     "t": {"": 1.0, "m": 1.0, "mm": 1e-3},
@@ -89,6 +93,32 @@ def parse_imu_noise(text: str | None) -> ImuNoise | str | None:
     if path.suffix == ".json" or path.is_file():
         return read_imu_noise(path)
     return text
+
+
+def parse_intrinsics(text: str) -> Intrinsics:
+    """`--intrinsics`: one of three words, or the blocks to estimate, with commas between them."""
+    if text in _INTRINSICS:
+        return _INTRINSICS[text]
+    words = [word.strip() for word in text.split(",")]
+    unknown = [word for word in words if word not in UNITS]
+    if unknown:
+        raise SettingsError(
+            f"Expected auto, consider, off, or names of {', '.join(UNITS)} with commas between them for --intrinsics, "
+            f"but found `{unknown[0]}`; give one of these."
+        )
+    return tuple(block for block in UNITS if block in words)
+
+
+def parse_lidar(text: str | None) -> str | None:
+    """`--lidar`: a preset's name, or one of the words that it is known by; None: as recognised."""
+    if text is None:
+        return None
+    word = text.lower()
+    for preset in LIDAR_PRESETS:
+        if word == preset.name or word in preset.words:
+            return preset.name
+    names = ", ".join(preset.name for preset in LIDAR_PRESETS)
+    raise SettingsError(f"Expected one of {names} for --lidar, but found `{text}`; give the nearest of these.")
 
 
 def parse_prior(text: str) -> Prior:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import Literal, NoReturn, get_args
 
@@ -43,7 +44,17 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"unsweep {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (_add_serve, _add_inspect, _add_calibrate, _add_deskew, _add_audit, _add_export, _add_simulate):
+    for add in (
+        _add_serve,
+        _add_inspect,
+        _add_calibrate,
+        _add_calibrate_many,
+        _add_deskew,
+        _add_audit,
+        _add_export,
+        _add_simulate,
+        _add_compile,
+    ):
         add(commands)
     return parser
 
@@ -83,6 +94,25 @@ def _add_calibrate(commands: Commands[Parser]) -> None:
     _add_recording(command)
     command.add_argument("--output", type=Path, metavar="FILE", help="where the result goes; without it, to stdout")
     command.add_argument("--report", type=Path, metavar="FILE", help="a page to print and sign too, .html")
+    _add_solving(command)
+    _add_reading(command)
+    _add_manner(command)
+
+
+def _add_calibrate_many(commands: Commands[Parser]) -> None:
+    text = "Calibrate every recording of a folder or a list, on this machine or on a dask.distributed cluster."
+    command = _command(commands, "calibrate-many", text)
+    command.add_argument("source", type=Path, metavar="FOLDER|LIST", help="a list has a path a line")
+    command.add_argument(
+        "--output", type=Path, required=True, metavar="DIR", help="gets NAME.json each and summary.csv; goes on, too"
+    )
+    group = command.add_argument_group("where, and how much of it")
+    group.add_argument(
+        "--workers", type=_positive, metavar="N", help="recordings at a time on this machine (its cores)"
+    )
+    group.add_argument("--scheduler", metavar="ADDRESS", help="of a dask.distributed cluster, e.g. tcp://host:8786")
+    group.add_argument("--time-limit-s", type=_seconds, metavar="S", help="most seconds for one recording")
+    group.add_argument("--memory-limit-mb", type=_positive, metavar="MB", help="most memory for one recording")
     _add_solving(command)
     _add_reading(command)
     _add_manner(command)
@@ -132,6 +162,11 @@ def _add_audit(commands: Commands[Parser]) -> None:
         default="imu_lidar",
         help="of a bare matrix; imu_lidar takes lidar coordinates to the IMU's (%(default)s)",
     )
+    command.add_argument(
+        "--correct-lasers",
+        action="store_true",
+        help="take out what the calibration found of the lasers, too: offsets and scales of ranges, angles",
+    )
     _add_reading(command)
     _add_manner(command)
 
@@ -139,7 +174,9 @@ def _add_audit(commands: Commands[Parser]) -> None:
 def _add_export(commands: Commands[Parser]) -> None:
     from calib_core.api import export_names
 
-    command = _command(commands, "export", "Print the extrinsic as another program wants it.")
+    command = _command(
+        commands, "export", "Print the extrinsic, or what was found of the sensors, as another program wants it."
+    )
     command.add_argument("result", type=Path, metavar="RESULT", help="a result of `unsweep calibrate`")
     command.add_argument("--format", required=True, metavar="NAME", help=f"one of {', '.join(export_names())}")
 
@@ -166,6 +203,11 @@ def _add_simulate(commands: Commands[Parser]) -> None:
         "an unknown name lists them all",
     )
     _add_manner(command)
+
+
+def _add_compile(commands: Commands[Parser]) -> None:
+    text = "Compile the program's loops for this machine now, instead of in the first calibration."
+    _add_manner(_command(commands, "compile-kernels", text))
 
 
 def _add_recording(command: Parser) -> None:
@@ -199,6 +241,18 @@ def _add_solving(command: Parser) -> None:
         help="its magnitude in m/s2 (free: 9.807 +- 0.02)",
     )
     add("--imu-noise", metavar="PRESET|FILE", help="noise densities, instead of those measured while standing still")
+    add(
+        "--intrinsics",
+        default=defaults.intrinsics,
+        metavar="auto|consider|off|NAME,...",
+        help="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "
+        "only those named are estimated (%(default)s); an unknown name lists them all",
+    )
+    add(
+        "--lidar",
+        metavar="PRESET",
+        help="the lidar, for what to expect of its lasers (as recognised); an unknown name lists them all",
+    )
     add(
         "--prior",
         action="append",
@@ -297,6 +351,16 @@ def _natural(text: str) -> int:
 
 def _positive(text: str) -> int:
     return _whole(text, 1)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0.0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"expected seconds above 0, but found `{text}`")
+    return seconds
 
 
 def _whole(text: str, least: Literal[0, 1]) -> int:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from app.kernels import compile_in_background, end
 from app.logs import log_to_stderr
 from app.server.main import make_server
 from app.settings import AppSettings
@@ -27,6 +28,9 @@ def serve_until_stopped(
     with listening:
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
         sys.stderr.flush()
+        compiling = compile_in_background()
+        if compiling is not None:
+            sys.stderr.write("Compiling for this machine in the background, once; until it is done, jobs take longer\n")
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
         log_to_stderr(as_json=settings.log_json)
         server = make_server(settings)
@@ -34,6 +38,8 @@ def serve_until_stopped(
             with suppress(KeyboardInterrupt):
                 server.run(sockets=[listening])
         finally:
+            if compiling is not None:
+                end(compiling)
             if server.startup_error is not None:
                 raise InputError(str(server.startup_error), code=server.startup_error.code) from None
 

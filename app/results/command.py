@@ -66,6 +66,7 @@ def _solving_words(settings: CalibrateSettings) -> list[str]:
         words += ["--points-per-plane-per-scan", "all" if points is None else str(points)]
     if angle_deg != (PAPER_FIELD_OF_VIEW_DEG if paper else None):
         words += ["--field-of-view-deg", "180" if angle_deg is None else f"{angle_deg:.10g}"]
+    words += _sensor_words(settings)
     for start_s, end_s in settings.excluded_spans_s:
         words.append(f"--exclude={start_s:.10g}:{end_s:.10g}")
     for prior in settings.priors:
@@ -83,6 +84,13 @@ def _solving_words(settings: CalibrateSettings) -> list[str]:
     if settings.max_rounds != defaults.max_rounds:
         words += ["--max-rounds", str(settings.max_rounds)]
     return words
+
+
+def _sensor_words(settings: CalibrateSettings) -> list[str]:
+    """The sensors' own parameters; no block at all is the same as `off`."""
+    named = settings.intrinsics if isinstance(settings.intrinsics, str) else ",".join(settings.intrinsics) or "off"
+    words = [] if named == CalibrateSettings().intrinsics else ["--intrinsics", named]
+    return words if settings.lidar is None else [*words, "--lidar", settings.lidar]
 
 
 def _gravity_word(gravity: Gravity) -> str | None:

@@ -45,7 +45,7 @@ class ResultService:
         return Response(self._text(job), media_type="application/json", headers=headers)
 
     def export(self, job: JobRecord, format_name: str) -> str:
-        """The extrinsic as another program wants it."""
+        """The extrinsic, or what was found of the sensors, as another program wants it."""
         if format_name not in api.export_names():
             raise BadRequest(
                 "export.unknown", f"No export is called {format_name!r}; there are {', '.join(api.export_names())}."

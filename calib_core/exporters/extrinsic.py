@@ -21,6 +21,8 @@ CHECK_POINT_M = (1.0, 2.0, 3.0)
 DECIMALS = 12
 #: R R^T may miss the identity by this: entries written with five decimals do, by 2e-5; 0.006 deg is nobody's edit.
 ORTHONORMAL = 1e-4
+#: Of sensors' parameters that a result only considers.
+FOUND_BESIDE = "These were found beside the calibration and not applied to it (`--intrinsics consider`)."
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,7 @@ def extrinsic_of(result: CalibrationResult) -> Extrinsic:
     recording = result.provenance.recording
     lidar_frame, imu_frame, frame_notes = _frames(recording.lidar_frame_id, recording.imu_frame_id)
     matrix = np.array(result.T_imu_lidar.matrix, dtype=np.float64)
-    topics = f"{_printable(recording.lidar_topic)} and {_printable(recording.imu_topic)}"
+    topics = f"{printable(recording.lidar_topic)} and {printable(recording.imu_topic)}"
     return Extrinsic(
         R_imu_lidar=matrix[:3, :3].copy(),
         p_imu_lidar=matrix[:3, 3].copy(),
@@ -103,7 +105,7 @@ def extrinsic_of(result: CalibrationResult) -> Extrinsic:
         gravity_m_s2=9.80665 if result.gravity_m_s2 is None else result.gravity_m_s2,
         lidar_frame=lidar_frame,
         imu_frame=imu_frame,
-        source=f"{_printable(recording.name)}, topics {topics}, status {result.status}.",
+        source=f"{printable(recording.name)}, topics {topics}, status {result.status}.",
         notes=(*frame_notes, *_weak_notes(result)),
     )
 
@@ -160,7 +162,7 @@ def _frame_name(text: str) -> str:
     return re.sub(r"[^\w./-]", "_", text.lstrip("/"))
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """Text for a comment line: no line breaks and no signs that end a comment in XML or JSON."""
     return re.sub(r"[^\x20-\x7e]", "?", text).replace("--", "- -").replace("*/", "* /")
 
@@ -168,7 +170,7 @@ def _printable(text: str) -> str:
 def _weak_notes(result: CalibrationResult) -> tuple[str, ...]:
     if result.status != "weak":
         return ()
-    said = tuple(f"Weak: {_printable(direction.text)}" for direction in result.observability.weak_directions)
+    said = tuple(f"Weak: {printable(direction.text)}" for direction in result.observability.weak_directions)
     return said or ("Weak: some of these numbers are known only roughly; see the result's uncertainty.",)
 
 

@@ -4,10 +4,10 @@ A parameter v changes a point's residual by f v, with c = -cos > 0 the incidence
 elevation (signs: calib_core/intrinsics.py):
 
     range offset  f = c        elevation  f = r n . e        azimuth  f = n . (z x point)
-    range scale   f = c r      incidence  f = 1 - c
+    range scale   f = c r      incidence  f = 1 - c          eccentricity  f = azimuth's, times sine and cosine of the azimuth
 
 Beside the scatter matrix M of [x, 1, d] (factors/lidar_plane.py), what the normal equations ask for are first moments of the
-features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: fifty numbers for a laser's points on a
+features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: 84 numbers for a laser's points on a
 plane within ten milliseconds, whatever their number. The blocks couple through the state alone, so that 128 lasers cost
 128 columns, not 128 problems. Ranges are corrected by the present values before points are asked where they lie.
 """
@@ -15,42 +15,43 @@ plane within ten milliseconds, whatever their number. The blocks couple through 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.factors.laser_kernels import FEATURES, collapse_features_kernel, correct_kernel
+from calib_core.factors.laser_kernels import FEATURES, OF_COLUMN, collapse_features_kernel, correct_kernel
 from calib_core.factors.lidar_plane import Hits
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 
 @dataclass(frozen=True, slots=True)
 class LaserErrors:
-    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. incidence_m: of all."""
+    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. incidence_m, eccentricity_rad (2,): of all."""
 
     range_offset_m: FloatArray
     range_scale: FloatArray
     elevation_rad: FloatArray
     azimuth_rad: FloatArray
     incidence_m: float
+    eccentricity_rad: FloatArray = field(default_factory=lambda: np.zeros(2))
 
     def any(self) -> bool:
         """Whether there is anything to correct."""
-        parts = (self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad)
+        parts = (self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, self.eccentricity_rad)
         return bool(any(part.any() for part in parts))
 
     def corrected(self, xyz: Float32Array, laser: LaserArray) -> Float32Array:
         """(N, 3) points as they would be without their laser's errors."""
         out = np.empty_like(xyz)
         correct_kernel(
-            xyz, laser, self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, out
+            xyz, laser, self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, self.eccentricity_rad, out
         )  # fmt: skip
         return out
 
 
 @dataclass(frozen=True)
 class LaserSums:
-    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, 5, 5), gram: (B, 5, 5), float32."""
+    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, 7, 5), gram: (B, 7, 7), float32."""
 
     group: IntArray
     plane: IntArray
@@ -107,7 +108,7 @@ def collapse_features(
 class LaserFactors:
     """Moments by knot, plane and laser, as the joint problem takes them. Q pairs of a knot and a plane, B clusters.
 
-    knot, plane: (Q,).   pair, laser: (B,).   cross: (B, 5, 5), gram: (B, 5, 5), hits in the lidar's frame at the knot.
+    knot, plane: (Q,).   pair, laser: (B,).   cross: (B, 7, 5), gram: (B, 7, 7), hits in the lidar's frame at the knot.
     """
 
     knot: IntArray
@@ -139,12 +140,15 @@ class LaserFactors:
 
 
 def feature_changes(change: FloatArray) -> FloatArray:
-    """(L, 5) what the features' coefficients change by, from the changes of the columns: (L, 6), or (L, 6, ..)."""
-    return np.stack([change[:, 0] + change[:, 4], change[:, 1], change[:, 2], change[:, 3], change[:, 5]], axis=1)
+    """(L, 7) what the features' coefficients change by, from the changes of the columns: (L, 8), or (L, 8, ..)."""
+    out = np.zeros((len(change), FEATURES, *change.shape[2:]))
+    for column, feature in enumerate(OF_COLUMN):
+        out[:, feature] += change[:, column]
+    return out
 
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
-    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 6)."""
+    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 8)."""
     moved = feature_changes(change)[factors.laser]
     seen = (factors.cross @ a[factors.pair][..., None])[..., 0]
     own = (factors.gram @ moved[..., None])[..., 0]

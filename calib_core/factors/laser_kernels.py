@@ -7,11 +7,13 @@ import numpy as np
 
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
-#: Of a point: by its range, elevation, azimuth, its range's scale, its incidence (factors/laser_features.py).
-FEATURES = 5
-#: Columns of a cluster, and each one's feature: the laser's offset, elevation, azimuth and scale, everybody's offset, incidence.
-COLUMNS = 6
-_OF_COLUMN = np.array([0, 1, 2, 3, 0, 4])
+#: Of a point: by its range, elevation, azimuth, its range's scale, its incidence, its azimuth as the encoder's eccentricity
+#: moves it, sine and cosine (factors/laser_features.py).
+FEATURES = 7
+#: Columns of a cluster, and each one's feature: the laser's offset, elevation, azimuth and scale, everybody's offset, incidence,
+#: sine and cosine.
+COLUMNS = 8
+OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -22,12 +24,15 @@ def correct_kernel(
     range_scale: FloatArray,
     elevation_rad: FloatArray,
     azimuth_rad: FloatArray,
+    eccentricity_rad: FloatArray,
     out: Float32Array,
 ) -> None:
-    """Fills out (N, 3) with points as they would be without their laser's errors. Per laser: (L,); others stay as they are."""
+    """Fills out (N, 3) with points as they would be without their laser's errors. Per laser: (L,); others stay as they are.
+
+    eccentricity_rad: (2,) of sine and cosine of the published azimuth, of every laser.
+    """
     lasers = range_offset_m.shape[0]
     sine, cosine = np.sin(elevation_rad), np.cos(elevation_rad)
-    aside, ahead = np.sin(azimuth_rad), np.cos(azimuth_rad)
     for i in range(xyz.shape[0]):
         x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         j = laser[i]
@@ -39,8 +44,12 @@ def correct_kernel(
         factor = (r - range_offset_m[j]) / ((1.0 + range_scale[j]) * r)
         level = np.sqrt(level2)
         along = 1.0 if level < 1e-9 else (level * cosine[j] - z * sine[j]) / level
-        out[i, 0] = (x * ahead[j] - y * aside[j]) * along * factor
-        out[i, 1] = (x * aside[j] + y * ahead[j]) * along * factor
+        turned = azimuth_rad[j]
+        if level > 1e-9:
+            turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
+        aside, ahead = np.sin(turned), np.cos(turned)
+        out[i, 0] = (x * ahead - y * aside) * along * factor
+        out[i, 1] = (x * aside + y * ahead) * along * factor
         out[i, 2] = (z * cosine[j] + level * sine[j]) * factor
 
 
@@ -65,7 +74,7 @@ def collapse_features_kernel(
 ) -> None:
     """Adds weight f y' to cross and weight f f' to gram of (group, plane, laser), f the features, y = [x_hit, 1, d].
 
-    cross: (G P L, 5, 5).   gram: (G P L, 5, 5).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
+    cross: (G P L, 7, 5).   gram: (G P L, 7, 7).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
     group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.
     """
     n_planes = n_lidar.shape[1]
@@ -84,6 +93,9 @@ def collapse_features_kernel(
         f[2] = n_lidar[s, j, 1] * x0 - n_lidar[s, j, 0] * x1
         f[3] = seen * np.sqrt(level * level + x2 * x2)
         f[4] = 1.0 - seen
+        f[5], f[6] = 0.0, 0.0
+        if level > 1e-9:
+            f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
         for c in range(3):
             y[c] = R[s, c, 0] * x0 + R[s, c, 1] * x1 + R[s, c, 2] * x2 + p[s, c]
         y[4] = d[i]
@@ -118,8 +130,8 @@ def add_features_kernel(
 ) -> None:
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
 
-    pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 5, 5),
-    gram: (B, 5, 5).   column_of: (L, 6) shared columns, -1 for none.   change: (L, 5) of the features' coefficients since
+    pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 7, 5),
+    gram: (B, 7, 7).   column_of: (L, 8) shared columns, -1 for none.   change: (L, 7) of the features' coefficients since
     the clusters were made.   gradient: (K, 9).
     """
     shared = J.shape[2] - 9
@@ -147,7 +159,7 @@ def add_features_kernel(
             for c in range(shared):
                 gradient_shared[place[c]] += J[q, m, 9 + c] * pull[m]
         for c in range(COLUMNS):
-            column, f = column_of[j, c], _OF_COLUMN[c]
+            column, f = column_of[j, c], OF_COLUMN[c]
             if column < 0:
                 continue
             for m in range(5):
@@ -164,4 +176,4 @@ def add_features_kernel(
             for e in range(COLUMNS):
                 other = column_of[j, e]
                 if other >= 0:
-                    corner[column, other] += gram[b, f, _OF_COLUMN[e]]
+                    corner[column, other] += gram[b, f, OF_COLUMN[e]]

@@ -3,12 +3,13 @@
 Where planes are seen, the joint solve runs once more with the calibration held by priors far tighter than any
 recording could contradict; its trajectory carries turning and moving. Where none are seen (another recording, a
 stretch that the solve bridged) the gyroscope's turning is used alone, with the IMU taken as standing: over one sweep
-turning is what smears a cloud most.
+turning is what smears a cloud most. What the calibration found of single lasers can be taken out of the points before.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,6 +17,7 @@ from threadpoolctl import threadpool_limits
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.factors.laser_features import LaserErrors
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.geometry import exp
@@ -32,27 +34,33 @@ HELD_STD = 1e-6
 class HeldMotion:
     """The motion of a recording with its calibration held.
 
-    solved: where planes gave it; None where they did not.   turning: the gyroscope's alone, all through.
+    solved: where planes gave it; None where they did not.   turning: the gyroscope's alone, all through.   correct: what is
+    done to a scan's points before.
     """
 
     solved: Trajectory | None
     turning: Trajectory
+    correct: Callable[[Scan], Scan] = lambda scan: scan
 
     def deskew(self, scan: Scan) -> Float32Array:
         """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
-        return deskew_points(
-            scan, self.solved if self.solved is not None and covers(self.solved, scan) else self.turning
-        )
+        known = self.solved is not None and covers(self.solved, scan)
+        return deskew_points(self.correct(scan), self.solved if known and self.solved is not None else self.turning)
 
 
 def held_motion(
     recording: Recording,
     result: CalibrationResult,
     *,
+    correct_lasers: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> HeldMotion:
-    """The motion of `recording` with the result's calibration held."""
+    """The motion of `recording` with the result's calibration held.
+
+    correct_lasers: what the calibration found of the lasers is taken out of the points, too.
+    """
+    correct = laser_corrector(result) if correct_lasers else _as_published
     guess, priors = held_calibration(result)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
     settings = _as_solved(result).model_copy(update={"priors": priors, "crispness": False})
@@ -60,7 +68,38 @@ def held_motion(
     if solved is None:
         text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
-    return HeldMotion(solved, turning)
+    return HeldMotion(solved, turning, correct)
+
+
+def laser_corrector(result: CalibrationResult) -> Callable[[Scan], Scan]:
+    """A function that takes the lasers' errors out of a scan's points. Raises SettingsError where none are known."""
+    found = {(each.block, each.name): each.value for each in result.intrinsics}
+    blocks = ("laser_range_offset", "laser_range_scale", "laser_elevation", "laser_azimuth")
+    rings = [int(name) for block, name in found if block in blocks and name.isdecimal()]
+    every = found.get(("range_offset", "all"), 0.0)
+    if not rings and not every:
+        raise SettingsError(
+            f"Expected parameters of lasers to correct points by, but the result of {result.provenance.recording.name} holds "
+            "none; calibrate again with `--intrinsics auto`, or leave --correct-lasers out."
+        )
+    # Where lasers are not told apart, one stands for all.
+    lasers = max(rings, default=0) + 1
+    offset, scale, elevation, azimuth = (
+        np.array([found.get((block, str(laser)), 0.0) for laser in range(lasers)]) for block in blocks
+    )
+    errors = LaserErrors(offset + every, scale, elevation, azimuth, 0.0)
+
+    def correct(scan: Scan) -> Scan:
+        points = scan.points.copy()
+        laser = points["ring"] if rings else np.zeros_like(points["ring"])
+        points["xyz"] = errors.corrected(np.ascontiguousarray(points["xyz"]), np.ascontiguousarray(laser))
+        return replace(scan, points=points)
+
+    return correct
+
+
+def _as_published(scan: Scan) -> Scan:
+    return scan
 
 
 def _solved_motion(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
-from app.cli import options
+from app.cli import commands, options
+from app.cli.parser import build_parser
 from calib_core.errors import SettingsError
+from calib_core.intrinsics import Block
 
 
 @pytest.mark.parametrize(
@@ -116,3 +119,43 @@ def test_imu_noise_is_a_file_or_a_preset(tmp_path: Path) -> None:
     assert options.parse_imu_noise(None) is None
     with pytest.raises(SettingsError, match=r"absent\.json"):
         options.parse_imu_noise(str(tmp_path / "absent.json"))
+
+
+def test_intrinsics_are_a_word_or_blocks() -> None:
+    """Oracle: the names in calib_core/intrinsics.py, read from its types. Fails if a block's name is taken for a word, one
+    unknown name among known ones passes (seen: `any` for the list), or the sentence does not list the names."""
+    assert [options.parse_intrinsics(word) for word in ("auto", "consider", "off")] == ["auto", "consider", "off"]
+    assert options.parse_intrinsics("clock_rate") == ("clock_rate",)
+    assert options.parse_intrinsics("laser_range_offset, gyroscope_scale") == ("gyroscope_scale", "laser_range_offset")
+    assert options.parse_intrinsics(",".join(get_args(Block))) == get_args(Block)
+    for text in ("", "on", "clock_rate,lasers", "clock_rate,", "auto,clock_rate"):
+        with pytest.raises(SettingsError, match=r"auto, consider, off, .*incidence.*--intrinsics") as refused:
+            options.parse_intrinsics(text)
+        assert all(name in str(refused.value) for name in get_args(Block))
+
+
+def test_a_lidar_is_a_preset() -> None:
+    """Fails if a word inside another word names a preset, or an unknown name is taken for the general case (seen: the
+    search for words in topics used here: `velodyne-99` passed)."""
+    assert options.parse_lidar(None) is None
+    assert options.parse_lidar("Velodyne-VLP16") == options.parse_lidar("vlp-16") == "velodyne-vlp16"
+    assert options.parse_lidar("os1") == "ouster-os"
+    for text in ("", "velodyne-99", "sonar"):
+        with pytest.raises(SettingsError, match=r"livox-mid360, .*robosense for --lidar"):
+            options.parse_lidar(text)
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_lasers_are_corrected_only_where_asked(asked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails if the option is dropped on its way to the library, or is the default."""
+    heard: list[object] = []
+
+    def deskew(*_: object, **chosen: object) -> int:
+        heard.append(chosen["correct_lasers"])
+        return 1
+
+    monkeypatch.setattr(commands.api, "deskew", deskew)
+    monkeypatch.setattr(commands.api, "read_result", lambda _: None)
+    words = ["deskew", "room.bag", "--calibration", "result.json", "--output", str(tmp_path / "out"), "--quiet"]
+    commands.deskew(build_parser().parse_args([*words, *["--correct-lasers"] * asked]))
+    assert heard == [asked]

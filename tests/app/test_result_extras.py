@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from app.cli.commands import _read_settings, _solve_settings
 from app.cli.parser import build_parser
-from app.errors import BadRequest
+from app.errors import BadRequest, facts_of
 from app.jobs.orders import OrderedPlane, StoredRequest
 from app.results.command import command_of
 from app.results.extrinsic_text import parse_extrinsic
@@ -20,6 +20,7 @@ from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.schemas.jobs import InitialGuess
 from calib_core import api
+from calib_core.errors import InputError
 from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, Prior, ReadSettings
 from tests.app.support import world
 
@@ -100,10 +101,13 @@ def test_walls_and_scans_are_measured_within_their_outlines():
         CalibrateSettings(gravity=Gravity(magnitude_m_s2=9.81, std_m_s2=0.0), estimate_planes=False),
         CalibrateSettings(priors=(Prior(axis="tz", value=-0.3, std=0.01), Prior(axis="rx", value=0.1, std=1 / 3))),
         CalibrateSettings(imu_noise="mti-3", imu_sampling="as-stamped"),
+        CalibrateSettings(intrinsics="consider", lidar="velodyne-vlp16"),
+        CalibrateSettings(intrinsics=("gyroscope_scale", "clock_rate", "laser_range_offset")),
     ],
 )
 def test_the_command_asks_for_the_same(settings):
-    """Round trip through the command line's own parser. Mutations: exclusions, priors or the seed left out."""
+    """Round trip through the command line's own parser. Mutations: exclusions, priors, the seed,
+    the sensors' blocks or the lidar left out."""
     reading = ReadSettings(lidar_topic="/points", start_s=2.5, synthesise_point_time=True, stamps="receive")
     command = command_of(world.make_result(name="my room's.bag"), reading, StoredRequest(settings=settings))
     words = shlex.split(command.text)
@@ -132,6 +136,18 @@ def test_the_commands_files_are_what_the_command_line_reads(tmp_path):
     assert api.read_imu_noise(tmp_path / chosen.imu_noise) == NOISE
     chosen.imu_noise = str(tmp_path / chosen.imu_noise)
     assert _solve_settings(chosen).gravity.magnitude_m_s2 == pytest.approx(9.8, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["velodyne-calibration", "lasers-csv", "kalibr-imu"])
+def test_a_page_that_asks_for_what_a_result_lacks_is_told_so(name):
+    """The names are offered for every result. Mutation: `facts_of` without
+    the library's errors gives 500."""
+    assert name in api.export_names()
+    with pytest.raises(InputError) as refused:
+        api.export(world.make_result(), name)
+    status, facts = facts_of(refused.value)
+    assert (status, facts.text) == (422, str(refused.value))
+    assert facts.code in {"export.no_lasers", "export.no_imu"}
 
 
 def test_what_the_command_cannot_say_is_said():

@@ -28,7 +28,7 @@ def test_a_turn_is_a_whole_run_of_the_command_line(tmp_path: Path) -> None:
     api.simulate("paper-normal", bag, seed=0)
     turn = timed(bag, tmp_path / "result.json")
     assert (tmp_path / "result.json").is_file()
-    assert [name for name, _ in turn.stages][:2] == ["read", "initialise"]
+    assert [name for name, _ in turn.stages][:2] == ["read", "planes"]
     assert 0.0 < turn.stages[0][1] < turn.stages[-1][1] < turn.wall_s
     assert turn.memory_mb > 100.0
     still = tmp_path / "still.bag"

@@ -64,7 +64,7 @@ LEFT_CIRCLES = (
 #: What the application sees of the library.
 APP_MAY_IMPORT = RECORDS | {"api", "doctor.report", "audit.report", "audit.given", "audit.pose", "audit.limits"}
 #: Third parties by part; anything else in these lists' parts is refused.
-HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets"}
+HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets", "distributed"}
 
 
 @lru_cache
@@ -280,6 +280,8 @@ APP_ROOMS = (
     "results",
     "uploads",
     "recordings",
+    "fleet",
+    "kernels",
     "work",
     "scene",
     "server",

@@ -1,1 +1,1 @@
-"""What the answer is worth: residuals, observability, repeatability, plausibility."""
+"""What the answer is worth: observability, influences, disagreement, what of the sensors was found, plausibility."""

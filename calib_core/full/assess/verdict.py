@@ -14,7 +14,9 @@ from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics
 from calib_core.full.run import Clocks, Run
+from calib_core.presets import random_walks
 from calib_core.result import Message, PlaneQuality
+from calib_core.settings import ImuNoise
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import Trajectory
 
@@ -94,6 +96,18 @@ def answer(run: Run, solved: Solved, trust: Confidence) -> Answer:
         imu_frame=sensors.imu_frame,
         clock_rate_ppm=None if clock is None else (clock.value, clock.std),
         time_offset_at_s=run.clocks.middle_s,
+        imu_noise=noise_used(run),
+    )
+
+
+def noise_used(run: Run) -> ImuNoise:
+    """The IMU's noise as the links' covariances have it, one number for its three axes."""
+    density, walks = run.noise.density, random_walks(run.settings.imu_noise)
+    return ImuNoise(
+        gyroscope_noise_density_rad_s_sqrt_hz=float(np.mean(density.gyro_rad_s_sqrt_hz)),
+        accelerometer_noise_density_m_s2_sqrt_hz=float(np.mean(density.accel_m_s2_sqrt_hz)),
+        gyroscope_random_walk=walks[0],
+        accelerometer_random_walk=walks[1],
     )
 
 

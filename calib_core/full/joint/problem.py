@@ -205,7 +205,7 @@ class JointProblem:
         return np.asarray(order[np.minimum(place, len(keys) - 1)])
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
-        """(L, 6) of each laser's columns since the points were laid out."""
+        """(L, 8) of each laser's columns since the points were laid out."""
         change = estimate.nuisance - self.bins.nuisance
         places = self.sensors.laser_places
         return np.where(places >= 0, change[places], 0.0)

@@ -21,7 +21,7 @@ class SensorColumns:
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
     links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
-    lidar's time at which it adds nothing.   laser_places: (lasers, 6), columns as in factors/laser_kernels.py.
+    lidar's time at which it adds nothing.   laser_places: (lasers, 8), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -57,7 +57,14 @@ def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
         for block in LASER_BLOCKS
     )
     every = float(nuisance.values(values, "range_offset")[0])
-    return LaserErrors(offset + every, scale, elevation, azimuth, float(nuisance.values(values, "incidence")[0]))
+    return LaserErrors(
+        offset + every,
+        scale,
+        elevation,
+        azimuth,
+        float(nuisance.values(values, "incidence")[0]),
+        nuisance.values(values, "eccentricity"),
+    )
 
 
 def clock_rate_ppm(nuisance: Nuisance, values: FloatArray) -> float:
@@ -97,7 +104,7 @@ def sensor_columns(
 
 
 def laser_places(nuisance: Nuisance) -> IntArray:
-    """(lasers, 6) of each laser's parameters and of everybody's two; -1 for what is not in play."""
+    """(lasers, 8) of each laser's parameters and of everybody's two; -1 for what is not in play."""
     lasers = max(nuisance.lasers, 1)
     places = np.full((lasers, COLUMNS), -1)
     for column, block in enumerate(LASER_BLOCKS):
@@ -106,4 +113,6 @@ def laser_places(nuisance: Nuisance) -> IntArray:
             places[:, column] = start + np.arange(lasers)
     places[:, len(LASER_BLOCKS)] = nuisance.start("range_offset")
     places[:, len(LASER_BLOCKS) + 1] = nuisance.start("incidence")
+    if nuisance.start("eccentricity") >= 0:
+        places[:, len(LASER_BLOCKS) + 2 :] = nuisance.start("eccentricity") + np.arange(2)
     return places

@@ -33,7 +33,7 @@ LASER_BLOCKS: tuple[Block, ...] = (
     "laser_azimuth",
     "laser_range_scale",
 )
-LIDAR_BLOCKS: tuple[Block, ...] = ("range_offset", "incidence")
+LIDAR_BLOCKS: tuple[Block, ...] = ("eccentricity", "range_offset", "incidence")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:
     lasers, fixed = count_lasers(recording.scans)
     lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
     if not fixed:
-        lidar = replace(lidar, laser_elevation_std_rad=0.0)
+        lidar = replace(lidar, laser_elevation_std_rad=0.0, eccentricity_std_rad=0.0)
     imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
     wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics
     return choose_nuisance(
@@ -154,6 +154,7 @@ def choose_nuisance(
         "laser_elevation": lidar.laser_elevation_std_rad,
         "laser_azimuth": lidar.laser_elevation_std_rad,
         "laser_range_scale": lidar.laser_range_scale_std,
+        "eccentricity": lidar.eccentricity_std_rad,
         "range_offset": lidar.range_offset_std_m,
         "incidence": lidar.incidence_std_m,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from calib_core.intrinsics import NAMES, UNITS, Block
@@ -55,8 +56,8 @@ def _of_lidar(lidar: LidarDeviations, rings: Sequence[int]) -> Iterator[Paramete
             yield block, str(ring), unit, value
     yield from _block("range_offset", (lidar.range_offset_m,))
     once = (
-        ("eccentricity", "amplitude", lidar.eccentricity_rad),
-        ("eccentricity", "phase", lidar.eccentricity_phase_rad),
+        ("eccentricity", "sine", lidar.eccentricity_rad * math.cos(lidar.eccentricity_phase_rad)),
+        ("eccentricity", "cosine", lidar.eccentricity_rad * math.sin(lidar.eccentricity_phase_rad)),
         ("beam_divergence", "all", lidar.beam_divergence_rad),
     )
     yield from ((block, name, "rad", value) for block, name, value in once if value)

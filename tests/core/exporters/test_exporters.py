@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import InputError
-from calib_core.exporters import NAMES, export
+from calib_core.exporters import EXTRINSIC_NAMES as NAMES
+from calib_core.exporters import SENSOR_NAMES, export
 from calib_core.exporters.extrinsic import exact_seconds, quat_xyzw
 from tests.core.exporters.parsers import PARSERS, body
 from tests.core.exporters.results import make_result
@@ -22,6 +23,7 @@ CONTRACT_NAMES = (
     "matrix, tum, tf2-ros1, tf2-ros2, urdf, fast-lio, point-lio, fast-livo2, lio-sam, glim, rko-lio, li-init, "
     "kalibr-style, autoware"
 ).split(", ")
+SENSORS = ["velodyne-calibration", "lasers-csv", "kalibr-imu"]
 
 #: Consumers whose files take a time offset at all (formats list).
 TIMED = {"fast-lio", "fast-livo2", "glim", "li-init", "kalibr-style"}
@@ -34,8 +36,9 @@ offsets_ns = st.one_of(st.integers(-500_000_000, 500_000_000), st.integers(-(10*
 
 
 def test_names_are_the_contracts() -> None:
-    """Fails if a name is misspelt, missing or added in `exporters._EXPORTERS`."""
+    """Fails if a name is misspelt, missing or added among the exporters."""
     assert list(NAMES) == CONTRACT_NAMES
+    assert list(SENSOR_NAMES) == SENSORS
     assert set(PARSERS) == set(NAMES)
 
 
@@ -138,7 +141,7 @@ def test_weak_result_says_what_is_weak(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_hostile_names_stay_in_comments(name: str) -> None:
-    """A recording's name and frame ids are foreign text. Fails if `_printable` or `_frame_name` lets a line break, the
+    """A recording's name and frame ids are foreign text. Fails if `printable` or `_frame_name` lets a line break, the
     end of a comment or a shell's separator through."""
     evil = "x\n--> */ rm -rf /; $(date) <joint/>"
     text = export(make_result(np.eye(3), np.zeros(3), name=evil, lidar_frame_id=evil, imu_frame_id="/imu;ls"), name)

@@ -23,7 +23,11 @@ def _published(xyz: FloatArray, laser: np.ndarray, errors: LaserErrors) -> Float
     """What a lidar with these errors would publish for true points (calib_core/intrinsics.py)."""
     r = np.linalg.norm(xyz, axis=1) * (1.0 + errors.range_scale[laser]) + errors.range_offset_m[laser]
     elevation = np.arcsin(xyz[:, 2] / np.linalg.norm(xyz, axis=1)) - errors.elevation_rad[laser]
-    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0]) - errors.azimuth_rad[laser]
+    true = np.arctan2(xyz[:, 1], xyz[:, 0])
+    azimuth = true - errors.azimuth_rad[laser]
+    for _ in range(5):  # published, whose own sine and cosine it is
+        round_ = errors.eccentricity_rad @ np.array([np.sin(azimuth), np.cos(azimuth)])
+        azimuth = true - errors.azimuth_rad[laser] - round_
     level = r * np.cos(elevation)
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), r * np.sin(elevation)], axis=1)
 
@@ -31,7 +35,7 @@ def _published(xyz: FloatArray, laser: np.ndarray, errors: LaserErrors) -> Float
 def _errors(rng: np.random.Generator) -> LaserErrors:
     return LaserErrors(
         0.01 * rng.normal(size=LASERS), 0.004 * rng.normal(size=LASERS), 0.002 * rng.normal(size=LASERS),
-        0.002 * rng.normal(size=LASERS), 0.0,
+        0.002 * rng.normal(size=LASERS), 0.0, 0.003 * rng.normal(size=2),
     )  # fmt: skip
 
 
@@ -53,7 +57,7 @@ def test_points_of_no_known_laser_stay_as_they_are() -> None:
     assert (out[1] != xyz[1]).any()
 
 
-@pytest.mark.parametrize("column", range(5))
+@pytest.mark.parametrize("column", range(7))
 def test_features_are_the_derivatives_of_distances(column: int) -> None:
     """Finite differences through the correction and the plane. Mutations: two features exchanged, a sign, cosine for its
     negative."""
@@ -62,16 +66,18 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
     gate = Gate()
 
     def hits(parameter: float):
-        parts = [np.zeros(LASERS) for _ in range(4)]
+        parts, off_axis = [np.zeros(LASERS) for _ in range(4)], np.zeros(2)
         if column < 4:
             parts[(0, 2, 3, 1)[column]] += parameter
-        moved = LaserErrors(*parts, 0.0).corrected(scene.xyz, laser)
+        elif column > 4:
+            off_axis[column - 5] = parameter
+        moved = LaserErrors(*parts, 0.0, off_axis).corrected(scene.xyz, laser)
         return find_hits(moved, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, gate)
 
     size = 1e-3
     forth, back, here = hits(size), hits(-size), hits(0.0)
     same = (forth.plane == back.plane) & (forth.plane == here.plane) & (here.plane >= 0)
-    numerical = (forth.d - back.d) / (2 * size) if column < 4 else 1.0 + here.cosine
+    numerical = 1.0 + here.cosine if column == 4 else (forth.d - back.d) / (2 * size)
     for laser_of in range(LASERS):
         some = same & (laser == laser_of)
         keep = np.zeros(len(same), bool)
@@ -112,7 +118,7 @@ def test_moments_are_those_of_the_points_and_move_with_them() -> None:
 def test_changed_parameters_add_what_their_points_say() -> None:
     """Mutation: the cross term once instead of twice."""
     rng = np.random.default_rng(5)
-    y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 5))
+    y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 7))
     factors = LaserFactors(
         np.zeros(1, np.int64),
         np.zeros(1, np.int64),
@@ -121,8 +127,8 @@ def test_changed_parameters_add_what_their_points_say() -> None:
         (f.T @ y)[None],
         (f.T @ f)[None],
     )
-    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 6))
+    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 8))
     moved = feature_changes(change)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
     assert features_squares(factors, a, change)[0] == pytest.approx(after @ after - before @ before)
-    np.testing.assert_allclose(moved, [change[1, 0] + change[1, 4], *change[1, 1:4], change[1, 5]])
+    np.testing.assert_allclose(moved, [change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:]])

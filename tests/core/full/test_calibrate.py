@@ -196,3 +196,12 @@ def test_an_unknown_noise_preset_is_the_calls_fault(clean: tuple[Recording, Trut
     """Fails when an unknown name falls back to measuring without a word."""
     with pytest.raises(SettingsError, match="no-such-imu"):
         calibrate(clean[0], CalibrateSettings(imu_noise="no-such-imu"))
+
+
+def test_the_document_says_what_the_imu_is_like(calibrated: Calibration, short: Scenario) -> None:
+    """Oracle: the simulated IMU's own densities and rate. Mutation: a density for a sample's deviation, ten times as large."""
+    noise, imu = calibrated.result.imu_noise, short.imu
+    assert noise is not None
+    for name in ("gyroscope_noise_density_rad_s_sqrt_hz", "accelerometer_noise_density_m_s2_sqrt_hz"):
+        assert getattr(noise, name) == pytest.approx(getattr(imu, name), rel=0.2)
+    assert calibrated.result.provenance.recording.imu_rate_hz == pytest.approx(imu.rate_hz, rel=0.01)

@@ -166,7 +166,8 @@ def test_the_azimuth_is_off_by_laser_and_by_the_encoder() -> None:
     looked = (
         azimuth
         + np.array([own[str(r)] for r in sweep.ring])
-        + encoder["amplitude"] * np.sin(azimuth + encoder["phase"])
+        + encoder["sine"] * np.sin(azimuth)
+        + encoder["cosine"] * np.cos(azimuth)
     )
     elevation = np.deg2rad(np.asarray(VLP_16.pattern.elevations_deg))  # type: ignore[attr-defined]
     expected = 3.0 / (np.cos(looked) * np.cos(elevation))

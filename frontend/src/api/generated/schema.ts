@@ -497,7 +497,7 @@ export interface paths {
         };
         /**
          * Export Result
-         * @description The same extrinsic as another program wants it; names as in GET /api/info.
+         * @description The answer as another program wants it; names as in GET /api/info. 422 where the result lacks what it takes.
          */
         get: operations["export_result"];
         put?: never;
@@ -858,7 +858,7 @@ export interface components {
              * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
              * @default auto
              */
-            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "range_offset" | "incidence")[];
+            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "eccentricity" | "range_offset" | "incidence")[];
             /**
              * Lidar
              * @description a lidar preset's name, for the priors; None: as recognised
@@ -916,6 +916,8 @@ export interface components {
              * @default
              */
             imu_frame: string;
+            /** @description the IMU's noise densities and random walks that the solve used, mean over axes */
+            imu_noise?: components["schemas"]["ImuNoise"] | null;
             /** Intrinsics */
             intrinsics?: components["schemas"]["Intrinsic"][];
             /** Messages */
@@ -2595,10 +2597,18 @@ export interface components {
             duration_s: number;
             /** Imu Frame Id */
             imu_frame_id: string;
+            /** Imu Rate Hz */
+            imu_rate_hz?: number | null;
             /** Imu Topic */
             imu_topic: string;
             /** Lidar Frame Id */
             lidar_frame_id: string;
+            /**
+             * Lidar Model
+             * @description the lidar preset that the recording was recognised by, if any
+             * @default
+             */
+            lidar_model: string;
             /** Lidar Topic */
             lidar_topic: string;
             /** Name */

@@ -23,8 +23,8 @@ from tests.core.full.joint import test_problem as plain
 
 LASERS, POINTS = 3, 11
 NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate_std_ppm=40.0)
-#: Columns of a laser -> features of a point: offset, elevation, azimuth, scale, everybody's offset, incidence.
-FEATURE = (0, 1, 2, 3, 0, 4)
+#: Columns of a laser -> features of a point: offset, elevation, azimuth, scale, everybody's offset, incidence, eccentricity.
+FEATURE = (0, 1, 2, 3, 0, 4, 5, 6)
 MIDDLE_S = 0.11
 
 
@@ -46,7 +46,7 @@ class Case:
         self.laser = rng.integers(0, LASERS, len(self.pair))
         n = len(self.pair)
         self.y = np.concatenate([rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1)
-        self.f = rng.normal(size=(n, 5))
+        self.f = rng.normal(size=(n, 7))
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
         clusters = [
             (q, j) for q in range(len(pairs)) for j in range(LASERS) if ((self.pair == q) & (self.laser == j)).any()
@@ -88,7 +88,7 @@ class Case:
             R, origin = e.states.R[k] @ exp(-omega * delta), e.states.p[k] - e.states.v[k] * delta
             n = e.normals[j]
             seen = np.append(e.R_imu_lidar.T @ R.T @ n, n @ (R @ e.p_imu_lidar + origin) + e.offsets_m[j])
-            own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(6))
+            own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(8))
             out.append(seen @ self.y[i, :4] + self.y[i, 4] + own)
         prior, _ = prior_rows(p.priors, p.nodes, e, p.layout(e))
         return np.concatenate([links.ravel(), out, prior])

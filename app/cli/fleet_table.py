@@ -1,0 +1,116 @@
+"""What `calibrate-many` shows while it works, in the manners of terminal.py: a live table, a line each, or JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from time import monotonic
+
+from rich.console import Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from app.cli.terminal import Manner, stderr_console
+from app.fleet.campaign import OnRow
+from app.fleet.summary import Row, Verdict
+
+_STYLES: dict[Verdict, str] = {"calibrated": "green", "weak": "yellow", "refused": "red", "failed": "bold red"}
+#: So many of the latest rows are shown: more would push the counts off a small terminal.
+_SHOWN = 12
+
+
+@contextmanager
+def fleet_listener(manner: Manner, total: int, done: Sequence[Row], where: str) -> Iterator[OnRow]:
+    """What to call with each new row, alive within the context.   total: recordings in all.   done: found finished."""
+    if manner is Manner.live:
+        table = FleetTable(total, done, where)
+        with Live(get_renderable=table.render, console=stderr_console(), refresh_per_second=2):
+            yield table.add
+    elif manner is Manner.plain:
+        kept = f", {len(done)} are done already" if done else ""
+        sys.stderr.write(f"{total} recordings{kept}; {where}\n")
+        yield lambda row: _write(row_line(row))
+    elif manner is Manner.json:
+        yield lambda row: _write(json_line(row))
+    else:
+        yield lambda _: None
+
+
+def row_line(row: Row) -> str:
+    """A row for a log."""
+    return f"{row.name}: {row.verdict} in {row.duration_s:.1f} s{_after(row)}"
+
+
+def json_line(row: Row) -> str:
+    """A row as an event of --log-json."""
+    return json.dumps({"event": "recording", **row.model_dump()})
+
+
+def counts(rows: Sequence[Row]) -> str:
+    """How many there are of each verdict."""
+    found = Counter(row.verdict for row in rows)
+    return ", ".join(f"{found[verdict]} {verdict}" for verdict in _STYLES if found[verdict]) or "none yet"
+
+
+class FleetTable:
+    """The latest rows, and below them how many are done."""
+
+    def __init__(self, total: int, done: Sequence[Row], where: str) -> None:
+        self._total = total
+        self._rows = list(done)
+        self._fresh = 0
+        self._where = where
+        self._start_s = monotonic()
+
+    def add(self, row: Row) -> None:
+        """Show one more."""
+        self._rows.append(row)
+        self._fresh += 1
+
+    def render(self) -> RenderableType:
+        """The table as it stands."""
+        table = Table(box=None, padding=(0, 1), header_style="dim")
+        for title, justify in (("recording", "left"), ("verdict", "left"), ("deg", "right"), ("mm", "right")):
+            table.add_column(title, justify="right" if justify == "right" else "left", overflow="fold")
+        table.add_column("ms", justify="right")
+        table.add_column("took", justify="right")
+        table.add_column("why", overflow="fold")
+        for row in self._rows[-_SHOWN:]:
+            verdict = Text(row.verdict, style=_STYLES[row.verdict])
+            table.add_row(Text(row.name), verdict, *_sigmas(row), f"{row.duration_s:.1f} s", Text(row.sentence))
+        told = f"{len(self._rows)} of {self._total} done ({counts(self._rows)}); {self._where}{self._left()}"
+        return Group(table, Text(told, style="bold"))
+
+    def _left(self) -> str:
+        ahead = self._total - len(self._rows)
+        if not self._fresh or not ahead:
+            return ""
+        return f"; about {ahead * (monotonic() - self._start_s) / self._fresh / 60.0:.0f} min left"
+
+
+def _sigmas(row: Row) -> tuple[str, str, str]:
+    """The largest sigma of each kind [deg, mm, ms]."""
+    turn = [v for v in (row.rotation_std_x_deg, row.rotation_std_y_deg, row.rotation_std_z_deg) if v != ""]
+    shift = [v for v in (row.translation_std_x_m, row.translation_std_y_m, row.translation_std_z_m) if v != ""]
+    offset = row.time_offset_std_s
+    return (
+        f"{max(turn):.4f}" if turn else "",
+        f"{1e3 * max(shift):.2f}" if shift else "",
+        "" if offset == "" else f"{1e3 * offset:.4f}",
+    )
+
+
+def _after(row: Row) -> str:
+    deg, mm, ms = _sigmas(row)
+    if row.sentence:
+        return f": {row.sentence}"
+    return f", 1 sigma up to {deg} deg, {mm} mm, {ms} ms" if deg else ""
+
+
+def _write(line: str) -> None:
+    sys.stderr.write(line + "\n")
+    sys.stderr.flush()

@@ -1,0 +1,107 @@
+"""`unsweep calibrate-many`: every recording of a folder or a list, a document each, and the table of them all."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from app.cli.fleet_table import counts, fleet_listener
+from app.cli.terminal import Manner
+from app.fleet.campaign import run_fleet, take_up
+from app.fleet.executors import Executor, LocalProcesses
+from app.fleet.find import document_names, find_recordings
+from app.fleet.orders import FleetOrder
+from app.fleet.summary import NAME, Row, read_rows
+from calib_core import api
+from calib_core.errors import InputError
+from calib_core.settings import CalibrateSettings, ReadSettings
+
+
+def calibrate_all(
+    chosen: argparse.Namespace, reading: ReadSettings, solving: CalibrateSettings, manner: Manner
+) -> list[Row]:
+    """The rows of all recordings. A sentence is raised before anything runs where the call is at fault."""
+    folder = _output_folder(chosen.output)
+    orders = orders_of(chosen, reading, solving)
+    done, ahead = take_up(orders, folder)
+    rows = list(done)
+    if ahead:
+        executor = choose_executor(chosen.scheduler, chosen.workers)
+        with fleet_listener(manner, len(orders), done, executor.where) as on_row:
+            try:
+                rows += run_fleet(ahead, folder, executor, on_row)
+            except KeyboardInterrupt:
+                raise Stopped(folder) from None
+    if manner in {Manner.live, Manner.plain}:
+        sys.stderr.write(f"{len(rows)} recordings: {counts(rows)}; {folder / NAME} has them all\n")
+    return rows
+
+
+class Stopped(KeyboardInterrupt):
+    """Ctrl-C between two recordings; str() says what is left."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            f"Interrupted; finished documents are in {folder}, and the same command goes on where it stopped."
+        )
+
+
+def orders_of(chosen: argparse.Namespace, reading: ReadSettings, solving: CalibrateSettings) -> list[FleetOrder]:
+    """An order for each recording. Planes and guess are read once here: a bad file is one sentence, not one a recording."""
+    planes, guess = _whole(chosen.planes), _whole(chosen.initial_guess)
+    if planes is not None:
+        api.read_planes(planes)
+    if guess is not None:
+        api.read_initial_guess(guess)
+    recordings = find_recordings(chosen.source)
+    names = document_names(recordings, {Path(row.recording): row.name for row in read_rows(chosen.output)})
+    memory_bytes = None if chosen.memory_limit_mb is None else chosen.memory_limit_mb * 10**6
+    return [
+        FleetOrder(
+            name=names[path],
+            recording=path,
+            reading=reading,
+            solving=solving,
+            planes=planes,
+            initial_guess=guess,
+            time_limit_s=chosen.time_limit_s,
+            memory_bytes=memory_bytes,
+        )
+        for path in recordings
+    ]
+
+
+def choose_executor(scheduler: str | None, workers: int | None) -> Executor:
+    """Processes on this machine, or the cluster of a scheduler."""
+    if scheduler is None:
+        return LocalProcesses(workers)
+    if workers is not None:
+        raise InputError("Expected --workers or --scheduler, but found both: a cluster has its own workers; drop one.")
+    from app.fleet.cluster import DaskCluster
+
+    return DaskCluster(scheduler)
+
+
+def without_document(rows: list[Row]) -> str | None:
+    """One sentence about recordings that have none; None where all have one."""
+    missing = [row for row in rows if not row.has_document]
+    if not missing:
+        return None
+    first = missing[0]
+    count = f"{len(missing)} of {len(rows)} recordings ha{'s' if len(missing) == 1 else 've'} no document"
+    return f"{count}; the first is {first.name}: {first.sentence}"
+
+
+def _output_folder(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"Expected a folder for the documents at {folder}, but it cannot be made ({error.strerror}); choose another."
+        ) from error
+    return folder
+
+
+def _whole(path: Path | None) -> Path | None:
+    return None if path is None else path.absolute()

@@ -1,0 +1,50 @@
+"""Where recordings are calibrated. A new machine to run on is one more `Executor`, here or beside `cluster.py`."""
+
+from __future__ import annotations
+
+import os
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Protocol
+
+from app.fleet.job import CALIBRATE, run_order
+
+
+class Executor(Protocol):
+    """Takes orders and gives a future of each outcome, JSON both; a future that raises is an order lost on the way."""
+
+    where: str
+
+    def start(self, order_text: str) -> Future[str]:
+        """Have it run as soon as there is room."""
+
+    def stop(self) -> None:
+        """End everything, started or waiting, and let go of the machines."""
+
+
+class LocalProcesses:
+    """Processes on this machine, so many at a time: by default one for each core."""
+
+    def __init__(self, workers: int | None = None, entry: str = CALIBRATE) -> None:
+        count = workers or _usable_cores()
+        self.where = f"{count} process{'' if count == 1 else 'es'} on this machine"
+        self._entry = entry
+        self._stopping = threading.Event()
+        # Its threads only wait: each has a process that does the work.
+        self._threads = ThreadPoolExecutor(count, thread_name_prefix="fleet")
+
+    def start(self, order_text: str) -> Future[str]:
+        """Run it in a process of its own when one of the threads is free."""
+        return self._threads.submit(run_order, order_text, self._entry, self._stopping.is_set)
+
+    def stop(self) -> None:
+        """Kill what runs and forget what waits."""
+        self._stopping.set()
+        self._threads.shutdown(wait=True, cancel_futures=True)
+
+
+def _usable_cores() -> int:
+    """Cores that this process may use, where the system tells; else those that there are."""
+    if hasattr(os, "sched_getaffinity"):  # Linux only
+        return max(1, len(os.sched_getaffinity(0)))
+    return max(1, os.cpu_count() or 1)

@@ -1,0 +1,78 @@
+"""Which recordings: those of a folder, or those of a list with a path a line; and a name for each document."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from app.recordings.folder import is_recording_file, is_recording_folder
+from calib_core.errors import InputError
+
+_COMPRESSED = (".gz", ".zst", ".zstd")
+
+
+def find_recordings(source: Path) -> list[Path]:
+    """Whole paths, each once, in order.   source: a folder, searched to its bottom, or a list with a path a line.
+
+    A list's paths are taken from the list's own folder; empty lines and those that start with # are left out.
+    """
+    if source.is_dir():
+        found = [source] if is_recording_folder(source) else list(_below(source))
+    elif source.is_file() and not is_recording_file(source):
+        found = list(_listed(source))
+    else:
+        what = "one recording" if source.exists() else "nothing"
+        raise InputError(
+            f"Expected a folder of recordings or a list with a path a line at {source}, but found {what}; "
+            f"{'use `unsweep calibrate` for it' if source.exists() else 'correct the name'}."
+        )
+    if not found:
+        raise InputError(
+            f"Expected recordings in {source}, but found none: .bag, .mcap, .db3 and ROS 2 folders are looked for."
+        )
+    return list(dict.fromkeys(path.absolute() for path in found))
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    for child in sorted(folder.iterdir()):
+        if child.name.startswith("."):
+            continue
+        if is_recording_file(child) or is_recording_folder(child):
+            yield child
+        elif child.is_dir() and not child.is_symlink():
+            yield from _below(child)
+
+
+def _listed(source: Path) -> Iterator[Path]:
+    try:
+        lines = source.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"Expected a text file with a path a line, but {source} is none; correct it.") from error
+    for line in lines:
+        words = line.strip()
+        if words and not words.startswith("#"):
+            yield source.parent / Path(words).expanduser()
+
+
+def document_names(recordings: Iterable[Path], kept: Mapping[Path, str]) -> dict[Path, str]:
+    """A document name for each recording, no two alike.   kept: names that recordings have from an earlier run.
+
+    The file's name without suffixes; with its folder's before it where that is taken; then with a number behind.
+    """
+    names = dict(kept)
+    taken = {name.casefold() for name in kept.values()} | {"summary"}
+    for path in recordings:
+        if path in names:
+            continue
+        stem = _stem(path)
+        numbered = (f"{stem}-{number}" for number in itertools.count(2))
+        choices = itertools.chain([stem, f"{path.parent.name}-{stem}"], numbered)
+        names[path] = next(name for name in choices if name.casefold() not in taken)
+        taken.add(names[path].casefold())
+    return names
+
+
+def _stem(path: Path) -> str:
+    inner = path.with_suffix("") if path.suffix.lower() in _COMPRESSED else path
+    return inner.stem or path.name

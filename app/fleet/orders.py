@@ -1,0 +1,39 @@
+"""What is asked of one recording of many and what came of it: JSON both ways, on this machine and between machines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from calib_core.settings import CalibrateSettings, ReadSettings
+
+
+class FleetOrder(BaseModel):
+    """One recording to calibrate. Its paths are whole, and the same on every machine that may be asked."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(description="of its document in the output folder, without suffix")
+    recording: Path
+    reading: ReadSettings = ReadSettings()
+    solving: CalibrateSettings = CalibrateSettings()
+    planes: Path | None = None
+    initial_guess: Path | None = None
+    time_limit_s: float | None = Field(default=None, gt=0)
+    memory_bytes: int | None = Field(default=None, gt=0)
+
+
+class FleetOutcome(BaseModel):
+    """What came of it: a document, refused ones too, or the reason why there is none.
+
+    is_lost: the process ended without a word, or its machine did; trying again may help.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    document: str | None = None
+    code: str = ""
+    text: str = ""
+    is_lost: bool = False
+    duration_s: float = 0.0

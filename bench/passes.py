@@ -1,0 +1,169 @@
+"""What a calibration costs, stage by stage, in honest passes over its recording: a measure that any machine agrees on.
+
+One honest pass: read the bag with rosbags, x y z of every point to float64, one rigid transform, each point's time. Whatever
+a calibration does, it has to do at least that; how many times over is what is shown and gated. The quickest of several
+turns counts, of the pass too: what slows a turn is not ours.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.metrics import RATIO, Metric
+from calib_core import api
+
+NAME = "passes"
+SCENARIO = "handheld"
+DURATION_S = 20.0
+TURNS = 3
+#: Of a stage and of a whole run: on a machine with other work the same program has been seen to vary by a third.
+_SLACK, _STAGE_SLACK = 0.5, 1.0
+#: A stage cheaper than this is not judged: its time is mostly that of hearing about it.
+_LEAST_PASSES = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """One run of the command line: seconds by stage and in all, iterations heard of, and the most memory."""
+
+    stages: Mapping[str, float]
+    whole_s: float
+    iterations: int
+    memory_mb: float
+
+
+def honest_pass(bag: Path) -> float:
+    """Seconds for one pass, libraries loaded before."""
+    from rosbags.highlevel import AnyReader
+
+    R, p = np.linalg.qr(np.arange(9.0).reshape(3, 3) + np.eye(3))[0], np.array([0.1, 0.2, 0.3])
+    started = time.perf_counter()
+    with AnyReader([bag]) as reader:
+        clouds = [link for link in reader.connections if link.msgtype.endswith("PointCloud2")]
+        for link, _, raw in reader.messages(connections=clouds):
+            xyz, times = _columns(cast(_Cloud, reader.deserialize(raw, link.msgtype)))
+            _ = xyz @ R.T + p
+            _ = times.astype(np.float64)
+    return time.perf_counter() - started
+
+
+class _Field(Protocol):
+    name: str
+    offset: int
+
+
+class _Cloud(Protocol):
+    """What a pass looks at in a PointCloud2."""
+
+    fields: Sequence[_Field]
+    data: NDArray[np.uint8]
+    point_step: int
+
+
+def _columns(cloud: _Cloud) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Points (N, 3) and the times of their own, whatever their unit is."""
+    offsets = {field.name: field.offset for field in cloud.fields}
+    names = ["x", "y", "z", "time"]
+    layout = np.dtype(
+        {
+            "names": names,
+            "formats": ["<f4"] * len(names),
+            "offsets": [offsets[name] for name in names],
+            "itemsize": cloud.point_step,
+        }
+    )
+    points: NDArray[np.void] = np.frombuffer(cloud.data, layout)
+    return np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64), points["time"]
+
+
+def cost_of(events: Iterable[tuple[float, str]], end_s: float, memory_mb: float) -> Cost:
+    """Seconds of each stage.   events: when a line was heard [s after the start], and the line.
+
+    Time belongs to the stage heard of last; before the first, the program was starting.
+    """
+    stages: dict[str, float] = defaultdict(float)
+    stage, since_s, iterations = "start", 0.0, 0
+    for at_s, line in events:
+        stages[stage] += at_s - since_s
+        since_s = at_s
+        event = json.loads(line)
+        stage = str(event["stage"]) if event["event"] == "stage" else stage
+        iterations += event["event"] == "iteration"
+    stages[stage] += end_s - since_s
+    return Cost(dict(stages), end_s, iterations, memory_mb)
+
+
+def run_command(words: Sequence[str]) -> Cost:
+    """The cost of one run of the command line. Raises SystemExit where it fails."""
+    started = time.monotonic()
+    command = [sys.executable, "-m", "app.cli", *words, "--log-json"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        heard = [(time.monotonic() - started, line) for line in process.stderr or ()]
+        _, status, used = os.wait4(process.pid, 0)
+        end_s = time.monotonic() - started
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise SystemExit(f"unsweep {words[0]} ended with exit code {process.returncode}.")
+    return cost_of(heard, end_s, used.ru_maxrss / 1024.0)
+
+
+def metrics_of(
+    pass_s: float, load_s: float, solve: Sequence[Cost], inspect: Sequence[Cost], bag_mb: float
+) -> list[Metric]:
+    """The ratios, and the seconds of the pass to read them by."""
+    stages = {name: min(cost.stages.get(name, 0.0) for cost in solve) for name in solve[0].stages}
+    iteration_s = min(cost.stages.get("solve", 0.0) / max(cost.iterations, 1) for cost in solve)
+    whole = [
+        ("decode", load_s / pass_s),
+        ("iteration", iteration_s / pass_s),
+        ("whole", min(cost.whole_s for cost in solve) / pass_s),
+        ("inspect", min(cost.whole_s for cost in inspect) / pass_s),
+        ("memory_over_bag", min(cost.memory_mb for cost in solve) / bag_mb),
+    ]
+    return [
+        Metric(key=f"{NAME}.pass_s", value=pass_s, unit="s"),
+        *(_ratio(f"stage_{name}", value_s / pass_s, _STAGE_SLACK) for name, value_s in stages.items()),
+        *(_ratio(name, value, _SLACK) for name, value in whole),
+    ]
+
+
+def _ratio(name: str, value: float, slack: float) -> Metric:
+    direction = "lower" if value >= _LEAST_PASSES or name == "memory_over_bag" else "shown"
+    return Metric.model_validate(
+        {"key": f"{NAME}.{name}", "value": value, "unit": RATIO, "direction": direction, "tolerance": slack}
+    )
+
+
+def measure(duration_s: float = DURATION_S, turns: int = TURNS) -> list[Metric]:
+    """Simulate a recording and measure: passes and runs take turns, so that both see the same machine."""
+    with tempfile.TemporaryDirectory(prefix="unsweep-passes-") as folder:
+        bag, result = Path(folder) / "room.bag", Path(folder) / "result.json"
+        api.simulate(SCENARIO, bag, seed=0, duration_s=duration_s)
+        honest_pass(bag)
+        passes, loads, solve, inspect = [], [], [], []
+        for _ in range(turns):
+            passes.append(honest_pass(bag))
+            loads.append(_seconds(lambda: api.load(bag, fingerprint=False)))
+            solve.append(run_command(["calibrate", str(bag), "--output", str(result)]))
+            inspect.append(run_command(["inspect", str(bag), "--json"]))
+            passes.append(honest_pass(bag))
+        return metrics_of(min(passes), min(loads), solve, inspect, bag.stat().st_size / 1e6)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started

@@ -1,0 +1,287 @@
+"""Many recordings: found, named, run in processes and on a cluster, kept, taken up again, and none lost."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main as cli
+from app.cli import many
+from app.fleet.campaign import TRIES, run_fleet, take_up
+from app.fleet.executors import LocalProcesses
+from app.fleet.find import document_names, find_recordings
+from app.fleet.orders import FleetOrder
+from app.fleet.summary import NAME, read_rows
+from calib_core.errors import InputError
+from calib_core.result import CalibrationResult, Message
+from calib_core.simulate import simulate
+from tests.app.support.processes import is_alive
+from tests.core.exporters.results import make_result
+from tests.core.full.conftest import SHORT
+
+FAKE = "tests.app.support.fake_fleet:run"
+PATIENCE_S = 60.0
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """A folder with the documents that the fake calibration gives."""
+    for status in ("calibrated", "weak", "refused"):
+        result = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000, status=status)
+        if status == "refused":
+            wrong = Message(code="motion.none", level="error", text="It stands still; record motion.")
+            result = result.model_copy(update={"messages": [wrong]})
+        (tmp_path / f"{status}.document").write_text(result.to_json())
+    return tmp_path
+
+
+def orders(folder, *names, **more):
+    return [FleetOrder(name=name, recording=folder / f"{name}.bag", **more) for name in names]
+
+
+def run_here(asked, folder, workers=2):
+    return {row.name: row for row in run_fleet(asked, folder, LocalProcesses(workers, FAKE), lambda _: None)}
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_folder_and_a_list_are_looked_through(tmp_path):
+    """Mutations: do not descend; take a ROS 2 folder's own files for recordings; count a path of the list twice."""
+    for name in ("b.bag", "deep/a.mcap", "run/metadata.yaml", "run/run_0.db3", "notes.txt", ".hidden.bag"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert find_recordings(tmp_path) == [tmp_path / "b.bag", tmp_path / "deep" / "a.mcap", tmp_path / "run"]
+    listed = tmp_path / "deep" / "list.txt"
+    listed.write_text(f"# two of them\n../run\n\n{tmp_path / 'gone.bag'}\n../run\n")
+    assert find_recordings(listed) == [tmp_path / "deep" / ".." / "run", tmp_path / "gone.bag"]
+    for wrong, words in ((tmp_path / "b.bag", "one recording"), (tmp_path / "none", "found nothing")):
+        with pytest.raises(InputError, match=words):
+            find_recordings(wrong)
+
+
+def test_no_two_documents_have_one_name_and_names_stay():
+    """Mutations: forget what is taken; compare letters by case; give a recording a new name in the second run."""
+    paths = [Path(text) for text in ("/a/room.bag", "/b/room.mcap", "/b/ROOM.bag", "/c/b/room.db3", "/a/summary.bag")]
+    first = document_names(paths, {})
+    assert first == dict(zip(paths, ["room", "b-room", "ROOM-2", "room-3", "a-summary"], strict=True)) | {
+        paths[2]: first[paths[2]]
+    }
+    assert len({name.casefold() for name in first.values()}) == len(paths)
+    assert document_names([Path("/0/room.bag"), *paths], first) == first | {Path("/0/room.bag"): "0-room"}
+
+
+def test_every_recording_has_its_row_and_its_document(hall):
+    """Mutations: no document for a refused one; one for what could not be read; a limit that nobody keeps."""
+    names = ("room", "refused", "weak", "broken", "defect")
+    rows = run_here(orders(hall, *names), hall)
+    assert {name: row.verdict for name, row in rows.items()} == {
+        "room": "calibrated",
+        "refused": "refused",
+        "weak": "weak",
+        "broken": "failed",
+        "defect": "failed",
+    }
+    assert sorted(path.stem for path in hall.glob("*.json")) == ["refused", "room", "weak"]
+    written = CalibrationResult.model_validate_json((hall / "room.json").read_text())
+    assert rows["room"].rotation_std_z_deg == written.uncertainty.rotation_std_deg[2]
+    assert rows["room"].translation_std_y_m == written.uncertainty.translation_std_m[1]
+    assert (rows["refused"].code, rows["refused"].sentence) == ("motion.none", "It stands still; record motion.")
+    assert rows["broken"].code == "recording.unreadable"
+    assert "RuntimeError: no such luck" in rows["defect"].sentence
+    with (hall / NAME).open(newline="") as file:
+        table = {line["name"]: line for line in csv.DictReader(file)}
+    assert set(table) == set(names)
+    assert float(table["room"]["time_offset_std_s"]) == written.uncertainty.time_offset_std_s
+
+
+def test_limits_of_time_and_memory_are_kept_and_said(hall):
+    """Mutations: no time limit; no memory limit (the machine gives 8 GB); the slow one's process lives on."""
+    asked = [*orders(hall, "slow", time_limit_s=3.0), *orders(hall, "greedy", memory_bytes=2 * 10**9)]
+    rows = run_here(asked, hall)
+    assert (rows["slow"].code, rows["greedy"].code) == ("job.time", "job.memory")
+    assert "--time-limit-s" in rows["slow"].sentence
+    assert "2000 MB" in rows["greedy"].sentence
+    if (hall / "slow.started").exists():
+        assert not is_alive(int((hall / "slow.started").read_text().split()[0]))
+
+
+def test_a_killed_process_loses_no_recording(hall):
+    """Mutations: do not run what was lost again; run it for ever."""
+    asked = orders(hall, "sleepy", "room", "doomed")
+    killed = []
+
+    def kill():
+        wait_for((hall / "sleepy.started").exists)
+        killed.append(int((hall / "sleepy.started").read_text().split()[0]))
+        os.kill(killed[0], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    rows = run_here(asked, hall)
+    killer.join()
+    assert killed
+    assert (rows["sleepy"].verdict, rows["sleepy"].tries) == ("calibrated", 2)
+    assert (rows["doomed"].verdict, rows["doomed"].tries) == ("failed", TRIES)
+    assert "signal 9" in rows["doomed"].sentence
+
+
+def test_a_fleet_goes_on_where_it_stopped(hall):
+    """Mutations: believe a row without its document; run again what has one; keep a failed row twice; stop at a torn one."""
+    asked = orders(hall, "room", "hall", "broken")
+    run_here(asked, hall)
+    (hall / "hall.json").unlink()
+    with (hall / NAME).open("a") as file:
+        file.write("yard,/yard.bag,calib")
+    done, ahead = take_up(asked, hall)
+    assert [row.name for row in done] == ["room"]
+    assert [order.name for order in ahead] == ["hall", "broken"]
+    run_here(ahead, hall)
+    assert sorted(row.name for row in read_rows(hall)) == ["broken", "hall", "room"]
+    (hall / NAME).unlink()
+    assert [row.name for row in take_up(asked, hall)[0]] == ["room", "hall"], "documents speak without the table"
+
+
+def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monkeypatch, capsys):
+    """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing."""
+    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    listed, out = hall / "list.txt", hall / "out"
+    listed.write_text("room.bag\nrefused.bag\n")
+    command = ["calibrate-many", str(listed), "--output", str(out), "--workers", "2", "--gravity", "9.81", "--log-json"]
+    assert cli.run(command) == 0
+    told = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert {(event["event"], event["name"]) for event in told} == {("recording", "room"), ("recording", "refused")}
+    stamp = (out / "room.json").stat().st_mtime_ns
+    listed.write_text("room.bag\nbroken.bag\n")
+    assert cli.run([*command[:-1]]) == 3
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == (
+        "unsweep: 1 of 2 recordings has no document; the first is broken: Expected a bag, found porridge in broken.bag; "
+        "choose another file."
+    )
+    assert (out / "room.json").stat().st_mtime_ns == stamp
+    assert cli.run([*command, "--scheduler", "tcp://127.0.0.1:1", "--workers", "1"]) == 2
+
+
+def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
+    """Mutations: leave the children running; write the unfinished one's row; say that nothing was written."""
+    script = (
+        "import sys; from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
+        f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
+    )
+    (hall / "list.txt").write_text("room.bag\nslow.bag\n")
+    words = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out"), "--workers", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-c", script, *words], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    ) as process:
+        wait_for(lambda: (hall / "slow.started").exists() and (hall / "out" / "room.json").exists())
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=PATIENCE_S)[1].splitlines()
+    assert process.returncode == 130
+    assert "the same command goes on" in said[-1]
+    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+    assert [row.name for row in read_rows(hall / "out")] in ([], ["room"])
+
+
+@contextmanager
+def dask_processes(folder, workers):
+    """A real scheduler and real worker processes: the scheduler's address and the workers."""
+    file = folder / "scheduler.json"
+    quiet = {"cwd": ROOT, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    dask = [sys.executable, "-m", "dask"]
+    scheduler = ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    worker = ["worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    worker += ["--host", "127.0.0.1", "--local-directory", str(folder)]
+    started = [subprocess.Popen([*dask, *scheduler], **quiet)]
+    try:
+        wait_for(lambda: file.exists() and file.read_text().strip().endswith("}"))
+        started += [subprocess.Popen([*dask, *worker], **quiet) for _ in range(workers)]
+        yield json.loads(file.read_text())["address"], started[1:]
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
+
+
+def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
+    """Real scheduler and workers; the one that has the recording is killed in the middle of it.
+
+    Mutations: an executor that does not kill what is taken back; a child that outlives its worker.
+    """
+    cluster = pytest.importorskip("app.fleet.cluster")
+    with dask_processes(hall, 2) as (address, workers):
+        executor = cluster.DaskCluster(address, FAKE)
+        killed = []
+
+        def kill():
+            wait_for((hall / "sleepy.started").exists)
+            child = int((hall / "sleepy.started").read_text().split()[0])
+            parent = int((hall / "sleepy.started").read_text().split()[1])
+            killed.append(child)
+            next(worker for worker in workers if worker.pid == parent).kill()
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        rows = {row.name: row for row in run_fleet(orders(hall, "sleepy", "room", "refused"), hall, executor, print)}
+        killer.join()
+        assert {name: row.verdict for name, row in rows.items()} == {
+            "sleepy": "calibrated",
+            "room": "calibrated",
+            "refused": "refused",
+        }
+        wait_for(lambda: not is_alive(killed[0]))
+        stopping = cluster.DaskCluster(address, FAKE)
+        stopping.start(orders(hall, "slow")[0].model_dump_json())
+        wait_for((hall / "slow.started").exists)
+        stopping.stop()
+        wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+
+
+def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sentence(monkeypatch):
+    """Mutations: let dask's own error out; name no way to install it."""
+    from app.fleet import cluster
+
+    monkeypatch.setattr(cluster, "_CONNECT_S", 0.3)
+    with pytest.raises(InputError, match=r"No dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        cluster.DaskCluster("tcp://127.0.0.1:9")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install unsweep\[fleet\]"):
+        cluster.DaskCluster("tcp://127.0.0.1:9")
+
+
+@pytest.mark.slow
+def test_simulated_recordings_are_calibrated_on_two_workers(tmp_path, capsys):
+    """The whole way: two bags and a path that leads nowhere; settings arrive. Mutation: an order that forgets its settings."""
+    simulate(SHORT, tmp_path / "room-1.bag", seed=1)
+    shutil.copy(tmp_path / "room-1.bag", tmp_path / "room-2.bag")
+    listed, out = tmp_path / "list.txt", tmp_path / "out"
+    listed.write_text("room-1.bag\ngone.bag\nroom-2.bag\n")
+    command = ["calibrate-many", str(listed), "--output", str(out), "--workers", "2", "--max-rounds", "3"]
+    command += ["--points-per-plane-per-scan", "100"]
+    assert cli.run(command) == 3
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith("unsweep: 1 of 3 recordings has no document; the first is gone: ")
+    assert str(tmp_path / "gone.bag") in said[-1]
+    results = [CalibrationResult.model_validate_json(path.read_text()) for path in sorted(out.glob("*.json"))]
+    assert [result.provenance.recording.name for result in results] == ["room-1.bag", "room-2.bag"]
+    for result in results:
+        assert result.status == "calibrated"
+        assert result.time_offset_s == pytest.approx(SHORT.time_offset_s, abs=1e-3)
+        assert result.provenance.settings["max_rounds"] == 3
