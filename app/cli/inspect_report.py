@@ -18,7 +18,8 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from app.cli.terminal import LEVEL_STYLES, WEAK_DEG, WEAK_M, WEAK_S, bullet, error_bar
+from app.cli.terminal import LEVEL_STYLES, bullet, error_bar
+from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.doctor.report import (
     DoctorReport,
     ExcitationReport,

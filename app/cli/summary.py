@@ -9,10 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import LEVEL_STYLES, bullet
-from app.results.verdict import verdict
-from calib_core.result import CalibrationResult, Status, Transform, Uncertainty
+from app.results.verdict import tone, verdict
+from app.schemas.jobs import Tone
+from calib_core.result import CalibrationResult, Transform, Uncertainty
 
-_STATUS_STYLES: dict[Status, str] = {"calibrated": "bold green", "weak": "bold yellow", "refused": "bold red"}
+_TONE_STYLES: dict[Tone, str] = {"good": "bold green", "doubtful": "bold yellow", "bad": "bold red"}
 
 
 def refusal(result: CalibrationResult) -> str:
@@ -23,7 +24,7 @@ def refusal(result: CalibrationResult) -> str:
 
 def result_summary(result: CalibrationResult) -> RenderableType:
     """The whole summary as one block."""
-    parts: list[RenderableType] = [Text(verdict(result), style=_STATUS_STYLES[result.status])]
+    parts: list[RenderableType] = [Text(verdict(result), style=_TONE_STYLES[tone(result)])]
     if result.T_imu_lidar is not None and result.uncertainty is not None and result.time_offset_s is not None:
         parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s))
     parts.append(_quality(result))

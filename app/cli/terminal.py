@@ -18,10 +18,8 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 from rich.text import Text
 
+from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
-
-#: Beyond these a result is called weak (contract.md, Status).
-WEAK_DEG, WEAK_M, WEAK_S = 0.5, 0.020, 0.002
 
 STAGE_TITLES = {
     "read": "Reading the recording",

@@ -82,6 +82,12 @@ def uniform(count: int, rgb: Rgb) -> Colors:
     return np.broadcast_to(np.array(rgb, dtype=np.uint8), (count, 3)).copy()
 
 
+def lit(rgb: Colors, lightness: Float32Array) -> Colors:
+    """(N, 3) colours, each so much lighter or darker: what gives flat colours depth. lightness: (N,), 1 leaves as it is."""
+    lighter: Colors = np.clip(rgb * lightness[:, None], 0.0, 255.0).astype(np.uint8)
+    return lighter
+
+
 def _scale(table: NDArray[np.float64], values: Float32Array, low: float, high: float) -> Colors:
     width = high - low if high > low else 1.0
     place = np.clip((values.astype(np.float64) - low) / width, 0.0, 1.0) * (len(table) - 1)

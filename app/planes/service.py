@@ -11,20 +11,24 @@ from pydantic import ValidationError
 from app.arrays.folder import DamagedArrays, discard
 from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals
 from app.bus import Bus
-from app.errors import Conflict, NotFound
+from app.errors import ApiError, Conflict, NotFound
 from app.events import PlanesEdited, RecordingArrived
 from app.jobs.orders import OrderedPlane
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
 from app.planes.palette import plane_hex
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
+from app.planes.strength import foreseen
+from app.planes.upright import Room, named, room_of
 from app.planes.wire import wire_planes
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
+from app.schemas.report import Report
 from app.storage.files import DataFolder
+from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
-from calib_core.types import PlaneProposals
+from calib_core.types import FloatArray, PlaneProposals
 
 DOCUMENT = "planes"
 
@@ -48,23 +52,29 @@ class PlaneService:
         self._editing: dict[str, threading.RLock] = {}
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
+        self._rooms: dict[str, tuple[str, Room]] = {}
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
         with self._own_lock(recording_id):
             proposals, history = self.current(recording_id)
-            return wire_planes(history, static=proposals.static)
+            return self._wire(recording_id, history, proposals)
+
+    def up(self, recording_id: str) -> FloatArray | None:
+        """(3,) the vertical in the frame of the planes; None until the doctor knows it."""
+        known = self._rooms.get(recording_id)
+        return None if known is None else known[1].up
 
     def current(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory]:
         """Proposals and history; Conflict until there are some."""
         with self._own_lock(recording_id):
-            key, proposals = self._load(recording_id)
+            key, proposals, room = self._load(recording_id)
             history = self._kept(recording_id)
             if history is None or history.cache_key != key:
                 revision = 0 if history is None else history.revision + 1
                 history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
                 self._keep(recording_id, history)
-            return proposals, history
+            return proposals, named(history, room)
 
     def apply(self, recording_id: str, operation: Operation) -> Planes:
         """The planes after the operation."""
@@ -76,11 +86,11 @@ class PlaneService:
                     "planes.revision",
                     f"The planes have changed meanwhile (revision {history.revision}, you saw {expected}); look again.",
                 )
-            after = self._after(history, operation, proposals)
+            after = named(self._after(history, operation, proposals), self._rooms[recording_id][1])
             if after.current == history.current and after.cursor == history.cursor:
-                return wire_planes(history, static=proposals.static)
+                return self._wire(recording_id, history, proposals)
             self._keep(recording_id, after)
-            planes = wire_planes(after, static=proposals.static)
+            planes = self._wire(recording_id, after, proposals)
         self._bus.publish(PlanesEdited(recording_id, planes.revision))
         return planes
 
@@ -107,8 +117,7 @@ class PlaneService:
         with self._own_lock(recording_id):
             today = self._names.get(recording_id)
             if today is None:
-                history = self._kept(recording_id)
-                today = {} if history is None else {patch.color: patch.name for patch in history.current.patches}
+                today = {patch.color: patch.name for patch in self._today(recording_id).patches}
                 self._names[recording_id] = today
         return [
             PlaneLook(
@@ -120,10 +129,18 @@ class PlaneService:
             for place, plane in enumerate(planes)
         ]
 
+    def _today(self, recording_id: str) -> PlaneSet:
+        try:
+            return self.current(recording_id)[1].current
+        except ApiError:  # its proposals are gone, or it is
+            history = self._kept(recording_id)
+            return PlaneSet(patches=()) if history is None else history.current
+
     def forget(self, recording_id: str) -> None:
         """Drop what is in memory of a deleted recording."""
         with self._lock:
             self._names.pop(recording_id, None)
+            self._rooms.pop(recording_id, None)
             self._editing.pop(recording_id, None)
             for cached in [key for key in self._proposals if key.startswith(recording_id)]:
                 del self._proposals[cached]
@@ -156,7 +173,24 @@ class PlaneService:
         edited: PlaneSet = apply(history.current, operation, proposals=proposals, grow=api.grow_plane)
         return history if edited == history.current else history.push(edited)
 
-    def _load(self, recording_id: str) -> tuple[str, PlaneProposals]:
+    def _wire(self, recording_id: str, history: PlaneHistory, proposals: PlaneProposals) -> Planes:
+        room = self._rooms[recording_id][1]
+        known = foreseen(room.forecast, history.current, suggested(proposals))
+        return wire_planes(history, static=proposals.static, up=room.up, known=known)
+
+    def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> Room:
+        """What the doctor calls these planes; worked out anew when there is another report."""
+        mark = f"{self._files.cache_key(record)}/{hash(record.report_json)}"
+        known = self._rooms.get(record.id)
+        if known is not None and known[0] == mark:
+            return known[1]
+        report = None if record.report_json is None else Report.model_validate_json(record.report_json)
+        room = Room() if report is None else room_of(report.planes, proposals, report.forecast)
+        self._rooms[record.id] = (mark, room)
+        self._names.pop(record.id, None)
+        return room
+
+    def _load(self, recording_id: str) -> tuple[str, PlaneProposals, Room]:
         record = self._recordings.find(recording_id)
         if record is None:
             raise NotFound("recording.not_found", "The recording has been deleted.")
@@ -180,7 +214,7 @@ class PlaneService:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:
                 self._proposals.popitem(last=False)
-        return key, proposals
+        return key, proposals, self._room(record, proposals)
 
 
 def ordered(patch: EditedPatch, planes: PlaneSet) -> OrderedPlane:

@@ -9,12 +9,15 @@ import numpy as np
 from app.planes.geometry import LEAST_EIGENVALUE, spread_of_directions
 from app.planes.palette import plane_hex
 from app.planes.state import PlaneHistory, PlaneSet
-from app.schemas.planes import Determinacy, Patch, Planes
+from app.schemas.planes import Determinacy, Foreseen, Patch, Planes
 from calib_core.types import FloatArray
 
 
-def wire_planes(history: PlaneHistory, *, static: bool) -> Planes:
-    """The planes as every browser sees them."""
+def wire_planes(
+    history: PlaneHistory, *, static: bool, up: FloatArray | None = None, known: Foreseen | None = None
+) -> Planes:
+    """The planes as every browser sees them. up: (3,) against gravity, map frame; None where that is not known."""
+    vertical = np.array([0.0, 0.0, 1.0]) if up is None else up
     return Planes(
         patches=[
             Patch(
@@ -25,15 +28,17 @@ def wire_planes(history: PlaneHistory, *, static: bool) -> Planes:
                 area_m2=patch.area_m2,
                 n_points=patch.n_points,
                 rms_m=patch.rms_m,
-                tilt_deg=math.degrees(math.acos(min(1.0, abs(patch.normal[2])))),
+                tilt_deg=math.degrees(math.acos(min(1.0, abs(float(np.array(patch.normal) @ vertical))))),
                 confirmed=patch.confirmed,
                 restricted=bool(patch.region),
                 color=plane_hex(patch.color),
             )
             for index, patch in enumerate(history.current.patches)
         ],
-        determinacy=determinacy(history.current),
+        determinacy=determinacy(history.current, up),
+        foreseen=known,
         static=static,
+        upright=up is not None,
         restricted=bool(history.current.region),
         can_undo=history.can_undo,
         can_redo=history.can_redo,
@@ -41,7 +46,7 @@ def wire_planes(history: PlaneHistory, *, static: bool) -> Planes:
     )
 
 
-def determinacy(planes: PlaneSet) -> Determinacy:
+def determinacy(planes: PlaneSet, up: FloatArray | None = None) -> Determinacy:
     """Whether the confirmed planes look in enough directions, and if not, which plane is missing."""
     normals = np.array([patch.normal for patch in planes.patches if patch.confirmed], dtype=np.float64).reshape(-1, 3)
     eigenvalue, free = spread_of_directions(normals)
@@ -51,12 +56,16 @@ def determinacy(planes: PlaneSet) -> Determinacy:
     elif len(normals) == 0:
         text = "No plane is confirmed: confirm at least three that face different ways."
     else:
-        text = f"Nothing fixes motion {_words(free)}: confirm a plane that faces that way."
+        text = f"Nothing fixes motion {_words(free, up)}: confirm a plane that faces that way."
     return Determinacy(ok=ok, text=text, smallest_eigenvalue=eigenvalue)
 
 
-def _words(direction: FloatArray) -> str:
-    """A direction of the map frame in words."""
+def _words(direction: FloatArray, up: FloatArray | None) -> str:
+    """A direction of the map frame in words: to someone upright where the vertical is known."""
+    if up is not None and abs(float(direction @ up)) > 0.94:
+        return "up and down"
+    if up is not None and abs(float(direction @ up)) < 0.34:
+        return "level, along the walls that are confirmed"
     axis = int(np.abs(direction).argmax())
     if abs(direction[axis]) > 0.94:
         return f"along the lidar's {'xyz'[axis]} axis"

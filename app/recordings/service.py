@@ -23,6 +23,7 @@ from app.events import RecordingArrived, RecordingDeleted, RecordingEdited, Samp
 from app.jobs.service import JobService
 from app.recordings.folder import RecordingsFolder
 from app.recordings.timeline import make_timeline
+from app.recordings.verdict import verdict_of
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
 from app.schemas.report import Report
@@ -85,7 +86,10 @@ class RecordingService:
 
     def list_all(self) -> list[Recording]:
         """All recordings, newest first, without their reports: each carries plots that a list does not show."""
-        return [self.wire(replace(record, report_json=None)) for record in self._store.all_newest_first()]
+        return [
+            self.wire(replace(record, report_json=None)).model_copy(update={"verdict": verdict_of(record)})
+            for record in self._store.all_newest_first()
+        ]
 
     def wire(self, record: RecordingRecord) -> Recording:
         """The recording as the wire carries it; one whose record cannot be read is shown as broken, and can be deleted."""
@@ -119,6 +123,7 @@ class RecordingService:
             has_planes=self._has_planes(record),
             created_at=record.created_at,
             latest_job=self._jobs.latest(record.id),
+            verdict=verdict_of(record),
         )
 
     def _has_planes(self, record: RecordingRecord) -> bool:

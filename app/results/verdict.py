@@ -2,8 +2,27 @@
 
 from __future__ import annotations
 
-from app.schemas.jobs import SolveOutcome
+from app.schemas.jobs import SolveOutcome, Tone
 from calib_core.result import CalibrationResult
+
+#: The message that says that the recording's parts contradict each other; its text has by how much.
+DISAGREEMENT = "solve.disagreement"
+
+
+def disagrees(result: CalibrationResult) -> bool:
+    """Whether parts of the recording contradict each other by more than noise explains."""
+    return any(message.code == DISAGREEMENT for message in result.messages)
+
+
+def tone(result: CalibrationResult) -> Tone:
+    """The colour of the verdict: green is for an answer that nothing speaks against."""
+    match result.status:
+        case "refused":
+            return "bad"
+        case "weak":
+            return "doubtful"
+        case "calibrated":
+            return "doubtful" if disagrees(result) else "good"
 
 
 def verdict(result: CalibrationResult) -> str:
@@ -16,10 +35,13 @@ def verdict(result: CalibrationResult) -> str:
         f"{max(result.uncertainty.translation_std_m) * 1e3:.2g} mm and "
         f"{result.uncertainty.time_offset_std_s * 1e3:.2g} ms at most."
     )
+    but = (
+        "its parts disagree by more than noise explains, which the error bars allow for; " if disagrees(result) else ""
+    )
     if result.status == "weak":
         weak = result.observability.weak_directions
-        return f"Weak: {weak[0].text}" if weak else f"Weak: {known}"
-    return f"Calibrated: {known}"
+        return f"Weak: {but}{weak[0].text}" if weak else f"Weak: {but}{known}"
+    return f"Calibrated, but {but}{known}" if but else f"Calibrated: {known}"
 
 
 def solve_outcome(result: CalibrationResult) -> SolveOutcome:
@@ -28,6 +50,9 @@ def solve_outcome(result: CalibrationResult) -> SolveOutcome:
     return SolveOutcome(
         status=result.status,
         verdict=verdict(result),
+        tone=tone(result),
+        codes=sorted({message.code for message in result.messages if message.level != "info"}),
+        planes_used=len(result.quality.planes),
         translation_m=None if transform is None else transform.translation_m,
         euler_xyz_deg=None if transform is None else transform.euler_xyz_deg,
         time_offset_s=result.time_offset_s,

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol, cast
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.scene.aim import Stage, Stand, hidden, stand
+from app.scene.cutaway import pieces
 from app.scene.doorless import DoorlessViser
-from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Line, Sheet, fingerprint
+from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
 from calib_core.types import FloatArray
@@ -21,20 +24,33 @@ OnRay = Callable[[FloatArray, FloatArray, bool], None]
 OnCamera = Callable[[], None]
 OnBox = Callable[[FloatArray], None]
 
-#: Where a camera stands that looks at the whole: this direction from the middle, and this much farther than needed.
-AIM_DIRECTION = np.array([-0.55, -0.55, 0.6])
-AIM_MARGIN = 1.1
-#: Nearer than this to the middle of the points nobody looks at them.
-MIN_AWAY_M = 1.0
 #: A canvas is taken to be so wide for its height until a browser tells.
 ASPECT = 1.6
 #: What is behind the clouds: nothing drawn may vanish into it, neither white nor dark blue.
 BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204, 210, 217)}
 
 
-class _Removable(Protocol):
+#: What viser's own panel, which nobody sees, is called once there is something to see.
+FIRST_PICTURE = "first picture"
+#: Lines on the ground, to be seen on either background without drawing the eye.
+GRID = (110, 116, 124)
+
+
+class _Node(Protocol):
+    visible: bool
+
     def remove(self) -> None:
         """Take the node out of the scene."""
+
+
+@dataclass
+class _Put:
+    """A node of the scene, what it was made of, and the wall that it is hidden with."""
+
+    mark: int
+    item: Item
+    node: _Node
+    wall: int | None
 
 
 def quat_wxyz(rotation: FloatArray) -> tuple[float, float, float, float]:
@@ -63,50 +79,6 @@ def camera_of(camera: viser.CameraHandle) -> Camera:
     )
 
 
-def whole_view(points_m: FloatArray, *, fov_rad: float, aspect: float) -> tuple[FloatArray, FloatArray]:
-    """A middle (3,) to look at and a place (3,) to look from, so that nearly all points (N, 3) fill the canvas.
-
-    A point at (x, y) across the view and z towards the camera is on the canvas when |x - u| <= (t - z) half aspect and
-    |y - v| <= (t - z) half, with the camera at (u, v, t). What is near spreads over more of the canvas than what is far,
-    so the middle of the points is not the middle of their picture: u and v are where both edges are met at once.
-    """
-    back = AIM_DIRECTION / np.linalg.norm(AIM_DIRECTION)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    origin = np.median(points_m, axis=0)
-    x, y, z = np.stack([right, up, back]) @ (points_m - origin).T
-    half = float(np.tan(fov_rad / 2))
-    needed_m = max(_between_edges(x, z, half * aspect)[1], _between_edges(y, z, half)[1])
-    depth_m = float(np.median(z))
-    away_m = depth_m + max(MIN_AWAY_M, AIM_MARGIN * (needed_m - depth_m))
-    u, v = _centred(x, z, away_m, half * aspect), _centred(y, z, away_m, half)
-    middle = origin + u * right + v * up + depth_m * back
-    return middle, middle + (away_m - depth_m) * back
-
-
-def _between_edges(across_m: FloatArray, near_m: FloatArray, half: float) -> tuple[float, float]:
-    """Where across the camera stands, and how far away, so that nearly all points touch neither edge of the canvas."""
-    high = float(np.percentile(across_m + half * near_m, 99.5))
-    low = float(np.percentile(across_m - half * near_m, 0.5))
-    return (high + low) / 2, (high - low) / (2 * half)
-
-
-def _centred(across_m: FloatArray, near_m: FloatArray, away_m: float, half: float) -> float:
-    """Where across the camera stands, at that distance, so that both edges are equally far from the points' picture.
-
-    That is where both edges of a narrower canvas are met; its width is found by halving.
-    """
-    narrow, wide = 1e-3 * half, half
-    for _ in range(24):
-        width = (narrow + wide) / 2
-        if _between_edges(across_m, near_m, width)[1] > away_m:
-            narrow = width
-        else:
-            wide = width
-    return _between_edges(across_m, near_m, wide)[0]
-
-
 class ShownScene:
     """One viser server and what it shows.
 
@@ -126,11 +98,15 @@ class ShownScene:
     ) -> None:
         self._server = DoorlessViser()
         self._on_patch = on_patch
-        self._handles: dict[str, tuple[int, Item, _Removable]] = {}
+        self._nodes: dict[str, _Put] = {}
         self._dark: bool | None = None
-        self._aim = ""
+        self._aim: tuple[str, str, int] | None = None
         self._camera: Camera | None = None
         self._whole: FloatArray | None = None
+        self._stage = Stage()
+        self._content = Content((), "")
+        self._behind: frozenset[int] = frozenset()
+        self._labelled = False
         self._server.scene.set_up_direction("+z")
 
         def clicked(event: viser.SceneClickEvent) -> None:
@@ -151,6 +127,7 @@ class ShownScene:
 
         def moved(camera: viser.CameraHandle) -> None:
             self._camera = camera_of(camera)
+            self._cut(self._camera.p_scene_camera)
             on_camera()
 
         def connected(client: viser.ClientHandle) -> None:
@@ -174,18 +151,29 @@ class ShownScene:
             self._dark = dark
             self._server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
             self._server.scene.set_background_image(np.full((1, 1, 3), BACKGROUNDS[dark], dtype=np.uint8), format="png")
-        if self._aim == "" or content.aim not in {"", self._aim}:
-            self._look_at_all(content)
-        # A cloud without points is no cloud: viser's page complains about empty buffers.
-        wanted = {item.path: item for item in content.items if not isinstance(item, Cloud) or len(item.xyz) > 0}
+        self._set_stage(content.stage)
+        self._content = content
+        aim = (content.aim or (self._aim or (WHOLE_ROOM,))[0], content.preset, content.looks)
+        if aim != self._aim:
+            self._look(content, aim)
+        wanted = {item.path: (wall, item) for wall, item in _in_pieces(content)}
         with self._server.atomic():
-            for path in [path for path in self._handles if path not in wanted]:
-                self._handles.pop(path)[2].remove()
-            for path, item in wanted.items():
+            for path in [path for path in self._nodes if path not in wanted]:
+                self._nodes.pop(path).node.remove()
+            for path, (wall, item) in wanted.items():
                 mark = fingerprint(item)
-                known = self._handles.get(path)
-                if known is None or known[0] != mark:
-                    self._handles[path] = (mark, item, self._put(item, known))
+                known = self._nodes.get(path)
+                if known is None or known.mark != mark:
+                    node = self._put(item, known)
+                    self._nodes[path] = _Put(mark, item, node, wall)
+                    node.visible = wall not in self._behind
+                known = self._nodes[path]
+                if known.wall != wall:
+                    known.wall = wall
+                    known.node.visible = wall not in self._behind
+        if not self._labelled:  # comes after the background and the first content; the page waits for it
+            self._labelled = True
+            self._server.gui.set_panel_label(FIRST_PICTURE)
         self._server.flush()
 
     def drag_boxes(self, on: bool) -> None:
@@ -206,28 +194,34 @@ class ShownScene:
         """Stop the server; browsers lose their connection."""
         self._server.stop()
 
-    def _put(self, item: Item, known: tuple[int, Item, _Removable] | None) -> _Removable:
+    def _put(self, item: Item, known: _Put | None) -> _Node:
         scene = self._server.scene
         match item:
             case Cloud(path=path, xyz=xyz, rgb=rgb, size_m=size_m):
-                if known is not None and isinstance(known[2], viser.PointCloudHandle):
-                    known[2].points, known[2].colors = xyz, rgb
-                    known[2].point_size = size_m
-                    return cast(_Removable, known[2])
-                return cast(
-                    _Removable,
-                    scene.add_point_cloud(path, xyz, rgb, point_size=size_m, precision="float32", point_shading="flat"),
+                if known is not None and isinstance(known.node, viser.PointCloudHandle):
+                    known.node.points, known.node.colors = xyz, rgb
+                    known.node.point_size = size_m
+                    return cast(_Node, known.node)
+                cloud = scene.add_point_cloud(
+                    path, xyz, rgb, point_size=size_m, point_shape="circle", precision="float32", point_shading="flat"
                 )
+                return cast(_Node, cloud)
             case Sheet():
                 return self._put_sheet(item, known)
             case Line(path=path, xyz=xyz, rgb=rgb, width_px=width_px):
                 pairs = np.stack([xyz[:-1], xyz[1:]], axis=1)
                 return cast(
-                    _Removable, scene.add_line_segments(path, pairs, rgb, thickness=width_px, thickness_units="screen")
+                    _Node, scene.add_line_segments(path, pairs, rgb, thickness=width_px, thickness_units="screen")
                 )
+            case Edges(path=path, ends=ends, rgb=rgb, width_px=width_px):
+                return cast(
+                    _Node, scene.add_line_segments(path, ends, rgb, thickness=width_px, thickness_units="screen")
+                )
+            case Floor():
+                return self._put_floor(item)
             case Axes(path=path, R_scene_frame=rotation, p_scene_frame=position, length_m=length_m):
                 return cast(
-                    _Removable,
+                    _Node,
                     scene.add_frame(
                         path,
                         axes_length=length_m,
@@ -237,14 +231,14 @@ class ShownScene:
                     ),
                 )
             case Label(path=path, text=text, position=position):
-                return cast(_Removable, scene.add_label(path, text, position=position))
+                return cast(_Node, scene.add_label(path, text, position=position))
 
-    def _put_sheet(self, sheet: Sheet, known: tuple[int, Item, _Removable] | None) -> _Removable:
-        if known is not None and isinstance(known[1], Sheet) and isinstance(known[2], viser.MeshHandle):
-            before = known[1]
+    def _put_sheet(self, sheet: Sheet, known: _Put | None) -> _Node:
+        if known is not None and isinstance(known.item, Sheet) and isinstance(known.node, viser.MeshHandle):
+            before = known.item
             if np.array_equal(before.vertices, sheet.vertices) and before.patch == sheet.patch:
-                known[2].color, known[2].opacity = sheet.rgb, sheet.opacity
-                return cast(_Removable, known[2])
+                known.node.color, known.node.opacity = sheet.rgb, sheet.opacity
+                return cast(_Node, known.node)
         handle = self._server.scene.add_mesh_simple(
             sheet.path,
             sheet.vertices,
@@ -259,28 +253,87 @@ class ShownScene:
         patch = sheet.patch
         if patch is not None:
             handle.on_click(lambda _: self._on_patch(patch))
-        return cast(_Removable, handle)
+        return cast(_Node, handle)
+
+    def _put_floor(self, floor: Floor) -> _Node:
+        grid = self._server.scene.add_grid(
+            floor.path,
+            *floor.size_m,
+            plane="xy",
+            cell_size=1.0,
+            cell_color=GRID,
+            cell_thickness=0.6,
+            section_size=5.0,
+            section_color=GRID,
+            section_thickness=1.0,
+            shadow_opacity=0.0,
+            fade_distance=60.0,
+            wxyz=quat_wxyz(floor.R_scene_grid),
+            position=floor.p_scene_grid,
+        )
+        return cast(_Node, grid)
+
+    def _set_stage(self, stage: Stage) -> None:
+        if not np.allclose(stage.up, self._stage.up, atol=1e-6):
+            self._server.scene.set_up_direction(stage.up)
+            self._aim = None  # cameras have been turned over with the world
+        self._stage = stage
+
+    def _cut(self, eye_m: FloatArray) -> None:
+        """Hide what a camera there would see from behind, and show the rest."""
+        behind = frozenset(int(wall) for wall in np.flatnonzero(hidden(self._stage.walls, eye_m)))
+        if behind == self._behind:
+            return
+        self._behind = behind
+        with self._server.atomic():
+            for put in list(self._nodes.values()):
+                if put.wall is not None and put.node.visible != (put.wall not in behind):
+                    put.node.visible = put.wall not in behind
+        self._server.flush()
+
+    def _stand(self, *, fov_rad: float, aspect: float) -> Stand | None:
+        if self._whole is None:
+            return None
+        return stand(self._whole, self._stage, self._content.preset, fov_rad=fov_rad, aspect=aspect)
 
     def _turn(self, client: viser.ClientHandle) -> None:
-        """Have a browser look at the whole, as wide as its canvas is."""
-        if self._whole is None:
+        """Have a browser look as the preset says, as wide as its canvas is."""
+        found = self._stand(fov_rad=float(client.camera.fov), aspect=float(client.camera.aspect))
+        if found is None:
             return
-        middle, away = whole_view(self._whole, fov_rad=float(client.camera.fov), aspect=float(client.camera.aspect))
         with client.atomic():
-            client.camera.position, client.camera.look_at = away, middle
+            client.camera.up_direction = self._stage.up
+            client.camera.position, client.camera.look_at = found.eye_m, found.middle_m
+        self._cut(found.eye_m)
 
-    def _look_at_all(self, content: Content) -> None:
-        """Look at the middle of all clouds from above one corner, in browsers that are here and those that come."""
+    def _look(self, content: Content, aim: tuple[str, str, int]) -> None:
+        """Look as the preset says at all clouds, in browsers that are here and those that come."""
         clouds = [item.xyz for item in content.items if isinstance(item, Cloud) and len(item.xyz) > 0]
         if not clouds:
             return
         points = np.concatenate(clouds).astype(np.float64)
         self._whole = points[:: max(1, len(points) // 5000)]
-        fov_rad = float(self._server.initial_camera.fov)
-        middle, away = whole_view(self._whole, fov_rad=fov_rad, aspect=ASPECT)
-        self._server.initial_camera.look_at = middle
-        self._server.initial_camera.position = away
-        if self._aim != "":
-            for client in self._server.get_clients().values():
-                self._turn(client)
-        self._aim = content.aim or WHOLE_ROOM
+        self._aim = aim
+        found = self._stand(fov_rad=float(self._server.initial_camera.fov), aspect=ASPECT)
+        if found is None:
+            return
+        self._server.initial_camera.up = self._stage.up
+        self._server.initial_camera.look_at = found.middle_m
+        self._server.initial_camera.position = found.eye_m
+        self._cut(found.eye_m)
+        for client in self._server.get_clients().values():
+            self._turn(client)
+
+
+def _in_pieces(content: Content) -> list[tuple[int | None, Item]]:
+    """The items, each with the wall it is hidden with. A cloud without points is no cloud: viser's page complains."""
+    found: list[tuple[int | None, Item]] = []
+    for item in content.items:
+        match item:
+            case Cloud(xyz=xyz):
+                found += pieces(item, content.stage.walls) if len(xyz) > 0 else []
+            case Sheet(wall=wall) | Edges(wall=wall) | Label(wall=wall):
+                found.append((wall, item))
+            case Line() | Floor() | Axes():
+                found.append((None, item))
+    return found

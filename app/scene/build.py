@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,35 @@ from app.planes import palette
 from app.planes.geometry import labels, within_region
 from app.planes.palette import Colors
 from app.planes.state import EditedPatch, PlaneSet
-from app.scene.items import FIRST_SCANS, WHOLE_ROOM, Axes, Cloud, Content, Item, Label, Sheet
+from app.scene.aim import Stage, stage_of
+from app.scene.items import (
+    FIRST_SCANS,
+    WHOLE_ROOM,
+    Axes,
+    Cloud,
+    Content,
+    Edges,
+    Floor,
+    Item,
+    Label,
+    Sheet,
+    point_size_m,
+)
+from app.scene.support import support_of
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
 from calib_core.types import Float32Array, FloatArray, PlaneProposals, PointArray, Recording, Scan, Trajectory
 
-CONFIRMED_OPACITY = 0.40
-DROPPED_OPACITY = 0.10
-TARGET_OPACITY = 0.75
+CONFIRMED_OPACITY = 0.3
+DROPPED_OPACITY = 0.08
+TARGET_OPACITY = 0.6
+#: Where the lamp is, level axes, and how dark a wall is that it only grazes.
+LAMP = np.array([0.48, 0.29, 0.83])
+DARKEST = 0.72
+#: How much of a colour's lightness intensity may take or add.
+TEXTURE = 0.18
+#: The grid lies this much below the floor, whose own points it must not cut.
+UNDER_FLOOR_M = 0.03
 #: Of the points outside a box every so many-th is drawn.
 OUTSIDE_STRIDE = 6
 
@@ -44,44 +65,97 @@ class Solved:
 
 
 def build_planes(
-    proposals: PlaneProposals, planes: PlaneSet, *, limit: int, judging: bool = True, target: int | None = None
+    proposals: PlaneProposals,
+    planes: PlaneSet,
+    *,
+    limit: int,
+    judging: bool = True,
+    target: int | None = None,
+    up: FloatArray | None = None,
+    shaded: bool = True,
 ) -> Content:
-    """The static cloud coloured by patch, a sheet per patch to click, and the lidar's axes.
+    """The static cloud coloured by patch, a sheet per patch to click, the ground, and the lidar's axes.
 
-    judging: a click confirms or drops.   target: the patch that the next box is for.
+    judging: a click confirms or drops.   target: the patch that the next box is for.   up: (3,) map frame, where it is
+    known.   shaded: with depth; else the bare colours.
     """
     owner = labels(proposals, planes)
+    walls = np.array([(*patch.normal, patch.offset_m) for patch in planes.patches], dtype=np.float64).reshape(-1, 4)
+    stage = stage_of(up, walls)
     shown = thinned(len(proposals.cloud_m), limit)
     if planes.region:  # what a box has left out stays as a trace
         inside = within_region(proposals.cloud_m[shown], planes.region)
         shown = np.concatenate([shown[inside], shown[~inside][::OUTSIDE_STRIDE]])
+    xyz = proposals.cloud_m[shown]
     rgb = palette.by_label(owner[shown], [_patch_rgb(patch) for patch in planes.patches])
+    if shaded:
+        light = lightness(walls, stage)[owner[shown]]
+        rgb = palette.lit(rgb, light * texture(proposals.cloud_intensity[shown]))
     items: list[Item] = [
-        Cloud("/cloud", proposals.cloud_m[shown], rgb),
+        Cloud("/cloud", xyz, rgb, point_size_m(xyz)),
         Axes("/lidar", np.eye(3), np.zeros(3), 0.5),
+        *ground(xyz, stage),
     ]
     for place, patch in enumerate(planes.patches):
-        sheet = _sheet(place, patch)
-        if sheet is not None and place == target:
-            sheet = replace(sheet, opacity=TARGET_OPACITY)
-        if sheet is not None:
-            items.append(sheet)
-            items.append(Label(f"/names/{place}", patch.name, sheet.vertices[0].astype(np.float64)))
+        items += _drawn(place, patch, proposals.cloud_m[owner == place], stage, chosen=place == target)
     return Content(
         items=tuple(items),
         legend="Colour: the plane; a dropped one is faint, grey is no plane."
         + (" Click a plane to change it." if judging else ""),
-        aim=WHOLE_ROOM,
+        aim=WHOLE_ROOM if up is None else f"{WHOLE_ROOM}, upright",
+        stage=stage,
         # What lies outside a box makes no plane, so it is no place to click either.
         pickable_m=proposals.cloud_m[within_region(proposals.cloud_m, planes.region)],
     )
+
+
+def lightness(walls: FloatArray, stage: Stage) -> Float32Array:
+    """(K + 1,) how light each wall (K, 4) is under a lamp that stands off to one side; the last is of what has no wall."""
+    lamp = LAMP @ stage.R_level_scene
+    return np.append(DARKEST + (1.0 - DARKEST) * np.abs(walls[:, :3] @ lamp), 1.0).astype(np.float32)
+
+
+def texture(intensity: Float32Array) -> Float32Array:
+    """(N,) a little lighter and darker by intensity: posters, edges and floors show in a colour that is all one."""
+    if len(intensity) == 0:
+        return np.ones(0, dtype=np.float32)
+    low, high = np.percentile(intensity, [2, 98])
+    share = np.clip((intensity - low) / max(float(high - low), 1e-9), 0.0, 1.0)
+    return (1.0 + TEXTURE * (2.0 * share - 1.0)).astype(np.float32) if high > low else np.ones_like(intensity)
+
+
+def ground(points_m: Float32Array, stage: Stage) -> tuple[Floor, ...]:
+    """A grid of metres under the points (N, 3), once it is known which way is down."""
+    if len(points_m) == 0:
+        return ()
+    level = points_m.astype(np.float64) @ stage.R_level_scene.T
+    low, high = np.percentile(level, [1, 99], axis=0)
+    middle = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2] - UNDER_FLOOR_M])
+    width, depth = (2.0 * np.ceil((high - low)[:2] / 2.0 + 0.5)).tolist()
+    return (Floor("/ground", stage.R_level_scene.T, middle @ stage.R_level_scene, (width, depth)),)
+
+
+def _drawn(place: int, patch: EditedPatch, points_m: Float32Array, stage: Stage, *, chosen: bool) -> list[Item]:
+    """A patch: the sheet of what is used of it, its outline, its name."""
+    rgb = palette.plane_rgb(patch.color) if patch.confirmed else palette.NO_PLANE
+    opacity = TARGET_OPACITY if chosen else CONFIRMED_OPACITY if patch.confirmed else DROPPED_OPACITY
+    support = support_of(points_m, np.array([*patch.normal, patch.offset_m]), stage.up)
+    path = f"/planes/{place}"
+    if support is None:
+        return []
+    return [
+        Sheet(path, support.vertices, support.faces, rgb, opacity, patch=place, wall=place),
+        Edges(f"/outlines/{place}", support.edges, rgb, wall=place),
+        Label(f"/names/{place}", patch.name, support.middle, wall=place),
+    ]
 
 
 def build_unsolved(recording: Recording, place: int, *, color_by: ColorBy, limit: int, note: str) -> Content:
     """One scan as it came, lidar frame, before there is an answer."""
     scan = thinned_scan(recording.scans[place], limit)
     by: ColorBy = "intensity" if color_by == "intensity" else "time"
-    cloud = Cloud("/raw", scan.points["xyz"].astype(np.float32), scan_colors(scan, by))
+    xyz = scan.points["xyz"].astype(np.float32)
+    cloud = Cloud("/raw", xyz, scan_colors(scan, by), point_size_m(xyz))
     return Content(items=(cloud, Axes("/lidar", np.eye(3), np.zeros(3), 0.5)), legend=LEGENDS[by], note=note)
 
 
@@ -89,7 +163,8 @@ def build_first(points: PointArray, *, limit: int, note: str) -> Content:
     """The first points (N,) of a recording, lidar frame, before its planes are known."""
     shown: PointArray = points[thinned(len(points), limit)]
     scan = Scan(index=0, stamp_ns=0, points=shown)
-    cloud = Cloud("/cloud", shown["xyz"].astype(np.float32), scan_colors(scan, "intensity"))
+    xyz = shown["xyz"].astype(np.float32)
+    cloud = Cloud("/cloud", xyz, scan_colors(scan, "intensity"), point_size_m(xyz))
     axes = Axes("/lidar", np.eye(3), np.zeros(3), 0.5)
     return Content(items=(cloud, axes), legend=LEGENDS["intensity"], note=note, aim=FIRST_SCANS)
 
@@ -103,7 +178,7 @@ def build_straightened(
     """
     return Content(
         items=(
-            Cloud("/sweep", points_m, scan_colors(scan, "time")),
+            Cloud("/sweep", points_m, scan_colors(scan, "time"), point_size_m(points_m)),
             Axes("/lidar", np.eye(3), np.zeros(3), 0.5),
             Axes("/imu", R_lidar_imu, p_lidar_imu, 0.3),
         ),
@@ -135,23 +210,6 @@ def _patch_rgb(patch: EditedPatch) -> palette.Rgb:
     """The colour of a patch's points: that of its plane, and only a trace of it once it is dropped."""
     rgb = palette.plane_rgb(patch.color)
     return rgb if patch.confirmed else palette.faint(rgb)
-
-
-def _sheet(place: int, patch: EditedPatch) -> Sheet | None:
-    corners = np.array(patch.outline_m, dtype=np.float32).reshape(-1, 3)
-    count = len(corners)
-    if count < 3:
-        return None
-    around = np.arange(count, dtype=np.uint32)
-    faces = np.stack([np.zeros_like(around), 1 + around, 1 + (around + 1) % count], axis=1)
-    return Sheet(
-        path=f"/planes/{place}",
-        vertices=np.concatenate([corners.mean(axis=0, keepdims=True), corners]),
-        faces=faces.astype(np.uint32),
-        rgb=palette.plane_rgb(patch.color) if patch.confirmed else palette.NO_PLANE,
-        opacity=CONFIRMED_OPACITY if patch.confirmed else DROPPED_OPACITY,
-        patch=place,
-    )
 
 
 def scan_colors(scan: Scan, color_by: ColorBy) -> Colors:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.errors import ApiError
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
+from app.scene.aim import Stage, stage_of
 from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty
 from app.scene.converge import build_converging
 from app.scene.inspect import Look, Motions, build_inspection
-from app.scene.items import Content
+from app.scene.items import Cloud, Content
 from app.scene.nudge import nudged, wall_blur, with_old
 from app.scene.sources import SceneSources, Shelf
 from app.scene.straighten import fastest_scan, straighten
+from app.scene.upright import vertical_of
 from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
 from app.storage.records import RecordingRecord
@@ -52,6 +54,7 @@ class Composer:
         self._limit = displayed_points
         self._fastest: Shelf[int] = Shelf()
         self._costs: Shelf[WallBlur] = Shelf(kept=64)
+        self._stages: Shelf[Stage] = Shelf()
 
     def compose(self, record: RecordingRecord, state: ViewState, camera: Camera | None = None) -> Composed:
         """The scene of the view. camera: for the wipe, where the browser looks from."""
@@ -67,7 +70,7 @@ class Composer:
             content = self._solve_scene(record, recording, state)
         else:
             content, costs = self._inspect_scene(record, recording, state, camera)
-        return Composed(content, _view(record, recording, state, content, costs))
+        return Composed(_as_wished(content, state), _view(record, recording, state, content, costs))
 
     def _planes_scene(self, record: RecordingRecord, recording: Recording | None, state: ViewState) -> Content:
         try:
@@ -85,13 +88,16 @@ class Composer:
             limit=self._limit,
             judging=state.click == "toggle",
             target=state.target,
+            up=self._planes.up(record.id),
         )
 
     def _solve_scene(self, record: RecordingRecord, recording: Recording, state: ViewState) -> Content:
         """The sweeps straightened by the estimate of the moment, as it says where they were; else by the gyroscope."""
         step = self._latest_step(record, state)
         if step is not None and step.sweeps:
-            return build_converging(recording, step, limit=self._limit)
+            return build_converging(
+                recording, step, limit=self._limit, up=self._planes.up(record.id), straight=state.straight
+            )
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
         if step is None:
             note = "No estimate yet: the sweep that turned fastest, raw."
@@ -117,7 +123,9 @@ class Composer:
             note = "There is no answer yet: the scan is raw."
             content = build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note)
             return content, Costs()
-        motions = _motions(found.solved, state)
+        solved = found.solved
+        stage = self._stages.get(found.job_id, lambda: _stage(recording, solved))
+        motions = _motions(solved, state)
         look = Look(
             place=state.scan,
             show=state.show,
@@ -126,6 +134,7 @@ class Composer:
             color_by=state.color_by,
             wipe=state.wipe,
             limit=self._limit,
+            stage=stage,
         )
         costs = Costs(
             nudge=None if state.nudge is None else self._cost(found.job_id, recording, found.solved, motions.shown),
@@ -137,6 +146,22 @@ class Composer:
         """What a wrong motion costs, worked out once: a slider through the scans does not change it."""
         mark = zlib.crc32(wrong.times_s.tobytes() + wrong.R_map_lidar.tobytes() + wrong.p_map_lidar.tobytes())
         return self._costs.get(f"{job_id}{mark}", lambda: wall_blur(recording, solved, wrong))
+
+
+def _stage(recording: Recording, solved: Solved) -> Stage:
+    """The solved planes, upright."""
+    up = vertical_of(recording, solved.trajectory, solved.T_imu_lidar, time_offset_s=solved.time_offset_s)
+    walls = np.array([(*plane.normal, plane.offset_m) for plane in solved.planes], dtype=np.float64).reshape(-1, 4)
+    return stage_of(up, walls)
+
+
+def _as_wished(content: Content, state: ViewState) -> Content:
+    """The content seen from where it is wished to be seen, its points as large as wished."""
+    items = tuple(
+        replace(item, size_m=item.size_m * state.point_scale) if isinstance(item, Cloud) else item
+        for item in content.items
+    )
+    return replace(content, items=items, preset=state.preset, looks=state.looks)
 
 
 def _motions(solved: Solved, state: ViewState) -> Motions:

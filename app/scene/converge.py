@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from app.planes import palette
 from app.results.thickness import nearest_plane, rigid_map_points
-from app.scene.build import thinned_scan
+from app.scene.aim import stage_of
+from app.scene.build import ground, thinned_scan
 from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
 from app.scene.items import Axes, Cloud, Content, breadth_m, frame_names, point_size_m
 from calib_core import api
@@ -23,8 +24,13 @@ from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
 WALL_GATE_M = 0.10
 
 
-def build_converging(recording: Recording, step: IterationEvent, *, limit: int) -> Content:
-    """The sweeps of a step, coloured by their distance to the nearest plane, and both sensors' frames."""
+def build_converging(
+    recording: Recording, step: IterationEvent, *, limit: int, up: FloatArray | None = None, straight: float = 1.0
+) -> Content:
+    """The sweeps of a step, coloured by their distance to the nearest plane, and both sensors' frames.
+
+    up: (3,) map frame, where it is known.   straight: how much of the motion is taken out, 0..1.
+    """
     by_stamp = {scan.stamp_ns: scan for scan in recording.scans}
     seen = [(by_stamp[sweep.stamp_ns], sweep) for sweep in step.sweeps if sweep.stamp_ns in by_stamp]
     each = max(1, limit // max(1, len(seen)))
@@ -35,7 +41,9 @@ def build_converging(recording: Recording, step: IterationEvent, *, limit: int) 
     rigid = np.concatenate([rigid_map_points(scan, motion) for scan, motion in pairs])
     normals = np.array([plane.normal for plane in step.planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in step.planes], dtype=np.float64)
-    _, dist_m = nearest_plane(moved, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
+    shown: Float32Array = rigid + np.float32(straight) * (moved - rigid)
+    _, dist_m = nearest_plane(shown, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
+    stage = stage_of(up, np.column_stack([normals, offsets_m]))
     after_m, before_m = _thickness(moved, rigid, normals, offsets_m)
     first = pairs[0][1]
     matrix = np.array(step.matrix)
@@ -44,11 +52,13 @@ def build_converging(recording: Recording, step: IterationEvent, *, limit: int) 
     p_imu = p_lidar - R_imu @ matrix[:3, 3]
     return Content(
         items=(
-            Cloud("/sweeps", moved, palette.diverging(dist_m, RESIDUAL_HALF_M), point_size_m(moved)),
+            Cloud("/sweeps", shown, palette.diverging(dist_m, RESIDUAL_HALF_M), point_size_m(moved)),
             Axes("/lidar", R_lidar, p_lidar, 0.45),
             Axes("/imu", R_imu, p_imu, 0.3),
-            *frame_names(p_lidar, p_imu, breadth_m([moved])),
+            *frame_names(p_lidar, p_imu, breadth_m([moved]), up=stage.up),
+            *ground(moved, stage),
         ),
+        stage=stage,
         legend=f"{len(pairs)} sweeps as this estimate has them: walls {after_m * 1e3:.1f} mm thick "
         f"({before_m * 1e3:.1f} mm with the motion left in). Colour: distance to plane, blue -50, white 0, orange +50 mm.",
     )

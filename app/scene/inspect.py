@@ -8,7 +8,7 @@ old        the same with the extrinsic the user had before
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,8 @@ import numpy as np
 from app.planes import palette
 from app.planes.palette import Colors
 from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
-from app.scene.build import LEGENDS, Solved, scan_colors, thinned, thinned_scan
+from app.scene.aim import Stage
+from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.wipe import Camera, left_of
 from app.schemas.view import Against, ColorBy, Extent, Show
@@ -31,7 +32,7 @@ RESIDUAL_GATE_M = 0.30
 RESIDUAL_HALF_M = 0.05
 #: Scans accumulated in the map.
 MAP_SCANS = 60
-#: Clouds beside each other stand this much of their own breadth apart, along this direction of the map.
+#: Clouds beside each other stand this much of their own breadth apart, along this direction, level axes.
 SIDE_STEP = 1.12
 SIDE_DIRECTION = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
 
@@ -54,6 +55,7 @@ class Look:
     color_by: ColorBy
     wipe: float
     limit: int
+    stage: Stage = field(default_factory=Stage)
 
 
 @dataclass(frozen=True)
@@ -80,15 +82,18 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     shifts = [np.zeros(3) for _ in parts]
     labels: list[Item] = []
     if look.show == "side":
-        shifts = _shifts(parts)
+        shifts = _shifts(parts, look.stage)
         parts = [_moved(part, shift) for part, shift in zip(parts, shifts, strict=True)]
-        labels = [_title(part, source) for part, source in zip(parts, sources, strict=True)]
+        labels = [_title(part, source, look.stage) for part, source in zip(parts, sources, strict=True)]
     stand = shifts[sources.index("deskewed")] if "deskewed" in sources else shifts[-1]
     frames = _motion(recording, look, motions, stand, breadth_m([part.xyz for part in parts]))
+    beside = look.show == "side"
     return Content(
-        items=(*parts, *labels, *frames),
+        items=(*parts, *labels, *frames, *(() if beside else ground(parts[-1].xyz, look.stage))),
         legend=_legend(look, sources),
-        aim=f"side of {len(sources)}" if look.show == "side" else ONE_PLACE,
+        aim=f"side of {len(sources)}" if beside else ONE_PLACE,
+        # Beside each other there is more than one room, and walls of none of them are where the planes say.
+        stage=replace(look.stage, walls=look.stage.walls[:0]) if beside else look.stage,
     )
 
 
@@ -115,7 +120,7 @@ def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, l
         rgb = palette.uniform(sum(len(part) for part in points), ONE_COLOR[source])
     else:
         pairs = zip(scans, points, strict=True)
-        rgb = np.concatenate([_colors(scan, part, motions.solved, look.color_by) for scan, part in pairs])
+        rgb = np.concatenate([_colors(scan, part, motions.solved, look.stage, look.color_by) for scan, part in pairs])
     xyz = np.concatenate(points)
     return Cloud(f"/{source}", xyz, rgb, point_size_m(xyz))
 
@@ -127,7 +132,7 @@ def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:
     return api.map_points(scan, trajectory)
 
 
-def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: ColorBy) -> Colors:
+def _colors(scan: Scan, points_map: Float32Array, solved: Solved, stage: Stage, color_by: ColorBy) -> Colors:
     if color_by in {"time", "intensity"}:
         return scan_colors(scan, color_by)
     normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
@@ -136,7 +141,9 @@ def _colors(scan: Scan, points_map: Float32Array, solved: Solved, color_by: Colo
         owner, _ = nearest_plane(
             points_map, normals, offsets_m, gate_m=PLANE_GATE_M, outlines_m=outlines_of(solved.planes)
         )
-        return palette.by_label(owner, [palette.plane_rgb(place) for place in solved.colors])
+        rgb = palette.by_label(owner, [palette.plane_rgb(place) for place in solved.colors])
+        light = lightness(np.column_stack([normals, offsets_m]), stage)[owner]
+        return palette.lit(rgb, light * texture(scan.points["intensity"].astype(np.float32)))
     _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
     return palette.diverging(dist_m, RESIDUAL_HALF_M)
 
@@ -149,20 +156,21 @@ def _moved(cloud: Cloud, shift_m: FloatArray) -> Cloud:
     return Cloud(cloud.path, (cloud.xyz + shift_m).astype(np.float32), cloud.rgb, cloud.size_m)
 
 
-def _shifts(parts: list[Cloud]) -> list[FloatArray]:
+def _shifts(parts: list[Cloud], stage: Stage) -> list[FloatArray]:
     """Where clouds beside each other go: evenly spaced about where one alone would be."""
-    along_m = parts[-1].xyz @ SIDE_DIRECTION if len(parts[-1].xyz) else np.zeros(1)
+    direction: FloatArray = SIDE_DIRECTION @ stage.R_level_scene
+    along_m = parts[-1].xyz @ direction if len(parts[-1].xyz) else np.zeros(1)
     low, high = np.percentile(along_m, [2, 98])
     step_m = SIDE_STEP * max(1.0, float(high - low))
-    return [(place - (len(parts) - 1) / 2) * step_m * SIDE_DIRECTION for place in range(len(parts))]
+    return [(place - (len(parts) - 1) / 2) * step_m * direction for place in range(len(parts))]
 
 
-def _title(cloud: Cloud, source: Source) -> Label:
+def _title(cloud: Cloud, source: Source, stage: Stage) -> Label:
     if len(cloud.xyz) == 0:
         return Label(f"/titles/{source}", TITLES[source], np.zeros(3))
-    low, high = np.percentile(cloud.xyz, [2, 98], axis=0)
-    above = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 1.1])
-    return Label(f"/titles/{source}", TITLES[source], above.astype(np.float64))
+    low, high = np.percentile(cloud.xyz @ stage.R_level_scene.T, [2, 98], axis=0)
+    above = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 1.1]) @ stage.R_level_scene
+    return Label(f"/titles/{source}", TITLES[source], above)
 
 
 def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArray, breadth: float) -> tuple[Item, ...]:
@@ -182,7 +190,7 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
         *items,
         Axes("/lidar", R_map_lidar, p_map_lidar, 0.45),
         Axes("/imu", R_map_imu, p_map_imu, 0.3),
-        *frame_names(p_map_lidar, p_map_imu, breadth),
+        *frame_names(p_map_lidar, p_map_imu, breadth, up=look.stage.up),
     )
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.planes.palette import Colors, Rgb
+from app.scene.aim import Stage
+from app.schemas.view import Preset
 from calib_core.types import Float32Array, FloatArray
 
 
@@ -25,7 +27,10 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sheet:
-    """A flat mesh seen from both sides. patch: what a click on it means, the patch's place; None: not clickable."""
+    """A flat mesh seen from both sides. patch: what a click on it means, the patch's place; None: not clickable.
+
+    wall: the wall of the stage that it is part of, hidden with it; None: of none.
+    """
 
     path: str
     vertices: Float32Array
@@ -33,6 +38,7 @@ class Sheet:
     rgb: Rgb
     opacity: float
     patch: int | None = None
+    wall: int | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,6 +49,27 @@ class Line:
     xyz: Float32Array
     rgb: Rgb
     width_px: float = 1.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Edges:
+    """Separate lines. ends: (E, 2, 3).   width_px: on the screen.   wall: as of a sheet."""
+
+    path: str
+    ends: Float32Array
+    rgb: Rgb
+    width_px: float = 1.5
+    wall: int | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Floor:
+    """A grid of metres on the ground. R_scene_grid: (3, 3), its third column up.   size_m: how far it goes, both ways."""
+
+    path: str
+    R_scene_grid: FloatArray
+    p_scene_grid: FloatArray
+    size_m: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -57,18 +84,24 @@ class Axes:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Label:
-    """A word at a place."""
+    """A word at a place. wall: as of a sheet."""
 
     path: str
     text: str
     position: FloatArray
+    wall: int | None = None
 
 
 #: Aims of cameras. The first scans are a part of the room, and what is inspected moves through it: each is looked at for
 #: itself.
 FIRST_SCANS, WHOLE_ROOM, ONE_PLACE = "first scans", "room", "one"
 
-Item = Cloud | Sheet | Line | Axes | Label
+#: Points are drawn no smaller and no larger than this.
+SMALLEST_POINT_M, LARGEST_POINT_M = 0.008, 0.035
+#: How far apart points lie is asked of so many, among so many, by so many neighbours: a few milliseconds.
+SPACING_ASKED, SPACING_KNOWN, SPACING_NEIGHBOURS = 300, 20_000, 8
+
+Item = Cloud | Sheet | Line | Edges | Floor | Axes | Label
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +111,17 @@ class Content:
     legend: what the colours mean, with units.   note: why it is empty or other than asked.
     pickable_m: (N, 3) source points a click in the canvas may mean, map frame; empty where clicks mean nothing.
     aim: cameras look at the whole anew when this changes; "" leaves them where they are.
+    stage: the room around it, which says what is up, and what is cut away.   preset: from where cameras look; they
+    go there again when `looks` changes.
     """
 
     items: tuple[Item, ...]
     legend: str
     note: str = ""
     aim: str = ""
+    stage: Stage = field(default_factory=Stage)
+    preset: Preset = "overview"
+    looks: int = 0
     pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
 
     @property
@@ -101,18 +139,28 @@ def breadth_m(clouds: Sequence[Float32Array]) -> float:
     return max(1.0, float(np.linalg.norm(high - low)))
 
 
-def frame_names(p_lidar: FloatArray, p_imu: FloatArray, breadth: float) -> tuple[Label, Label]:
+def frame_names(
+    p_lidar: FloatArray, p_imu: FloatArray, breadth: float, *, up: FloatArray | None = None
+) -> tuple[Label, Label]:
     """The sensors' names, the lidar's above and the IMU's below, as far apart as words need in a scene that broad."""
-    up = np.array([0.0, 0.0, 0.045 * breadth])
-    return Label("/names/lidar", "lidar", p_lidar + up), Label("/names/imu", "IMU", p_imu - up)
+    away = 0.045 * breadth * (np.array([0.0, 0.0, 1.0]) if up is None else up)
+    return Label("/names/lidar", "lidar", p_lidar + away), Label("/names/imu", "IMU", p_imu - away)
 
 
 def point_size_m(xyz: Float32Array) -> float:
-    """How large points (N, 3) are drawn so that surfaces close without hiding what is thin."""
-    if len(xyz) < 2:
-        return 0.02
-    low, high = np.percentile(xyz, [2, 98], axis=0)
-    return float(np.clip(0.26 * np.linalg.norm(high - low) / np.sqrt(len(xyz)), 0.015, 0.04))
+    """How large points (N, 3) are drawn so that surfaces close without hiding what is thin: by how far apart they lie.
+
+    Measured from some points to their neighbours: k of them within r of each lie 1 / sqrt(k / (pi r^2)) apart.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(xyz) < 2 * SPACING_NEIGHBOURS:
+        return LARGEST_POINT_M
+    known = xyz[:: max(1, len(xyz) // SPACING_KNOWN)]
+    asked = known[:: max(1, len(known) // SPACING_ASKED)]
+    away_m, _ = cKDTree(known).query(asked, k=SPACING_NEIGHBOURS + 1)
+    apart_m = float(np.median(away_m[:, -1])) * np.sqrt(np.pi / SPACING_NEIGHBOURS) * np.sqrt(len(known) / len(xyz))
+    return float(np.clip(0.8 * apart_m, SMALLEST_POINT_M, LARGEST_POINT_M))
 
 
 def fingerprint(item: Item) -> int:
@@ -124,6 +172,10 @@ def fingerprint(item: Item) -> int:
             return hash((vertices.tobytes(), faces.tobytes(), rgb, opacity, patch))
         case Line(xyz=xyz, rgb=rgb, width_px=width_px):
             return hash((xyz.tobytes(), rgb, width_px))
+        case Edges(ends=ends, rgb=rgb, width_px=width_px):
+            return hash((ends.tobytes(), rgb, width_px))
+        case Floor(R_scene_grid=rotation, p_scene_grid=position, size_m=size_m):
+            return hash((rotation.tobytes(), position.tobytes(), size_m))
         case Axes(R_scene_frame=rotation, p_scene_frame=position, length_m=length_m):
             return hash((rotation.tobytes(), position.tobytes(), length_m))
         case Label(text=text, position=position):

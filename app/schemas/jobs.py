@@ -39,12 +39,18 @@ class PlanesOutcome(WireModel):
     static: bool = Field(description="whether the platform stood still while the cloud was taken")
 
 
+Tone = Literal["good", "doubtful", "bad"]
+
+
 class SolveOutcome(WireModel):
     """A result was written; read it from /api/results/{job_id}. None where `status` is refused."""
 
     kind: Literal["solve"] = "solve"
     status: Status
     verdict: str = Field(description="one sentence for a person")
+    tone: Tone | None = Field(default=None, description="the verdict's colour; None of runs of an older version")
+    codes: list[str] = Field(default_factory=list, description="of the result's warnings and errors")
+    planes_used: int | None = Field(default=None, description="planes that the answer rests on; None of older runs")
     translation_m: list[float] | None
     euler_xyz_deg: list[float] | None
     time_offset_s: float | None

@@ -22,10 +22,19 @@ class Patch(WireModel):
     area_m2: float
     n_points: int
     rms_m: float
-    tilt_deg: float = Field(description="angle between the normal and the map's z axis, 0..90")
+    tilt_deg: float = Field(description="angle between the normal and the vertical, 0..90; see `upright`")
     confirmed: bool
     restricted: bool = Field(description="whether a box of its own leaves part of it out")
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
+
+
+class Foreseen(WireModel):
+    """The axis of the calibration that is least known with the confirmed planes, one standard deviation; see `limit`."""
+
+    name: str = Field(examples=["Position z"])
+    std: float
+    unit: Literal["deg", "m", "s"]
+    limit: float = Field(description="beyond which the axis is weak, in the same unit")
 
 
 class Determinacy(WireModel):
@@ -43,7 +52,11 @@ class Planes(WireModel):
 
     patches: list[Patch]
     determinacy: Determinacy
+    foreseen: Foreseen | None = Field(
+        default=None, description="None until there is a forecast, and where the planes leave a direction open"
+    )
     static: bool
+    upright: bool = Field(default=False, description="whether the vertical is gravity's; else it is the map's z axis")
     restricted: bool = Field(description="whether a box leaves part of the cloud out, for all planes")
     can_undo: bool
     can_redo: bool

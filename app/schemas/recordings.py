@@ -31,6 +31,9 @@ class Recording(WireModel):
     has_planes: bool = Field(description="whether planes have been proposed for it as it is read now")
     created_at: datetime
     latest_job: Job | None = None
+    verdict: Literal["good", "limited", "unusable"] | None = Field(
+        default=None, description="the doctor's, in lists too; None until inspected"
+    )
 
 
 class OpenRecording(WireModel):
@@ -126,6 +129,14 @@ class Sample(WireModel):
     text: str
 
 
+class WeakLimits(WireModel):
+    """One standard deviation of a kind of axis."""
+
+    rotation_deg: float
+    translation_m: float
+    time_offset_s: float
+
+
 class ServerFacts(WireModel):
     """What a client needs to know before anything else."""
 
@@ -135,6 +146,9 @@ class ServerFacts(WireModel):
     upload_suffixes: list[str]
     export_formats: list[str]
     samples: list[Sample]
+    limits: WeakLimits = Field(description="beyond which standard deviation an axis is weak")
+    axis_names: dict[str, str] = Field(description="by the axis's name in the covariance's order")
+    imu_presets: list[str] = Field(description="IMUs whose noise is known by name")
 
 
 class NewShareLink(WireModel):

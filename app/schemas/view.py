@@ -16,6 +16,7 @@ Against = Literal["raw", "old"]
 Extent = Literal["scan", "map"]
 ColorBy = Literal["plane", "time", "residual", "intensity"]
 Click = Literal["toggle", "grow", "restrict"]
+Preset = Literal["overview", "inside", "top", "front"]
 
 
 class Nudge(WireModel):
@@ -71,6 +72,17 @@ class ViewState(WireModel):
         "`restrict`: a drag draws a box, a click chooses the plane it is for",
     )
     target: int | None = Field(default=None, ge=0, description="the patch that the next box restricts; None: all")
+    preset: Preset = Field(
+        default="overview",
+        description="from where cameras look: at the room cut open, from inside it, straight down, or along a wall's normal",
+    )
+    looks: int = Field(default=0, ge=0, description="raise it to have cameras go to their preset again")
+    point_scale: float = Field(
+        default=1.0, ge=0.25, le=4, description="size of the points over what their spacing asks for"
+    )
+    straight: float = Field(
+        default=1.0, ge=0, le=1, description="how much of the motion is taken out of a solve's sweeps; 0: as they came"
+    )
     dark: bool = False
 
 
@@ -89,6 +101,10 @@ class ChangeView(WireModel):
     old: OldExtrinsic | None = None
     click: Click = "toggle"
     target: int | None = Field(default=None, ge=0)
+    preset: Preset = "overview"
+    looks: int = Field(default=0, ge=0)
+    point_scale: float = Field(default=1.0, ge=0.25, le=4)
+    straight: float = Field(default=1.0, ge=0, le=1)
     dark: bool = False
 
 

@@ -32,7 +32,7 @@ from app.scene.hub import SceneHub
 from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.jobs import Job
-from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink
+from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink, WeakLimits
 from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.feed import RecordingFeed
 from app.server.share import ShareLinks
@@ -42,7 +42,9 @@ from app.storage.database import open_database, touch_database
 from app.storage.files import SUFFIXES, DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
+from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core import __version__, api
+from calib_core.presets import IMU_PRESETS
 
 #: Scenarios offered as samples, and their titles; the first is the one click away.
 SAMPLES = {
@@ -138,6 +140,9 @@ class Services:
             max_upload_bytes=self.settings.max_upload_bytes,
             upload_suffixes=list(SUFFIXES),
             export_formats=list(api.export_names()),
+            limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
+            axis_names=AXIS_NAMES,
+            imu_presets=[preset.name for preset in IMU_PRESETS],
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
 

@@ -140,7 +140,11 @@ class Workflow:
         self._feed.tell(recording.id, JobChanged(job=job))
         if job.state == "done" and job.kind == "planes":
             self._proposed(recording.id)
-        if job.kind in {"planes", "solve"} and job.state in {"done", "running"}:
+        # A report names the planes and tells which way is up.
+        if (job.kind in {"planes", "solve"} and job.state in {"done", "running"}) or (job.kind, job.state) == (
+            "inspect",
+            "done",
+        ):
             self._bus.publish(ShownChanged(recording.id))
         if job.state == "done" and job.kind == "simulate":
             self._arrived(recording)

@@ -65,13 +65,21 @@ def planes_report(proposals: PlaneProposals, gravity: FloatArray | None) -> Plan
                 distance_m=round(abs(patch.plane.offset_m), 3),
                 points=patch.n_points,
                 rms_m=round(patch.rms_m, 5),
+                normal=_rounded(patch.plane.normal),
             )
         )
     normals = np.array([patch.plane.normal for patch in proposals.patches])
     spread = 3.0 * determinacy(normals) if len(normals) >= 3 else 0.0
     determined = spread >= 3.0 * _LEAST_DETERMINACY
     text = _planes_in_words(planes, determined=determined)
-    return PlanesReport(planes=tuple(planes), determinacy=round(spread, 4), determined=determined, text=text)
+    up = None if gravity is None else _rounded(-gravity / np.linalg.norm(gravity))
+    return PlanesReport(planes=tuple(planes), determinacy=round(spread, 4), determined=determined, text=text, up=up)
+
+
+def _rounded(direction: FloatArray) -> tuple[float, float, float]:
+    """A unit vector to a hundredth of a degree."""
+    x, y, z = (round(float(component), 5) for component in direction)
+    return x, y, z
 
 
 def _kind(normal: FloatArray, gravity: FloatArray | None) -> tuple[str, float | None]:

@@ -233,7 +233,8 @@ class PlaneReport(_Model):
     """One plane that can be expected.
 
     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
-    the lidar.   points, rms_m: of the sampled points on it.
+    the lidar.   points, rms_m: of the sampled points on it.   normal: of unit length, towards the lidar, lidar axes at the
+    reference scan; None in reports of older versions.
     """
 
     name: str
@@ -243,19 +244,22 @@ class PlaneReport(_Model):
     distance_m: float
     points: int
     rms_m: float
+    normal: Axes | None = None
 
 
 class PlanesReport(_Model):
     """The planes that can be expected, largest first.
 
     determinacy: 0 where some direction of the lidar's motion is seen by none, 1 for three equal ones at right angles.
-    determined: whether they fix the lidar's pose.   text: for a person.
+    determined: whether they fix the lidar's pose.   text: for a person.   up: unit vector against gravity in the frame of
+    the normals; None where gravity is not known.
     """
 
     planes: tuple[PlaneReport, ...]
     determinacy: float
     determined: bool
     text: str
+    up: Axes | None = None
 
 
 class DoctorReport(_Model):

@@ -15,17 +15,17 @@ export function App() {
   return (
     <Boundary>
       <DropZone>
-      <Routes>
-        <Route path="/" element={<StartScreen />} />
-        <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
-          <Route path="recording" element={<RecordingScreen />} />
-          <Route path="planes" element={<PlanesScreen />} />
-          <Route path="solve" element={<SolveScreen />} />
-          <Route path="inspect" element={<InspectScreen />} />
-          <Route path="result" element={<ResultScreen />} />
-        </Route>
-        <Route path="*" element={<NotFound />} />
-      </Routes>
+        <Routes>
+          <Route path="/" element={<StartScreen />} />
+          <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
+            <Route path="recording" element={<RecordingScreen />} />
+            <Route path="planes" element={<PlanesScreen />} />
+            <Route path="solve" element={<SolveScreen />} />
+            <Route path="inspect" element={<InspectScreen />} />
+            <Route path="result" element={<ResultScreen />} />
+          </Route>
+          <Route path="*" element={<NotFound />} />
+        </Routes>
       </DropZone>
     </Boundary>
   );

@@ -1,12 +1,30 @@
 import { createTheme, type CSSVariablesResolver, type MantineColorsTuple } from "@mantine/core";
 
 const signal: MantineColorsTuple = [
-  "#eaf2ff", "#d3e3ff", "#a8c7ff", "#7fadff", "#5c97fb", "#3f82ee", "#2b6edb", "#1f5cbf", "#174a9c", "#0f3878",
+  "#eaf2ff",
+  "#d3e3ff",
+  "#a8c7ff",
+  "#7fadff",
+  "#5c97fb",
+  "#3f82ee",
+  "#2b6edb",
+  "#1f5cbf",
+  "#174a9c",
+  "#0f3878",
 ];
 
 /** Neutral greys with a trace of blue: colours in the 3D scene must not be tinted by what surrounds them. */
 const dark: MantineColorsTuple = [
-  "#e7eaee", "#c4cbd4", "#a3adb9", "#8792a0", "#4a535e", "#363d46", "#2a3038", "#1c2026", "#15181d", "#0f1215",
+  "#e7eaee",
+  "#c4cbd4",
+  "#a3adb9",
+  "#8792a0",
+  "#4a535e",
+  "#363d46",
+  "#2a3038",
+  "#1c2026",
+  "#15181d",
+  "#0f1215",
 ];
 
 export const theme = createTheme({

@@ -2,7 +2,8 @@ import { describe, expect, it } from "vitest";
 import { recordingOf, type FoundFile } from "../src/features/start/gather";
 import { tarOf } from "../src/features/start/tar";
 
-const found = (folder: string, ...names: string[]): FoundFile[] => names.map((name) => ({ folder, file: new File([name], name, { lastModified: 1000 }) }));
+const found = (folder: string, ...names: string[]): FoundFile[] =>
+  names.map((name) => ({ folder, file: new File([name], name, { lastModified: 1000 }) }));
 
 describe("what was dropped becomes one file", () => {
   it("sends a single bag as it is, whatever lies beside it", () => {
@@ -29,7 +30,11 @@ describe("what was dropped becomes one file", () => {
 describe("the archive", () => {
   it("is found again by name, size and time", () => {
     // Fails with the time of packing: an interrupted upload of the same folder would begin anew.
-    const pack = () => tarOf("rig.tar", found("", "a.bag", "b.bag").map(({ file }) => ({ name: file.name, file })));
+    const pack = () =>
+      tarOf(
+        "rig.tar",
+        found("", "a.bag", "b.bag").map(({ file }) => ({ name: file.name, file })),
+      );
     const [one, again] = [pack(), pack()];
     expect([one.size, one.lastModified]).toEqual([again.size, again.lastModified]);
     expect(one.size % 512).toBe(0);
@@ -39,7 +44,11 @@ describe("the archive", () => {
     // Oracle: the number, from its bytes. Fails with twelve octal digits, which overflow into the time.
     const big = new File([], "big.bag");
     Object.defineProperty(big, "size", { value: 9 * 1024 ** 3 + 512 });
-    const header = new Uint8Array(await tarOf("x.tar", [{ name: "big.bag", file: big }]).slice(0, 512).arrayBuffer());
+    const header = new Uint8Array(
+      await tarOf("x.tar", [{ name: "big.bag", file: big }])
+        .slice(0, 512)
+        .arrayBuffer(),
+    );
     expect(header[124]).toBe(0x80);
     expect(header.slice(125, 136).reduce((sum, byte) => sum * 256 + byte, 0)).toBe(9 * 1024 ** 3 + 512);
     const sum = header.reduce((all, byte, at) => all + (at >= 148 && at < 156 ? 32 : byte), 0);

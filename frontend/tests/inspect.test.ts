@@ -1,18 +1,48 @@
 import { describe, expect, it } from "vitest";
 import { parseOld, writeOld } from "../src/features/inspect/oldtext";
-import { badScans, joined, parseSpans, sameSpans, spanOfScan, without, writeSpans } from "../src/features/inspect/spans";
+import {
+  badScans,
+  joined,
+  parseSpans,
+  sameSpans,
+  spanOfScan,
+  without,
+  writeSpans,
+} from "../src/features/inspect/spans";
 import { readWish, writeWish } from "../src/features/inspect/wish";
 
 describe("spans of time", () => {
   // Fails with spans that touch kept apart, or taken out of order.
   it("become one where they touch", () => {
-    expect(joined([[5, 6]], [1, 2])).toEqual([[1, 2], [5, 6]]);
-    expect(joined([[1, 3], [5, 6]], [2, 5.5])).toEqual([[1, 6]]);
-    expect(without([[1, 2], [5, 6]], [5, 6])).toEqual([[1, 2]]);
+    expect(joined([[5, 6]], [1, 2])).toEqual([
+      [1, 2],
+      [5, 6],
+    ]);
+    expect(
+      joined(
+        [
+          [1, 3],
+          [5, 6],
+        ],
+        [2, 5.5],
+      ),
+    ).toEqual([[1, 6]]);
+    expect(
+      without(
+        [
+          [1, 2],
+          [5, 6],
+        ],
+        [5, 6],
+      ),
+    ).toEqual([[1, 2]]);
   });
   // Fails with the milliseconds cut off.
   it("survive the URL", () => {
-    const spans = [[0, 0.125], [12.5, 14]] as const;
+    const spans = [
+      [0, 0.125],
+      [12.5, 14],
+    ] as const;
     expect(parseSpans(writeSpans(spans))).toEqual(spans);
     expect(parseSpans("none")).toEqual([]);
     expect(parseSpans("4-2,x,1-1")).toEqual([]);
@@ -49,10 +79,21 @@ describe("the URL of an inspection", () => {
   it("says everything that is wished for", () => {
     const wish = {
       ...readWish(new URLSearchParams(), 5),
-      scan: 7, show: "wipe" as const, against: "old" as const, extent: "map" as const, wipe: 0.25, colorBy: "residual" as const, old, leaveOut: [[1, 2] as const],
+      scan: 7,
+      show: "wipe" as const,
+      against: "old" as const,
+      extent: "map" as const,
+      wipe: 0.25,
+      colorBy: "residual" as const,
+      old,
+      leaveOut: [[1, 2] as const],
     };
     expect(readWish(writeWish(new URLSearchParams("job=x"), wish), 0)).toEqual(wish);
     expect(writeWish(new URLSearchParams("job=x"), wish).get("job")).toBe("x");
-    expect(readWish(new URLSearchParams("against=old&show=old&wipe=9"), 0)).toMatchObject({ against: "raw", show: "raw", wipe: 1 });
+    expect(readWish(new URLSearchParams("against=old&show=old&wipe=9"), 0)).toMatchObject({
+      against: "raw",
+      show: "raw",
+      wipe: 1,
+    });
   });
 });

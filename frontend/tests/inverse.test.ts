@@ -2,13 +2,22 @@ import { describe, expect, it } from "vitest";
 import { eulerDeg, inverted } from "../src/features/result/inverse";
 
 type M = number[][];
-const product = (a: M, b: M): M => a.map((row) => (b[0] ?? []).map((_, j) => row.reduce((sum, v, k) => sum + v * (b[k]?.[j] ?? 0), 0)));
+const product = (a: M, b: M): M =>
+  a.map((row) => (b[0] ?? []).map((_, j) => row.reduce((sum, v, k) => sum + v * (b[k]?.[j] ?? 0), 0)));
 const transposed = (m: M): M => (m[0] ?? []).map((_, j) => m.map((row) => row[j] ?? 0));
 
 /** Rotation by a vector, as the power series of the matrix exponential: no closed form shared with the code. */
 function turned([x = 0, y = 0, z = 0]: number[]): M {
-  const K = [[0, -z, y], [z, 0, -x], [-y, x, 0]];
-  let term: M = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const K = [
+    [0, -z, y],
+    [z, 0, -x],
+    [-y, x, 0],
+  ];
+  let term: M = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ];
   let sum = term;
   for (let n = 1; n < 30; n += 1) {
     term = product(term, K).map((row) => row.map((v) => v / n));
@@ -44,7 +53,12 @@ describe("the transform the other way", () => {
       const plus = inverseOf(Array.from({ length: 6 }, (__, i) => (i === k ? h : 0)));
       // The right perturbation of the inverse: base^T plus = I + [r']x.
       const D = product(transposed(base.Rt), plus.Rt);
-      return [D[2]?.[1] ?? 0, D[0]?.[2] ?? 0, D[1]?.[0] ?? 0, ...plus.t.map((value, i) => value - (base.t[i] ?? 0))].map((value) => value / h);
+      return [
+        D[2]?.[1] ?? 0,
+        D[0]?.[2] ?? 0,
+        D[1]?.[0] ?? 0,
+        ...plus.t.map((value, i) => value - (base.t[i] ?? 0)),
+      ].map((value) => value / h);
     });
     const J = transposed(columns);
     const cov6 = covariance.slice(0, 6).map((row) => row.slice(0, 6));

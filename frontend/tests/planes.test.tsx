@@ -23,6 +23,7 @@ const patch = (index: number, normal: number[], offset_m: number, confirmed = tr
 const planes: Planes = {
   patches: [patch(0, [1, 0, 0], 2), patch(1, [-1, 0, 0], -2.1), patch(2, [1, 0, 0], 5), patch(3, [0, 1, 0], 2, false)],
   determinacy: { ok: true, text: "", smallest_eigenvalue: 0.3 },
+  upright: true,
   static: true,
   restricted: false,
   can_undo: false,

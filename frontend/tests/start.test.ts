@@ -2,7 +2,8 @@ import { describe, expect, it } from "vitest";
 import type { Job, Recording } from "../src/api/client";
 import { standingOf } from "../src/features/start/recent";
 
-const solving = (state: Job["state"]) => ({ state: "ready", latest_job: { kind: "solve", state, result: null } }) as unknown as Recording;
+const solving = (state: Job["state"]) =>
+  ({ state: "ready", latest_job: { kind: "solve", state, result: null } }) as unknown as Recording;
 
 describe("where a recording stands", () => {
   // Fails when every solve without an answer counts as one that runs.

@@ -24,7 +24,10 @@ describe("numbers for people", () => {
 describe("fixes", () => {
   // Fails when only the first option of an override is read, or when an unknown one is sent on.
   it("turns an override into the change it stands for, or into nothing", () => {
-    expect(fixOf("--point-time-field t --point-time-unit ns")).toEqual({ point_time_field: "t", point_time_unit: "ns" });
+    expect(fixOf("--point-time-field t --point-time-unit ns")).toEqual({
+      point_time_field: "t",
+      point_time_unit: "ns",
+    });
     expect(fixOf("--synthesise-point-time")).toEqual({ synthesise_point_time: true });
     expect(fixOf("--range-max-m 60")).toEqual({ range_max_m: 60 });
     expect(fixOf("--imu-noise vn100")).toBeNull();
@@ -62,7 +65,8 @@ describe("upload speed", () => {
   // Fails when the average over the whole upload is shown instead of the last seconds.
   it("is that of the last seconds", () => {
     let samples: RateSample[] = [];
-    for (let s = 0; s <= 20; s += 1) samples = addSample(samples, { atMs: s * 1000, bytes: s < 10 ? s : 10 + (s - 10) * 1e6 });
+    for (let s = 0; s <= 20; s += 1)
+      samples = addSample(samples, { atMs: s * 1000, bytes: s < 10 ? s : 10 + (s - 10) * 1e6 });
     const rate = rateOf(samples, 30e6);
     expect(rate.bytesPerSecond).toBeCloseTo(1e6, -3);
     expect(rate.secondsLeft).toBeCloseTo(20, 1);

@@ -9,7 +9,8 @@ from app.arrays.recording import read_recording, write_recording
 from app.planes import palette
 from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
-from app.scene.apply import quat_wxyz, rotation_matrix, whole_view
+from app.scene.aim import whole_view
+from app.scene.apply import quat_wxyz, rotation_matrix
 from app.scene.build import Solved, build_first, build_planes, thinned
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
@@ -30,7 +31,7 @@ def test_planes_scene_has_a_clickable_sheet_per_patch_and_colours_by_patch():
     """Mutations: points of a dropped patch in its full colour; the patch's colour taken for a confirmed one's trace."""
     proposals = world.make_proposals()
     planes = suggested(proposals)
-    content = build_planes(proposals, planes, limit=100_000)
+    content = build_planes(proposals, planes, limit=100_000, shaded=False)
     sheets = [item for item in content.items if isinstance(item, Sheet)]
     assert [sheet.patch for sheet in sheets] == [0, 1, 2, 3, 4, 5]
     assert sheets[5].opacity < sheets[0].opacity  # the last is dropped

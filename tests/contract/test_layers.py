@@ -264,6 +264,7 @@ def circles(graph):
 #: The application's rooms from the ground up; each may see those before it. Two modules are placed by themselves.
 APP_ROOMS = (
     "schemas",
+    "weak_limits",
     "errors",
     "limits",
     "locks",

@@ -1,11 +1,16 @@
 import createClient from "openapi-fetch";
+import { spoken } from "../ui/words";
 import { faultOf } from "./fault";
 import type { components, paths } from "./generated/schema";
 
 type Schemas = components["schemas"];
 
 /** Tuples as plain arrays: the fetch client hands every fixed-length list back as one. */
-type Plain<T> = T extends readonly (infer Item)[] ? Plain<Item>[] : T extends object ? { [K in keyof T]: Plain<T[K]> } : T;
+type Plain<T> = T extends readonly (infer Item)[]
+  ? Plain<Item>[]
+  : T extends object
+    ? { [K in keyof T]: Plain<T[K]> }
+    : T;
 
 export type Recording = Plain<Schemas["Recording"]>;
 export type ChangeRecording = Schemas["ChangeRecording"];
@@ -16,8 +21,10 @@ export type ReadSettings = Schemas["ReadSettings"];
 export type FolderListing = Schemas["FolderListing"];
 export type FolderEntry = Schemas["FolderEntry"];
 export type ServerFacts = Schemas["ServerFacts"];
+export type Limits = Schemas["WeakLimits"];
 export type Sample = Schemas["Sample"];
 export type Job = Plain<Schemas["Job"]>;
+export type SolveOutcome = Extract<NonNullable<Job["result"]>, { kind?: "solve" }>;
 export type NewJob = Schemas["NewJob"];
 export type Planes = Schemas["Planes"];
 export type Patch = Schemas["Patch"];
@@ -69,8 +76,13 @@ interface Answer<T> {
 /** The body of a success; anything else is thrown as an ApiFault. */
 export async function body<T>(answer: Promise<Answer<T>>): Promise<T> {
   const { data, error, response } = await answer;
-  if (!response.ok || data === undefined) throw faultOf(error, response.status);
+  if (!response.ok || data === undefined) throw faultOf(spoken(error), response.status);
   return data;
+}
+
+/** The same with every sentence of the answer in the page's words. */
+export async function told<T>(answer: Promise<Answer<T>>): Promise<T> {
+  return spoken(await body(answer));
 }
 
 /** A request in which fields with a default are left out. The generated types call those fields present, which they

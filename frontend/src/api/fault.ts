@@ -19,8 +19,12 @@ function isErrorBody(body: unknown): body is ErrorBody {
   if (typeof body !== "object" || body === null || !("error" in body)) return false;
   const { error } = body;
   return (
-    typeof error === "object" && error !== null && "code" in error && "text" in error &&
-    typeof error.code === "string" && typeof error.text === "string"
+    typeof error === "object" &&
+    error !== null &&
+    "code" in error &&
+    "text" in error &&
+    typeof error.code === "string" &&
+    typeof error.text === "string"
   );
 }
 
@@ -38,7 +42,15 @@ export function faultOf(body: unknown, status: number): ApiFault {
 export function asFault(error: unknown): ApiFault {
   if (error instanceof ApiFault) return error;
   if (error instanceof TypeError) {
-    return new ApiFault("The server cannot be reached; see that `unsweep serve` is still running, then try again.", "offline", 0);
+    return new ApiFault(
+      "The server cannot be reached; see that `unsweep serve` is still running, then try again.",
+      "offline",
+      0,
+    );
   }
-  return new ApiFault(error instanceof Error ? error.message : "Something unexpected happened; reload the page.", "unknown", 0);
+  return new ApiFault(
+    error instanceof Error ? error.message : "Something unexpected happened; reload the page.",
+    "unknown",
+    0,
+  );
 }

@@ -1,6 +1,7 @@
 import { useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
 import { useCallback, useEffect, useState } from "react";
 import type { Planes, Recording, RecordingMessage } from "./client";
+import { spoken } from "../ui/words";
 import { keys } from "./queries";
 
 /** Brings what is cached of a recording up to date with one message. */
@@ -22,11 +23,15 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       client.setQueryData(keys.view(id), message.view);
       return;
     case "job-changed":
-      client.setQueryData<Recording>(keys.recording(id), (old) => (old === undefined ? old : { ...old, latest_job: message.job }));
+      client.setQueryData<Recording>(keys.recording(id), (old) =>
+        old === undefined ? old : { ...old, latest_job: message.job },
+      );
       void client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });
-      if (message.job.kind === "planes") void client.invalidateQueries({ queryKey: keys.planes(id) });
+      // A report names the planes and says which way is up.
+      if (message.job.kind === "planes" || message.job.kind === "inspect")
+        void client.invalidateQueries({ queryKey: keys.planes(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });
@@ -48,7 +53,12 @@ interface Refusal {
 /** Why the last click in the scene did nothing; null once the planes have changed, or it has been read. */
 export function useClickRefusal(id: string, revision: number | undefined): [string | null, () => void] {
   const client = useQueryClient();
-  const refusal = useQuery<Refusal | null>({ queryKey: keys.refusal(id), queryFn: () => null, enabled: false, initialData: null });
+  const refusal = useQuery<Refusal | null>({
+    queryKey: keys.refusal(id),
+    queryFn: () => null,
+    enabled: false,
+    initialData: null,
+  });
   const forget = useCallback(() => client.setQueryData<Refusal | null>(keys.refusal(id), null), [client, id]);
   return [refusal.data !== null && refusal.data.revision === revision ? refusal.data.text : null, forget];
 }
@@ -64,7 +74,7 @@ export function useRecordingFeed(id: string): boolean {
   useEffect(() => {
     const source = new EventSource(`/api/recordings/${id}/events`);
     source.onmessage = (event: MessageEvent<string>) => {
-      applyMessage(client, id, JSON.parse(event.data) as RecordingMessage);
+      applyMessage(client, id, spoken(JSON.parse(event.data) as RecordingMessage));
     };
     let broke: number | null = null;
     source.onerror = () => {

@@ -1,4 +1,5 @@
 import { useEffect, useReducer } from "react";
+import { spoken } from "../ui/words";
 import type { IterationEvent, Job, JobMessage, LogEvent, StageEvent } from "./client";
 
 export interface StageProgress {
@@ -13,12 +14,12 @@ export interface RunLog {
   /** In the order in which they began. */
   stages: StageProgress[];
   iterations: IterationEvent[];
-  /** Rounds of assigning points and solving, as a number that grows within a round. */
-  rounds: number;
   logs: LogEvent[];
+  /** When it last said something, by this browser's clock; null before that. */
+  heardAtMs: number | null;
 }
 
-export const emptyRun: RunLog = { job: null, stages: [], iterations: [], rounds: 0, logs: [] };
+export const emptyRun: RunLog = { job: null, stages: [], iterations: [], logs: [], heardAtMs: null };
 
 /** The run after some more messages. */
 export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLog {
@@ -27,15 +28,15 @@ export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLo
     switch (message.event) {
       case "stage": {
         const entry = { stage: message.stage, fraction: message.fraction, text: message.text };
-        const at = next.stages.findIndex((known) => known.stage === message.stage);
-        if (at < 0) next.stages.push(entry);
-        else next.stages[at] = entry;
-        if (message.stage === "associate") next.rounds = Math.max(next.rounds, (next.iterations.at(-1)?.round ?? 0) + 0.7 * message.fraction);
+        const at = next.stages.findIndex((one) => one.stage === message.stage);
+        const known = next.stages[at];
+        if (known === undefined) next.stages.push(entry);
+        // A stage that is gone through again does not undo what it has done.
+        else next.stages[at] = { ...entry, fraction: Math.max(known.fraction, entry.fraction) };
         break;
       }
       case "iteration":
         next.iterations.push(message);
-        next.rounds = Math.max(next.rounds, message.round - 0.2);
         break;
       case "log":
         next.logs.push(message);
@@ -62,11 +63,11 @@ export function isFinal(job: Job): boolean {
   }
 }
 
-type Step = { jobId: string | null } | { messages: JobMessage[] };
+type Step = { jobId: string | null } | { messages: JobMessage[]; atMs: number };
 const updateEveryMs = 100;
 
 function reduce(run: RunLog, step: Step): RunLog {
-  return "messages" in step ? addMessages(run, step.messages) : emptyRun;
+  return "messages" in step ? { ...addMessages(run, step.messages), heardAtMs: step.atMs } : emptyRun;
 }
 
 /** All messages of a job, from its first to its last, drawn at most ten times a second. */
@@ -79,12 +80,12 @@ export function useJobStream(jobId: string | null): RunLog {
     let waiting: JobMessage[] = [];
     const flush = () => {
       if (waiting.length === 0) return;
-      dispatch({ messages: waiting });
+      dispatch({ messages: waiting, atMs: Date.now() });
       waiting = [];
     };
     const timer = window.setInterval(flush, updateEveryMs);
     source.onmessage = (event: MessageEvent<string>) => {
-      const message = JSON.parse(event.data) as JobMessage;
+      const message = spoken(JSON.parse(event.data) as JobMessage);
       waiting.push(message);
       if (message.event === "state" && isFinal(message.job)) {
         source.close();

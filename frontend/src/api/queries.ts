@@ -1,12 +1,14 @@
-import { queryOptions, useMutation, useQueryClient, type QueryClient } from "@tanstack/react-query";
+import { queryOptions, useMutation, useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
 import {
   api,
   body,
+  told,
   sparse,
   type ChangeRecording,
   type ChangeView,
   type ExtrinsicText,
   type Job,
+  type Limits,
   type NewJob,
   type OpenRecording,
   type Operation,
@@ -38,54 +40,77 @@ const ofJob = (id: string) => ({ params: { path: { job_id: id } } });
 
 export const factsQuery = queryOptions({
   queryKey: keys.facts,
-  queryFn: () => body(api.GET("/api/info")),
+  queryFn: () => told(api.GET("/api/info")),
   staleTime: Infinity,
 });
 
+/** Nothing is weak until the server has said what is. */
+const unlimited: Limits = { rotation_deg: Infinity, translation_m: Infinity, time_offset_s: Infinity };
+
+/** Beyond which standard deviation an axis is weak. */
+export function useLimits(): Limits {
+  return useQuery(factsQuery).data?.limits ?? unlimited;
+}
+
 export const recordingsQuery = queryOptions({
   queryKey: keys.recordings,
-  queryFn: () => body(api.GET("/api/recordings")),
+  queryFn: () => told(api.GET("/api/recordings")),
 });
 
 export const recordingQuery = (id: string) =>
-  queryOptions({ queryKey: keys.recording(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}", of(id))) });
+  queryOptions({
+    queryKey: keys.recording(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}", of(id))),
+  });
 
 export const planesQuery = (id: string) =>
-  queryOptions({ queryKey: keys.planes(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/planes", of(id))) });
+  queryOptions({
+    queryKey: keys.planes(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/planes", of(id))),
+  });
 
 export const viewQuery = (id: string) =>
-  queryOptions({ queryKey: keys.view(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/view", of(id))) });
+  queryOptions({
+    queryKey: keys.view(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/view", of(id))),
+  });
 
 export const runsQuery = (id: string) =>
-  queryOptions({ queryKey: keys.runs(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/runs", of(id))) });
+  queryOptions({
+    queryKey: keys.runs(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/runs", of(id))),
+  });
 
 export const jobsQuery = (id: string) =>
-  queryOptions({ queryKey: keys.jobs(id), queryFn: () => body(api.GET("/api/recordings/{recording_id}/jobs", of(id))) });
+  queryOptions({
+    queryKey: keys.jobs(id),
+    queryFn: () => told(api.GET("/api/recordings/{recording_id}/jobs", of(id))),
+  });
 
 export const folderQuery = (path: string) =>
   queryOptions({
     queryKey: keys.folder(path),
-    queryFn: () => body(api.GET("/api/folder", { params: { query: { path } } })),
+    queryFn: () => told(api.GET("/api/folder", { params: { query: { path } } })),
   });
 
 export const resultQuery = (jobId: string) =>
   queryOptions({
     queryKey: keys.result(jobId),
-    queryFn: () => body(api.GET("/api/results/{job_id}", ofJob(jobId))),
+    queryFn: () => told(api.GET("/api/results/{job_id}", ofJob(jobId))),
     staleTime: Infinity,
   });
 
 export const thicknessQuery = (jobId: string) =>
   queryOptions({
     queryKey: keys.thickness(jobId),
-    queryFn: () => body(api.GET("/api/results/{job_id}/thickness", ofJob(jobId))),
+    queryFn: () => told(api.GET("/api/results/{job_id}/thickness", ofJob(jobId))),
     staleTime: Infinity,
   });
 
 export const scansQuery = (jobId: string) =>
   queryOptions({
     queryKey: keys.scans(jobId),
-    queryFn: () => body(api.GET("/api/results/{job_id}/scans", ofJob(jobId))),
+    queryFn: () => told(api.GET("/api/results/{job_id}/scans", ofJob(jobId))),
     staleTime: Infinity,
     retry: false,
   });
@@ -124,7 +149,7 @@ function rememberRecording(client: QueryClient, recording: Recording) {
 export function useOpenRecording() {
   const client = useQueryClient();
   return useMutation({
-    mutationFn: (wish: OpenRecording) => body(api.POST("/api/recordings", { body: wish })),
+    mutationFn: (wish: OpenRecording) => told(api.POST("/api/recordings", { body: wish })),
     onSuccess: (recording) => rememberRecording(client, recording),
   });
 }
@@ -133,7 +158,7 @@ export function useChangeRecording(id: string) {
   const client = useQueryClient();
   return useMutation({
     mutationFn: (change: ChangeRecording) =>
-      body(api.PATCH("/api/recordings/{recording_id}", { ...of(id), body: change })),
+      told(api.PATCH("/api/recordings/{recording_id}", { ...of(id), body: change })),
     onSuccess: (recording) => rememberRecording(client, recording),
   });
 }
@@ -160,7 +185,8 @@ function rememberJob(client: QueryClient, job: Job) {
 export function useStartJob(id: string) {
   const client = useQueryClient();
   return useMutation({
-    mutationFn: (wish: Partial<NewJob>) => body(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
+    mutationFn: (wish: Partial<NewJob>) =>
+      told(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
     onSuccess: (job) => rememberJob(client, job),
   });
 }
@@ -168,7 +194,7 @@ export function useStartJob(id: string) {
 export function useCancelJob() {
   const client = useQueryClient();
   return useMutation({
-    mutationFn: (jobId: string) => body(api.POST("/api/jobs/{job_id}/cancel", ofJob(jobId))),
+    mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/cancel", ofJob(jobId))),
     onSuccess: (job) => rememberJob(client, job),
   });
 }
@@ -176,7 +202,7 @@ export function useCancelJob() {
 export function useRetryJob() {
   const client = useQueryClient();
   return useMutation({
-    mutationFn: (jobId: string) => body(api.POST("/api/jobs/{job_id}/retry", ofJob(jobId))),
+    mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/retry", ofJob(jobId))),
     onSuccess: (job) => rememberJob(client, job),
   });
 }
@@ -184,7 +210,9 @@ export function useRetryJob() {
 /** The planes as they will be after an operation, as far as that is plain. */
 export function foreseen(planes: Planes, operation: Operation): Planes {
   if (operation.op !== "toggle") return planes;
-  const patches = planes.patches.map((patch) => (patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch));
+  const patches = planes.patches.map((patch) =>
+    patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch,
+  );
   return { ...planes, patches };
 }
 
@@ -195,7 +223,7 @@ export function useEditPlanes(id: string) {
     // In the order they were asked for: an undo pressed at once undoes what is still on its way.
     scope: { id: `planes-${id}` },
     mutationFn: (operation: Operation) =>
-      body(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
+      told(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
     // A ticked box answers at once; the server's word follows, with the sentence on what is determined.
     onMutate: (operation) =>
       client.setQueryData<Planes>(keys.planes(id), (old) => (old === undefined ? old : foreseen(old, operation))),
@@ -206,7 +234,7 @@ export function useEditPlanes(id: string) {
 
 /** Pasted or uploaded text as an extrinsic. */
 export function useReadExtrinsic() {
-  return useMutation({ mutationFn: (wish: ExtrinsicText) => body(api.POST("/api/extrinsic", { body: wish })) });
+  return useMutation({ mutationFn: (wish: ExtrinsicText) => told(api.POST("/api/extrinsic", { body: wish })) });
 }
 
 export function useChangeView(id: string) {
@@ -215,7 +243,7 @@ export function useChangeView(id: string) {
     // One after the other: two changes at once could each undo the other's part of the view.
     scope: { id: `view-${id}` },
     mutationFn: (change: Partial<ChangeView>) =>
-      body(api.POST("/api/recordings/{recording_id}/view", { ...of(id), body: sparse(change) })),
+      told(api.POST("/api/recordings/{recording_id}/view", { ...of(id), body: sparse(change) })),
     onSuccess: (view: View) => client.setQueryData(keys.view(id), view),
   });
 }

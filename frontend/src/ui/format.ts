@@ -51,7 +51,32 @@ export interface ValueText {
 export function withSigma(value: number, sigma: number, most = 4): ValueText {
   const decimals = decimalsFor(sigma, most);
   const least = 10 ** -decimals;
-  return { value: fixed(value, decimals), sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : fixed(sigma, decimals) };
+  return {
+    value: fixed(value, decimals),
+    sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : fixed(sigma, decimals),
+  };
+}
+
+/** A standard deviation of an angle, a length or a time, in the unit that people read and with two significant digits. */
+export function stdText(std: number, unit: "deg" | "m" | "s"): string {
+  switch (unit) {
+    case "deg":
+      return `${twoDigits(std)}°`;
+    case "m":
+      return `${twoDigits(std * 1000)} mm`;
+    case "s":
+      return `${twoDigits(std * 1000)} ms`;
+  }
+}
+
+function twoDigits(value: number): string {
+  return value >= 1000 ? "> 1000" : fixed(value, Math.max(0, 1 - Math.floor(Math.log10(Math.max(value, 1e-9)))));
+}
+
+/** An angle as every document and screen has it: above -180 degrees, up to 180. */
+export function wrapped(degrees: number): number {
+  const turned = degrees - 360 * Math.round(degrees / 360);
+  return turned <= -180 ? turned + 360 : turned;
 }
 
 /** "3 minutes ago" for a past instant; both in milliseconds since the epoch. */
@@ -66,6 +91,8 @@ export function ago(then: number, now: number): string {
     [86400 * 365, "year"],
   ];
   const fit = [...steps].reverse().find(([size]) => seconds >= size * 0.9) ?? [60, "minute"];
-  return new Intl.RelativeTimeFormat("en", { numeric: "auto" }).format(-Math.max(1, Math.round(seconds / fit[0])), fit[1]);
+  return new Intl.RelativeTimeFormat("en", { numeric: "auto" }).format(
+    -Math.max(1, Math.round(seconds / fit[0])),
+    fit[1],
+  );
 }
-

@@ -16,7 +16,8 @@ export function typesText(event: KeyboardEvent): boolean {
   const target = event.target;
   if (!(target instanceof Element)) return false;
   if (target.closest(editable) !== null) return true;
-  if (event.key === " " || event.key === "Enter") return target.closest("button, a, summary, input, [role='switch']") !== null;
+  if (event.key === " " || event.key === "Enter")
+    return target.closest("button, a, summary, input, [role='switch']") !== null;
   return /^(Arrow|Page|Home|End)/.test(event.key) && target.closest(usesArrows) !== null;
 }
 

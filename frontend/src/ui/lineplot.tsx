@@ -1,5 +1,5 @@
 import { useComputedColorScheme } from "@mantine/core";
-import { useEffect, useRef } from "react";
+import { useEffect, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import css from "./plot.module.css";
@@ -36,8 +36,19 @@ function token(color: string): string {
 }
 
 /** Curves over one axis. Data are exchanged without rebuilding; only a new set of lines or scheme rebuilds. */
-export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = false, xRange, onPick }: LinePlotProps) {
+export function LinePlot({
+  label,
+  x,
+  lines,
+  xUnit,
+  yUnit,
+  height,
+  logarithmic = false,
+  xRange,
+  onPick,
+}: LinePlotProps) {
   const box = useRef<HTMLDivElement>(null);
+  const [hovered, setHovered] = useState<number | null>(null);
   const plot = useRef<uPlot | null>(null);
   const pick = useRef(onPick);
   const scheme = useComputedColorScheme("dark");
@@ -63,11 +74,26 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
         height,
         legend: { show: false },
         padding: [8, 8, 0, 0],
+        hooks: { setCursor: [(self) => setHovered(self.cursor.idx ?? null)] },
         cursor: { y: false, drag: { x: false, y: false }, points: { size: 5 } },
-        scales: { x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) }, y: logarithmic ? logarithmicScale : {} },
+        scales: {
+          x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) },
+          y: logarithmic ? logarithmicScale : {},
+        },
         axes: [
-          { ...axis, size: 24, values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${xUnit}` : String(tick))) },
-          { ...axis, size: 46, values: (_, ticks: (number | null)[]) => ticks.map(tickText) },
+          {
+            ...axis,
+            size: 24,
+            space: 48,
+            values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${xUnit}` : String(tick))),
+          },
+          // A low plot gets three ticks too.
+          {
+            ...axis,
+            size: 46,
+            space: Math.min(30, (height - 40) / 3),
+            values: (_, ticks: (number | null)[]) => ticks.map(tickText),
+          },
         ],
         series: [
           {},
@@ -108,11 +134,17 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
         <span>
           {label} <span className={css.unit}>{yUnit}</span>
         </span>
+        {hovered !== null && x[hovered] !== undefined && (
+          <span className={`num ${css.hovered ?? ""}`} aria-hidden="true">
+            {shortNumber(x[hovered])} {xUnit}
+          </span>
+        )}
         <span className={css.legend}>
           {lines.map((line) => (
             <span key={line.label}>
               <i style={{ background: line.color }} />
               {line.label}
+              {hovered !== null && <b className="num">{valueText(line.values[hovered])}</b>}
             </span>
           ))}
         </span>
@@ -125,6 +157,10 @@ export function LinePlot({ label, x, lines, xUnit, yUnit, height, logarithmic = 
 /** uPlot leaves out ticks of a logarithmic axis by handing null where its types promise a number. */
 function tickText(value: number | null): string {
   return value === null ? "" : shortNumber(value);
+}
+
+function valueText(value: number | null | undefined): string {
+  return value === null || value === undefined ? " –" : ` ${shortNumber(value)}`;
 }
 
 function shortNumber(value: number): string {

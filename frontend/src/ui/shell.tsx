@@ -28,7 +28,9 @@ export function Shell({ recordingName, steps, current, children }: ShellProps) {
     { keys: "h", label: "Start page", run: () => void navigate("/") },
     ...steps.flatMap((step, index) => {
       const to = step.state === "locked" ? undefined : step.to;
-      return to === undefined ? [] : [{ keys: String(index + 1), label: `Step ${index + 1}: ${step.name}`, run: () => void navigate(to) }];
+      return to === undefined
+        ? []
+        : [{ keys: String(index + 1), label: `Step ${index + 1}: ${step.name}`, run: () => void navigate(to) }];
     }),
   ]);
 

@@ -50,7 +50,12 @@ function StepItem({ step, number, isCurrent }: { step: Step; number: number; isC
   if (step.to === undefined || step.state === "locked") {
     return (
       <Tooltip label={step.reason ?? "Open a recording first"} openDelay={300}>
-        <span className={css.step} data-locked="true" data-state={step.state} aria-current={isCurrent ? "step" : undefined}>
+        <span
+          className={css.step}
+          data-locked="true"
+          data-state={step.state}
+          aria-current={isCurrent ? "step" : undefined}
+        >
           {content}
         </span>
       </Tooltip>

@@ -858,7 +858,7 @@ export interface components {
              * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
              * @default auto
              */
-            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "range_offset" | "incidence")[];
+            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "eccentricity" | "range_offset" | "incidence")[];
             /**
              * Lidar
              * @description a lidar preset's name, for the priors; None: as recognised
@@ -1027,6 +1027,11 @@ export interface components {
             /** Job Id */
             job_id?: string | null;
             /**
+             * Looks
+             * @default 0
+             */
+            looks: number;
+            /**
              * Mode
              * @default planes
              * @example inspect
@@ -1035,6 +1040,17 @@ export interface components {
             mode: "planes" | "solve" | "inspect";
             nudge?: components["schemas"]["Nudge"] | null;
             old?: components["schemas"]["OldExtrinsic"] | null;
+            /**
+             * Point Scale
+             * @default 1
+             */
+            point_scale: number;
+            /**
+             * Preset
+             * @default overview
+             * @enum {string}
+             */
+            preset: "overview" | "inside" | "top" | "front";
             /**
              * Scan
              * @default 0
@@ -1047,6 +1063,11 @@ export interface components {
              * @enum {string}
              */
             show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
+            /**
+             * Straight
+             * @default 1
+             */
+            straight: number;
             /** Target */
             target?: number | null;
             /**
@@ -1457,6 +1478,29 @@ export interface components {
              * @default []
              */
             weak: string[];
+        };
+        /**
+         * Foreseen
+         * @description The axis of the calibration that is least known with the confirmed planes, one standard deviation; see `limit`.
+         */
+        Foreseen: {
+            /**
+             * Limit
+             * @description beyond which the axis is weak, in the same unit
+             */
+            limit: number;
+            /**
+             * Name
+             * @example Position z
+             */
+            name: string;
+            /** Std */
+            std: number;
+            /**
+             * Unit
+             * @enum {string}
+             */
+            unit: "deg" | "m" | "s";
         };
         /**
          * Gravity
@@ -2143,7 +2187,7 @@ export interface components {
             rms_m: number;
             /**
              * Tilt Deg
-             * @description angle between the normal and the map's z axis, 0..90
+             * @description angle between the normal and the vertical, 0..90; see `upright`
              */
             tilt_deg: number;
         };
@@ -2202,7 +2246,8 @@ export interface components {
          * @description One plane that can be expected.
          *
          *     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
-         *     the lidar.   points, rms_m: of the sampled points on it.
+         *     the lidar.   points, rms_m: of the sampled points on it.   normal: of unit length, towards the lidar, lidar axes at the
+         *     reference scan; None in reports of older versions.
          */
         PlaneReport: {
             /** Area M2 */
@@ -2216,6 +2261,12 @@ export interface components {
             kind: "floor" | "ceiling" | "wall" | "slanted" | "plane";
             /** Name */
             name: string;
+            /** Normal */
+            normal?: [
+                number,
+                number,
+                number
+            ] | null;
             /** Points */
             points: number;
             /** Rms M */
@@ -2255,6 +2306,8 @@ export interface components {
             /** Can Undo */
             can_undo: boolean;
             determinacy: components["schemas"]["Determinacy"];
+            /** @description None until there is a forecast, and where the planes leave a direction open */
+            foreseen?: components["schemas"]["Foreseen"] | null;
             /** Patches */
             patches: components["schemas"]["Patch"][];
             /**
@@ -2266,6 +2319,12 @@ export interface components {
             revision: number;
             /** Static */
             static: boolean;
+            /**
+             * Upright
+             * @description whether the vertical is gravity's; else it is the map's z axis
+             * @default false
+             */
+            upright: boolean;
         };
         /**
          * PlanesChanged
@@ -2305,7 +2364,8 @@ export interface components {
          * @description The planes that can be expected, largest first.
          *
          *     determinacy: 0 where some direction of the lidar's motion is seen by none, 1 for three equal ones at right angles.
-         *     determined: whether they fix the lidar's pose.   text: for a person.
+         *     determined: whether they fix the lidar's pose.   text: for a person.   up: unit vector against gravity in the frame of
+         *     the normals; None where gravity is not known.
          */
         PlanesReport: {
             /** Determinacy */
@@ -2316,6 +2376,12 @@ export interface components {
             planes: components["schemas"]["PlaneReport"][];
             /** Text */
             text: string;
+            /** Up */
+            up?: [
+                number,
+                number,
+                number
+            ] | null;
         };
         /**
          * PointTimeReport
@@ -2503,6 +2569,11 @@ export interface components {
              * @enum {string}
              */
             state: "receiving" | "inspecting" | "ready" | "failed";
+            /**
+             * Verdict
+             * @description the doctor's, in lists too; None until inspected
+             */
+            verdict?: ("good" | "limited" | "unusable") | null;
         };
         /**
          * RecordingChanged
@@ -2796,8 +2867,22 @@ export interface components {
          * @description What a client needs to know before anything else.
          */
         ServerFacts: {
+            /**
+             * Axis Names
+             * @description by the axis's name in the covariance's order
+             */
+            axis_names: {
+                [key: string]: string;
+            };
             /** Export Formats */
             export_formats: string[];
+            /**
+             * Imu Presets
+             * @description IMUs whose noise is known by name
+             */
+            imu_presets: string[];
+            /** @description beyond which standard deviation an axis is weak */
+            limits: components["schemas"]["WeakLimits"];
             /** Max Upload Bytes */
             max_upload_bytes: number;
             /**
@@ -2856,6 +2941,11 @@ export interface components {
          * @description A result was written; read it from /api/results/{job_id}. None where `status` is refused.
          */
         SolveOutcome: {
+            /**
+             * Codes
+             * @description of the result's warnings and errors
+             */
+            codes?: string[];
             /** Euler Xyz Deg */
             euler_xyz_deg: number[] | null;
             /**
@@ -2863,6 +2953,11 @@ export interface components {
              * @enum {string}
              */
             kind: "solve";
+            /**
+             * Planes Used
+             * @description planes that the answer rests on; None of older runs
+             */
+            planes_used?: number | null;
             /** Point To Plane Rms M */
             point_to_plane_rms_m: number | null;
             /** Rotation Std Deg */
@@ -2876,6 +2971,11 @@ export interface components {
             time_offset_s: number | null;
             /** Time Offset Std S */
             time_offset_std_s: number | null;
+            /**
+             * Tone
+             * @description the verdict's colour; None of runs of an older version
+             */
+            tone?: ("good" | "doubtful" | "bad") | null;
             /** Translation M */
             translation_m: number[] | null;
             /** Translation Std M */
@@ -3174,6 +3274,12 @@ export interface components {
              */
             legend: string;
             /**
+             * Looks
+             * @description raise it to have cameras go to their preset again
+             * @default 0
+             */
+            looks: number;
+            /**
              * Mode
              * @default planes
              * @enum {string}
@@ -3194,8 +3300,21 @@ export interface components {
             old?: components["schemas"]["OldExtrinsic"] | null;
             /** @description the same of the old extrinsic, where one is given */
             old_blur?: components["schemas"]["WallBlur"] | null;
+            /**
+             * Point Scale
+             * @description size of the points over what their spacing asks for
+             * @default 1
+             */
+            point_scale: number;
             /** Points Shown */
             points_shown: number;
+            /**
+             * Preset
+             * @description from where cameras look: at the room cut open, from inside it, straight down, or along a wall's normal
+             * @default overview
+             * @enum {string}
+             */
+            preset: "overview" | "inside" | "top" | "front";
             /**
              * Scan
              * @description position among the recording's scans
@@ -3216,6 +3335,12 @@ export interface components {
              * @enum {string}
              */
             show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
+            /**
+             * Straight
+             * @description how much of the motion is taken out of a solve's sweeps; 0: as they came
+             * @default 1
+             */
+            straight: number;
             /**
              * Target
              * @description the patch that the next box restricts; None: all
@@ -3278,6 +3403,18 @@ export interface components {
             text: string;
             /** Vector */
             vector: number[];
+        };
+        /**
+         * WeakLimits
+         * @description One standard deviation of a kind of axis.
+         */
+        WeakLimits: {
+            /** Rotation Deg */
+            rotation_deg: number;
+            /** Time Offset S */
+            time_offset_s: number;
+            /** Translation M */
+            translation_m: number;
         };
     };
     responses: never;

@@ -22,7 +22,19 @@ interface ExcludeSectionProps {
 }
 
 /** Spans of time that the next solve does without. */
-export function ExcludeSection({ wished, done, scan, scanTimeS, periodS, worst, onScan, onChange, onSolve, pending, error }: ExcludeSectionProps) {
+export function ExcludeSection({
+  wished,
+  done,
+  scan,
+  scanTimeS,
+  periodS,
+  worst,
+  onScan,
+  onChange,
+  onSolve,
+  pending,
+  error,
+}: ExcludeSectionProps) {
   const changed = !sameSpans(wished, done);
   return (
     <Section
@@ -43,7 +55,13 @@ export function ExcludeSection({ wished, done, scan, scanTimeS, periodS, worst, 
               <span className="num">
                 {fixed(span[0], 2)} to {fixed(span[1], 2)} s
               </span>
-              <ActionIcon size="sm" variant="subtle" color="gray" aria-label={`Keep ${fixed(span[0], 2)} to ${fixed(span[1], 2)} s`} onClick={() => onChange(without(wished, span))}>
+              <ActionIcon
+                size="sm"
+                variant="subtle"
+                color="gray"
+                aria-label={`Keep ${fixed(span[0], 2)} to ${fixed(span[1], 2)} s`}
+                onClick={() => onChange(without(wished, span))}
+              >
                 <Icon name="cross" size={12} />
               </ActionIcon>
             </li>
@@ -51,7 +69,12 @@ export function ExcludeSection({ wished, done, scan, scanTimeS, periodS, worst, 
         </ul>
       )}
       <div className={css.row}>
-        <Button size="compact-sm" variant="default" disabled={scanTimeS === null} onClick={() => scanTimeS !== null && onChange(joined(wished, spanOfScan(scanTimeS, periodS)))}>
+        <Button
+          size="compact-sm"
+          variant="default"
+          disabled={scanTimeS === null}
+          onClick={() => scanTimeS !== null && onChange(joined(wished, spanOfScan(scanTimeS, periodS)))}
+        >
           Leave out scan {scan + 1}
         </Button>
         <Button size="compact-sm" disabled={!changed} loading={pending} onClick={onSolve}>

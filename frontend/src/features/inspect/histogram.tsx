@@ -20,7 +20,9 @@ export function Histogram({ edgesM, before, after }: HistogramProps) {
   const y = (n: number) => height - foot - (n / most) * (height - foot - 4);
   const outline = (counts: readonly number[]) =>
     `M0 ${height - foot}` +
-    counts.map((n, i) => `L${x(edgesM[i] ?? 0).toFixed(1)} ${y(n).toFixed(1)}H${x(edgesM[i + 1] ?? 0).toFixed(1)}`).join("") +
+    counts
+      .map((n, i) => `L${x(edgesM[i] ?? 0).toFixed(1)} ${y(n).toFixed(1)}H${x(edgesM[i + 1] ?? 0).toFixed(1)}`)
+      .join("") +
     `V${height - foot}Z`;
   return (
     <figure className={css.histogram} aria-label="Histogram of distances to the plane, before and after">

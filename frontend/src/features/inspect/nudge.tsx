@@ -41,11 +41,24 @@ export function NudgeSection({ nudge, blur, onChange }: NudgeSectionProps) {
           return (
             <li key={axis.key} data-changed={value !== 0}>
               <span>{axis.label}</span>
-              <ActionIcon size="sm" variant="default" aria-label={`${axis.label}: less`} onClick={() => onChange(stepped(nudge, axis, -1))}>
+              <ActionIcon
+                size="sm"
+                variant="default"
+                aria-label={`${axis.label}: less`}
+                onClick={() => onChange(stepped(nudge, axis, -1))}
+              >
                 −
               </ActionIcon>
-              <span className="num">{value > 0 ? "+" : ""}{fixed(value * axis.factor, 0)}</span>
-              <ActionIcon size="sm" variant="default" aria-label={`${axis.label}: more`} onClick={() => onChange(stepped(nudge, axis, 1))}>
+              <span className="num">
+                {value > 0 ? "+" : ""}
+                {fixed(value * axis.factor, 0)}
+              </span>
+              <ActionIcon
+                size="sm"
+                variant="default"
+                aria-label={`${axis.label}: more`}
+                onClick={() => onChange(stepped(nudge, axis, 1))}
+              >
                 +
               </ActionIcon>
               <span className="dim">{axis.unit}</span>

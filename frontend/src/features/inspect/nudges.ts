@@ -47,7 +47,8 @@ export function parseNudge(text: string): Nudge {
     const [key, value] = part.split(":");
     const axis = nudgeAxes.find((one) => one.key === key);
     const number = Number(value);
-    if (axis !== undefined && Number.isFinite(number)) nudge[axis.key] = Math.max(-axis.most, Math.min(axis.most, number));
+    if (axis !== undefined && Number.isFinite(number))
+      nudge[axis.key] = Math.max(-axis.most, Math.min(axis.most, number));
   }
   return nudge;
 }

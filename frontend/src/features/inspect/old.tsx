@@ -47,8 +47,11 @@ function OldFacts({ old, blur }: { old: OldExtrinsic; blur: View["old_blur"] }) 
         )}
       </p>
       <p className="small dim">
-        Lidar at <span className="num">{old.translation_m.map((value) => fixed(value * 1000, 0)).join(", ")}</span> mm in the IMU&rsquo;s frame;{" "}
-        {old.time_offset_s === null || old.time_offset_s === undefined ? "it names no time offset, so the answer's is used." : `time offset ${fixed(old.time_offset_s * 1000, 2)} ms.`}
+        Lidar at <span className="num">{old.translation_m.map((value) => fixed(value * 1000, 0)).join(", ")}</span> mm
+        in the IMU&rsquo;s frame;{" "}
+        {old.time_offset_s === null || old.time_offset_s === undefined
+          ? "it names no time offset, so the answer's is used."
+          : `time offset ${fixed(old.time_offset_s * 1000, 2)} ms.`}
       </p>
     </>
   );
@@ -86,10 +89,20 @@ function OldForm({ onRead }: { onRead: (old: OldExtrinsic) => void }) {
         ]}
       />
       <div className={css.row}>
-        <Button size="compact-sm" variant="default" disabled={text.trim() === ""} loading={read.isPending} onClick={() => show(text)}>
+        <Button
+          size="compact-sm"
+          variant="default"
+          disabled={text.trim() === ""}
+          loading={read.isPending}
+          onClick={() => show(text)}
+        >
           Show it
         </Button>
-        <FileButton accept=".json,.txt,.yaml,.tum,text/*,application/json" onChange={upload} inputProps={{ "aria-label": "A file with your old extrinsic" }}>
+        <FileButton
+          accept=".json,.txt,.yaml,.tum,text/*,application/json"
+          onChange={upload}
+          inputProps={{ "aria-label": "A file with your old extrinsic" }}
+        >
           {(props) => (
             <Button size="compact-sm" variant="subtle" {...props}>
               From a file…

@@ -26,11 +26,19 @@ interface ScanStripProps {
 export function ScanStrip({ jobId, ...rest }: ScanStripProps) {
   const scans = useQuery(scansQuery(jobId));
   if (scans.isPending) return <div className={css.strip} aria-busy="true" aria-label="Loading the scans' residuals" />;
-  if (scans.isError) return <p className={`${css.strip ?? ""} ${css.stripNote ?? ""}`}>{asFault(scans.error).message}</p>;
+  if (scans.isError)
+    return <p className={`${css.strip ?? ""} ${css.stripNote ?? ""}`}>{asFault(scans.error).message}</p>;
   return <Strip quality={scans.data} {...rest} />;
 }
 
-function Strip({ quality, scan, wished, excluded, onScan, onLeaveOut }: Omit<ScanStripProps, "jobId"> & { quality: ScanQuality }) {
+function Strip({
+  quality,
+  scan,
+  wished,
+  excluded,
+  onScan,
+  onLeaveOut,
+}: Omit<ScanStripProps, "jobId"> & { quality: ScanQuality }) {
   const box = useRef<HTMLDivElement>(null);
   /** Where a drag began and where it is now, seconds. */
   const [drag, setDrag] = useState<TimeSpan | null>(null);
@@ -47,7 +55,9 @@ function Strip({ quality, scan, wished, excluded, onScan, onLeaveOut }: Omit<Sca
   const percent = (t: number) => `${(100 * Math.max(0, Math.min(t, end))) / end}%`;
   const timeAt = (event: PointerEvent) => {
     const rect = box.current?.getBoundingClientRect();
-    return rect === undefined || rect.width === 0 ? 0 : Math.max(0, Math.min(end, ((event.clientX - rect.left) / rect.width) * end));
+    return rect === undefined || rect.width === 0
+      ? 0
+      : Math.max(0, Math.min(end, ((event.clientX - rect.left) / rect.width) * end));
   };
   const nearest = (t: number) => Math.max(0, Math.min(times.length - 1, Math.floor(t / period)));
   const dragged = drag !== null && Math.abs(drag[1] - drag[0]) > Math.max(period, end / 200) ? ordered(drag) : null;
@@ -56,7 +66,10 @@ function Strip({ quality, scan, wished, excluded, onScan, onLeaveOut }: Omit<Sca
   const share = quality.share[shown];
 
   return (
-    <figure className={css.strip} aria-label={`Spread of each scan about its planes, millimetres over seconds; ${bad.length} of ${times.length} scans stand out`}>
+    <figure
+      className={css.strip}
+      aria-label={`Spread of each scan about its planes, millimetres over seconds; ${bad.length} of ${times.length} scans stand out`}
+    >
       <figcaption>
         <span className={css.stripTitle}>Spread of each scan</span>
         <span className="num">
@@ -102,15 +115,29 @@ function Strip({ quality, scan, wished, excluded, onScan, onLeaveOut }: Omit<Sca
           )}
         </svg>
         {excluded.map(([from, to]) => (
-          <div key={`x${from}`} className={css.excluded} data-kind="done" style={{ left: percent(from), width: `calc(${percent(to)} - ${percent(from)})` }}>
+          <div
+            key={`x${from}`}
+            className={css.excluded}
+            data-kind="done"
+            style={{ left: percent(from), width: `calc(${percent(to)} - ${percent(from)})` }}
+          >
             <span>left out</span>
           </div>
         ))}
         {wished.map(([from, to]) => (
-          <div key={`w${from}`} className={css.excluded} data-kind="wished" style={{ left: percent(from), width: `calc(${percent(to)} - ${percent(from)})` }} />
+          <div
+            key={`w${from}`}
+            className={css.excluded}
+            data-kind="wished"
+            style={{ left: percent(from), width: `calc(${percent(to)} - ${percent(from)})` }}
+          />
         ))}
         {dragged !== null && (
-          <div className={css.excluded} data-kind="wished" style={{ left: percent(dragged[0]), width: `calc(${percent(dragged[1])} - ${percent(dragged[0])})` }} />
+          <div
+            className={css.excluded}
+            data-kind="wished"
+            style={{ left: percent(dragged[0]), width: `calc(${percent(dragged[1])} - ${percent(dragged[0])})` }}
+          />
         )}
         <div className={css.cursor} style={{ left: percent((times[scan] ?? 0) + period / 2) }} />
       </div>

@@ -31,7 +31,11 @@ export function InspectScreen() {
     return (
       <Panel title="Inspect">
         <StateBox title="There is no answer to look at">
-          <p>{run === undefined ? "Solve first; the cloud before and after is shown here." : "This run was refused; its result says why."}</p>
+          <p>
+            {run === undefined
+              ? "Solve first; the cloud before and after is shown here."
+              : "This run was refused; its result says why."}
+          </p>
         </StateBox>
       </Panel>
     );
@@ -59,7 +63,13 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
   const goOn = () => void navigate(`/r/${recording.id}/result?job=${run.job.id}`);
   const solve = () =>
     start.mutate(
-      { kind: "solve", settings: sparse({ ...run.job.settings, excluded_spans_s: wished.map(([from, to]): [number, number] => [from, to]) }) },
+      {
+        kind: "solve",
+        settings: sparse({
+          ...run.job.settings,
+          excluded_spans_s: wished.map(([from, to]): [number, number] => [from, to]),
+        }),
+      },
       { onSuccess: (job) => void navigate(`/r/${recording.id}/solve?job=${job.id}`) },
     );
   const nextBad = () => {
@@ -77,7 +87,12 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
     <>
       <ViewBar recordingId={recording.id} wish={wish} change={change} />
       {wish.show === "wipe" && (
-        <Wipe share={wish.wipe} left={wish.against === "old" ? "Old extrinsic" : "Raw"} right="De-skewed" onChange={(wipe) => change({ wipe })} />
+        <Wipe
+          share={wish.wipe}
+          left={wish.against === "old" ? "Old extrinsic" : "Raw"}
+          right="De-skewed"
+          onChange={(wipe) => change({ wipe })}
+        />
       )}
       <div className={css.dock}>
         <ScanStrip
@@ -88,7 +103,13 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
           onScan={(scan) => change({ scan, extent: "scan" })}
           onLeaveOut={(span) => setWished(joined(wished, span))}
         />
-        <Transport scan={wish.scan} scans={view?.n_scans ?? 0} timeS={times[wish.scan] ?? shown?.scan_t_s ?? null} points={shown?.points_shown ?? 0} onScan={(scan) => change({ scan })} />
+        <Transport
+          scan={wish.scan}
+          scans={view?.n_scans ?? 0}
+          timeS={times[wish.scan] ?? shown?.scan_t_s ?? null}
+          points={shown?.points_shown ?? 0}
+          onScan={(scan) => change({ scan })}
+        />
       </div>
       <Panel
         title="Inspect"
@@ -117,7 +138,13 @@ function Inspection({ run, recording }: Workspace & { run: Run }) {
         <OldSection
           old={wish.old}
           blur={view?.old_blur ?? null}
-          onChange={(old) => change(old === null ? { old, against: "raw", show: wish.show === "old" ? "both" : wish.show } : { old, against: "old", show: "wipe" })}
+          onChange={(old) =>
+            change(
+              old === null
+                ? { old, against: "raw", show: wish.show === "old" ? "both" : wish.show }
+                : { old, against: "old", show: "wipe" },
+            )
+          }
         />
       </Panel>
     </>
@@ -129,5 +156,8 @@ function spansOf(run: Run): TimeSpan[] {
 }
 
 function worstOf(rms: readonly (number | null)[]): number | null {
-  return rms.reduce<number | null>((best, value, i) => (value !== null && (best === null || value > (rms[best] ?? 0)) ? i : best), null);
+  return rms.reduce<number | null>(
+    (best, value, i) => (value !== null && (best === null || value > (rms[best] ?? 0)) ? i : best),
+    null,
+  );
 }

@@ -90,7 +90,15 @@ export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
           }}
         />
       )}
-      <Button component="a" href={viewPageUrl(recordingId)} download size="xs" variant="default" leftSection={<Icon name="download" size={13} />} aria-label="Save this view as a 3D page">
+      <Button
+        component="a"
+        href={viewPageUrl(recordingId)}
+        download
+        size="xs"
+        variant="default"
+        leftSection={<Icon name="download" size={13} />}
+        aria-label="Save this view as a 3D page"
+      >
         3D page
       </Button>
     </div>

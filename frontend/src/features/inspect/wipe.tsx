@@ -8,7 +8,14 @@ interface WipeProps {
   onChange: (share: number) => void;
 }
 
-const steps: Partial<Record<string, number>> = { ArrowLeft: -0.02, ArrowDown: -0.02, ArrowRight: 0.02, ArrowUp: 0.02, PageDown: -0.1, PageUp: 0.1 };
+const steps: Partial<Record<string, number>> = {
+  ArrowLeft: -0.02,
+  ArrowDown: -0.02,
+  ArrowRight: 0.02,
+  ArrowUp: 0.02,
+  PageDown: -0.1,
+  PageUp: 0.1,
+};
 
 /** The line between two clouds, dragged across the canvas. */
 export function Wipe({ share, left, right, onChange }: WipeProps) {

@@ -73,9 +73,15 @@ export function writeWish(old: URLSearchParams, part: Partial<InspectWish>): URL
 /** The scan during which the rig turned fastest: there the motion shows most. */
 export function fastestScan(timeline: DoctorReport["timeline"] | undefined): number {
   if (timeline === undefined) return 0;
-  const fastest = timeline.rotation_norm_deg_s.reduce((best, rate, i, rates) => (rate > (rates[best] ?? 0) ? i : best), 0);
+  const fastest = timeline.rotation_norm_deg_s.reduce(
+    (best, rate, i, rates) => (rate > (rates[best] ?? 0) ? i : best),
+    0,
+  );
   const atS = timeline.t_s[fastest] ?? 0;
-  return Math.max(0, timeline.scan_t_s.findLastIndex((t) => t <= atS));
+  return Math.max(
+    0,
+    timeline.scan_t_s.findLastIndex((t) => t <= atS),
+  );
 }
 
 /** The wish in the URL, kept in step with what the scene is told; of quick changes only the last is sent. */
@@ -120,6 +126,9 @@ export function useInspectView(recordingId: string, jobId: string | null, firstS
     });
   }, [send, jobId, scan, show, against, extent, wipe, colorBy, nudgeText, oldText]);
 
-  const change = useCallback((part: Partial<InspectWish>) => setQuery((old) => writeWish(old, part), { replace: true }), [setQuery]);
+  const change = useCallback(
+    (part: Partial<InspectWish>) => setQuery((old) => writeWish(old, part), { replace: true }),
+    [setQuery],
+  );
   return { wish, change };
 }

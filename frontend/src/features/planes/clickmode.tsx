@@ -11,7 +11,8 @@ type Click = View["click"];
 const hints: Record<Click, string> = {
   toggle: "Click a coloured patch. Drag turns the view.",
   grow: "Click the cloud where it is flat: a plane grows from that point.",
-  restrict: "Drag a box: what lies outside makes no plane and is not used by the solve. Click a plane first to cut only that one.",
+  restrict:
+    "Drag a box: what lies outside makes no plane and is not used by the solve. Click a plane first to cut only that one.",
 };
 
 function isClick(value: string): value is Click {
@@ -56,7 +57,13 @@ export function ClickMode({ recordingId, planes, onSet }: { recordingId: string;
         <span className={css.hint}>
           <span className={css.swatch} style={{ background: chosen.color }} />
           Drag a box around the part of <strong>{chosen.name}</strong> to keep
-          <ActionIcon size="xs" variant="subtle" color="gray" aria-label="Cut all planes instead" onClick={() => change.mutate({ target: null })}>
+          <ActionIcon
+            size="xs"
+            variant="subtle"
+            color="gray"
+            aria-label="Cut all planes instead"
+            onClick={() => change.mutate({ target: null })}
+          >
             <Icon name="cross" size={11} />
           </ActionIcon>
         </span>

@@ -1,24 +1,47 @@
 import type { Planes } from "../../api/client";
-import { fixed } from "../../ui/format";
+import { NARROW, stdText } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
 import css from "./planes.module.css";
 
-const best = 1 / 3;
+/** The gauge is full where the weakest axis is a thousand times better known than it has to be. */
+const decades = 3;
 
-/** Whether the confirmed planes hold the answer in all three directions, as a sentence and a gauge. */
-export function DeterminacyMeter({ determinacy }: { determinacy: Planes["determinacy"] }) {
-  const fraction = Math.max(0, Math.min(1, determinacy.smallest_eigenvalue / best));
+interface MeterProps {
+  determinacy: Planes["determinacy"];
+  foreseen: Planes["foreseen"];
+}
+
+/** Whether the confirmed planes hold the answer in all three directions, and how well the least known axis is foreseen. */
+export function DeterminacyMeter({ determinacy, foreseen }: MeterProps) {
+  const known = foreseen ?? null;
+  const fraction = strength(known);
+  const text = known === null ? "" : `±${NARROW}${stdText(known.std, known.unit)}`;
   return (
-    <div className={css.determinacy} data-ok={determinacy.ok} role="status" aria-label="Do these planes determine the answer">
+    <div
+      className={css.determinacy}
+      data-ok={determinacy.ok}
+      role="status"
+      aria-label="Do these planes determine the answer"
+    >
       <LevelIcon level={determinacy.ok ? "good" : "warning"} />
       <p>{determinacy.text}</p>
-      <div className={css.gauge} role="img" aria-label={`Weakest direction: ${fixed(fraction * 100, 0)} percent of the best possible`}>
-        <span style={{ transform: `scaleX(${fraction})` }} />
-      </div>
-      <div className={css.gaugeLegend}>
-        <span>Weakest direction</span>
-        <span className="num">{fixed(fraction * 100, 0)} %</span>
-      </div>
+      {known !== null && (
+        <>
+          <div className={css.gauge} role="img" aria-label={`Least known axis as foreseen: ${known.name}, ${text}`}>
+            <span style={{ transform: `scaleX(${fraction})` }} />
+          </div>
+          <div className={css.gaugeLegend}>
+            <span>Least known, foreseen: {known.name}</span>
+            <span className="num">{text}</span>
+          </div>
+        </>
+      )}
     </div>
   );
+}
+
+/** How far the weakest axis is below its limit, 0..1 on a logarithmic scale: it falls whenever its sigma grows. */
+export function strength(foreseen: Planes["foreseen"]): number {
+  if (foreseen === null || foreseen === undefined) return 0;
+  return Math.max(0.02, Math.min(1, -Math.log10(foreseen.std / foreseen.limit) / decades));
 }

@@ -29,7 +29,15 @@ export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
           <th scope="col" className={css.right}>
             Area <span>m²</span>
           </th>
-          <th scope="col" className={css.right} title="Angle between the plane's normal and the lidar's vertical axis">
+          <th
+            scope="col"
+            className={css.right}
+            title={
+              planes.upright
+                ? "Angle between the plane and the horizontal"
+                : "Angle between the plane and the lidar's horizontal"
+            }
+          >
             Tilt <span>°</span>
           </th>
           <th scope="col" className={css.right} title="Points of the cloud that lie on it">
@@ -81,34 +89,39 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
       </td>
       <td>
         <div className={css.nameCell}>
-        <span className={css.swatch} style={{ background: patch.color }} />
-        {renaming ? (
-          <TextInput
-            size="xs"
-            autoFocus
-            aria-label="New name"
-            defaultValue={patch.name}
-            onFocus={(event) => event.currentTarget.select()}
-            onBlur={(event) => rename(event.currentTarget.value.trim())}
-            onKeyDown={(event) => {
-              if (event.key === "Enter") event.currentTarget.blur();
-              if (event.key === "Escape") {
-                // Taking the field away may count as leaving it, which would rename.
-                event.currentTarget.value = patch.name;
-                setRenaming(false);
-              }
-            }}
-          />
-        ) : (
-          <span className={css.name} onDoubleClick={() => setRenaming(true)} title="Double click: rename">
-            {patch.name}
-          </span>
-        )}
-        {patch.restricted && (
-          <span className={css.cut} title="A box leaves part of it out, in the solve too" role="img" aria-label="restricted to a box">
-            <Icon name="box" size={12} />
-          </span>
-        )}
+          <span className={css.swatch} style={{ background: patch.color }} />
+          {renaming ? (
+            <TextInput
+              size="xs"
+              autoFocus
+              aria-label="New name"
+              defaultValue={patch.name}
+              onFocus={(event) => event.currentTarget.select()}
+              onBlur={(event) => rename(event.currentTarget.value.trim())}
+              onKeyDown={(event) => {
+                if (event.key === "Enter") event.currentTarget.blur();
+                if (event.key === "Escape") {
+                  // Taking the field away may count as leaving it, which would rename.
+                  event.currentTarget.value = patch.name;
+                  setRenaming(false);
+                }
+              }}
+            />
+          ) : (
+            <span className={css.name} onDoubleClick={() => setRenaming(true)} title="Double click: rename">
+              {patch.name}
+            </span>
+          )}
+          {patch.restricted && (
+            <span
+              className={css.cut}
+              title="A box leaves part of it out, in the solve too"
+              role="img"
+              aria-label="restricted to a box"
+            >
+              <Icon name="box" size={12} />
+            </span>
+          )}
         </div>
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
@@ -125,7 +138,10 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
             </ActionIcon>
           </Menu.Target>
           <Menu.Dropdown>
-            <Menu.Item leftSection={<Icon name="pencil" />} onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}>
+            <Menu.Item
+              leftSection={<Icon name="pencil" />}
+              onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}
+            >
               Rename
             </Menu.Item>
             <Menu.Item leftSection={<Icon name="box" />} onClick={() => onRestrict(patch.index)}>

@@ -10,8 +10,8 @@ import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
-import { JobProgress } from "../solve/progress";
-import { stagesOfPlanes } from "../solve/timeleft";
+import { JobProgress } from "../jobs/progress";
+import { stagesOfPlanes } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
 import { DeterminacyMeter } from "./determinacy";
@@ -47,17 +47,22 @@ export function PlanesScreen() {
   const solve = () =>
     start.mutate({ kind: "solve" }, { onSuccess: (made) => void navigate(`/r/${recording.id}/solve?job=${made.id}`) });
   const apply = (operation: Operation) => edit.mutate(operation);
-  useShortcuts("Planes", planes === undefined ? [] : [
-    { keys: "s", label: "Use the suggestion", run: () => apply({ op: "use-suggestion" }) },
-    { keys: "mod+z", label: "Undo", run: () => (planes.can_undo || edit.isPending) && apply({ op: "undo" }) },
-    { keys: "mod+shift+z", label: "Redo", run: () => planes.can_redo && apply({ op: "redo" }) },
-    { keys: "Enter", label: "Solve with these planes", run: solve },
-    ...planes.patches.slice(0, 10).map((patch) => ({
-      keys: `alt+${(patch.index + 1) % 10}`,
-      label: `Confirm or drop ${patch.name}`,
-      run: () => apply({ op: "toggle", index: patch.index }),
-    })),
-  ]);
+  useShortcuts(
+    "Planes",
+    planes === undefined
+      ? []
+      : [
+          { keys: "s", label: "Use the suggestion", run: () => apply({ op: "use-suggestion" }) },
+          { keys: "mod+z", label: "Undo", run: () => (planes.can_undo || edit.isPending) && apply({ op: "undo" }) },
+          { keys: "mod+shift+z", label: "Redo", run: () => planes.can_redo && apply({ op: "redo" }) },
+          { keys: "Enter", label: "Solve with these planes", run: solve },
+          ...planes.patches.slice(0, 10).map((patch) => ({
+            keys: `alt+${(patch.index + 1) % 10}`,
+            label: `Confirm or drop ${patch.name}`,
+            run: () => apply({ op: "toggle", index: patch.index }),
+          })),
+        ],
+  );
 
   const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   return (
@@ -94,11 +99,12 @@ export function PlanesScreen() {
         {start.isError && <Fault error={start.error} />}
         {planes !== undefined ? (
           <>
-            <DeterminacyMeter determinacy={planes.determinacy} />
+            <DeterminacyMeter determinacy={planes.determinacy} foreseen={planes.foreseen} />
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">
-                  No standstill long enough was found, so these planes come from scans in motion; the solve refines them.
+                  No standstill long enough was found, so these planes come from scans in motion; the solve refines
+                  them.
                 </Notice>
               </div>
             )}
@@ -116,7 +122,9 @@ export function PlanesScreen() {
             <p className={css.background} aria-live="polite">
               {running ? "The rest of the recording is still being read; nothing here waits for it." : ""}
             </p>
-            {job !== null && job.state === "failed" && <Notice level="error">{job.error?.text ?? job.state_text}</Notice>}
+            {job !== null && job.state === "failed" && (
+              <Notice level="error">{job.error?.text ?? job.state_text}</Notice>
+            )}
           </>
         ) : searching ? (
           <PlanesProgress jobId={job.id} />
@@ -160,12 +168,22 @@ function History({ planes, apply }: { planes: Planes; apply: (operation: Operati
         </Button>
       </Tooltip>
       <Tooltip label="Undo (Ctrl Z)">
-        <ActionIcon variant="default" aria-label="Undo" disabled={!planes.can_undo} onClick={() => apply({ op: "undo" })}>
+        <ActionIcon
+          variant="default"
+          aria-label="Undo"
+          disabled={!planes.can_undo}
+          onClick={() => apply({ op: "undo" })}
+        >
           <Icon name="undo" />
         </ActionIcon>
       </Tooltip>
       <Tooltip label="Redo (Ctrl Shift Z)">
-        <ActionIcon variant="default" aria-label="Redo" disabled={!planes.can_redo} onClick={() => apply({ op: "redo" })}>
+        <ActionIcon
+          variant="default"
+          aria-label="Redo"
+          disabled={!planes.can_redo}
+          onClick={() => apply({ op: "redo" })}
+        >
           <Icon name="redo" />
         </ActionIcon>
       </Tooltip>

@@ -24,7 +24,10 @@ function isSetting(key: string): key is SettingKey {
 
 /** The change that an override such as `--point-time-unit ns` stands for; null where the browser has no such setting. */
 export function fixOf(override: string): ChangeRecording | null {
-  const words = override.trim().split(/\s+/).filter((word) => word !== "");
+  const words = override
+    .trim()
+    .split(/\s+/)
+    .filter((word) => word !== "");
   const change: Record<string, string | number | boolean> = {};
   for (let i = 0; i < words.length; i += 1) {
     const word = words[i] ?? "";

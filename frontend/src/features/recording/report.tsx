@@ -53,7 +53,9 @@ export function Report({ recording, report }: { recording: Recording; report: Do
       )}
       {change.isError && <Fault error={change.error} />}
       <Findings title="What to look at" findings={problems} pending={change.isPending} onFix={fix} />
-      {report.forecast !== null && report.forecast !== undefined && <Forecast forecast={report.forecast} planes={report.planes} said={report.reasons} />}
+      {report.forecast !== null && report.forecast !== undefined && (
+        <Forecast forecast={report.forecast} planes={report.planes} said={report.reasons} />
+      )}
       {advice.length > 0 && (
         <section aria-label="Advice">
           <h2 className={css.heading}>For a better recording</h2>
@@ -94,7 +96,15 @@ function Findings({ title, findings, pending, onFix }: FindingsProps) {
   );
 }
 
-function FindingCard({ finding, pending, onFix }: { finding: FindingReport; pending: boolean; onFix: (override: string) => void }) {
+function FindingCard({
+  finding,
+  pending,
+  onFix,
+}: {
+  finding: FindingReport;
+  pending: boolean;
+  onFix: (override: string) => void;
+}) {
   const { override } = finding;
   // What is beyond doubt needs no button to change it; the option's name stays in the command line's help.
   const doubtful = finding.level !== "info" || finding.confidence < 0.95;
@@ -117,7 +127,13 @@ function FindingCard({ finding, pending, onFix }: { finding: FindingReport; pend
           </dl>
         )}
         {doubtful && fixOf(override) !== null && (
-          <Button className={css.fix ?? ""} size="compact-xs" variant="default" disabled={pending} onClick={() => onFix(override)} title={override}>
+          <Button
+            className={css.fix ?? ""}
+            size="compact-xs"
+            variant="default"
+            disabled={pending}
+            onClick={() => onFix(override)}
+          >
             Set {fixText(override)}
           </Button>
         )}

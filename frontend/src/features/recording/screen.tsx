@@ -2,19 +2,21 @@ import { Button, Skeleton } from "@mantine/core";
 import { Link, useNavigate } from "react-router";
 import type { Job, Recording } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
-import { useChangeRecording, useRetryJob } from "../../api/queries";
+import { useChangeRecording, useDeleteRecording, useRetryJob } from "../../api/queries";
 import { bytes, duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice, StateBox } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
-import { JobProgress } from "../solve/progress";
+import { JobProgress } from "../jobs/progress";
+import { useDropZone } from "../start/dropzone";
 import { useUploads } from "../start/uploads";
 import { rateOf } from "../start/rate";
 import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { hasArrived } from "../workspace/state";
 import { Report } from "./report";
+import { Reading } from "./reading";
 import { Sensors } from "./sensors";
 import css from "./recording.module.css";
 
@@ -42,14 +44,19 @@ export function RecordingScreen() {
       >
         <Section title="File">
           <p className={css.file}>
-            <span className="clip" title={recording.name}>{recording.name}</span>
+            <span className="clip" title={recording.name}>
+              {recording.name}
+            </span>
             <span className="num dim nowrap">
               {recording.size_bytes > 0 && bytes(recording.size_bytes)}
-              {recording.report !== null && recording.report !== undefined && `, ${duration(recording.report.duration_s)}`}
+              {recording.report !== null &&
+                recording.report !== undefined &&
+                `, ${duration(recording.report.duration_s)}`}
             </span>
           </p>
         </Section>
         <Sensors recording={recording} />
+        {hasArrived(recording) || recording.state === "failed" ? <Reading recording={recording} /> : null}
       </Panel>
     </>
   );
@@ -65,26 +72,46 @@ function Main({ recording, jobs }: { recording: Recording; jobs: readonly Job[] 
     case "failed":
       return <Failed recording={recording} job={inspection ?? recording.latest_job ?? null} />;
     case "ready":
-      return recording.report ? <Report recording={recording} report={recording.report} /> : <Inspecting job={inspection} />;
+      return recording.report ? (
+        <Report recording={recording} report={recording.report} />
+      ) : (
+        <Inspecting job={inspection} />
+      );
   }
 }
 
 /** What arrives: bytes from a browser, or a sample that is made on the spot. */
 function Receiving({ recording }: { recording: Recording }) {
-  return recording.origin === "sample" ? <Inspecting job={recording.latest_job ?? null} /> : <Uploading recording={recording} />;
+  return recording.origin === "sample" ? (
+    <Inspecting job={recording.latest_job ?? null} />
+  ) : (
+    <Uploading recording={recording} />
+  );
 }
 
 function Uploading({ recording }: { recording: Recording }) {
   const { list, cancel } = useUploads();
+  const { chooseFile } = useDropZone();
+  const remove = useDeleteRecording();
   const navigate = useNavigate();
   const upload = list.find((one) => one.recordingId === recording.id);
   const rate = rateOf(upload?.samples ?? [], recording.size_bytes);
   const sent = upload === undefined ? recording.received_bytes : rate.sent;
   const percent = recording.size_bytes === 0 ? 0 : Math.floor((100 * sent) / recording.size_bytes);
   return (
-    <StateBox title={upload === undefined ? "This upload was interrupted" : "Uploading"} icon={<Icon name="upload" size={32} />}>
+    <StateBox
+      title={upload === undefined ? "This upload was interrupted" : "Uploading"}
+      icon={<Icon name="upload" size={32} />}
+    >
       <div className={css.upload}>
-        <div className={css.uploadBar} role="progressbar" aria-label="Upload" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
+        <div
+          className={css.uploadBar}
+          role="progressbar"
+          aria-label="Upload"
+          aria-valuenow={percent}
+          aria-valuemin={0}
+          aria-valuemax={100}
+        >
           <span style={{ transform: `scaleX(${percent / 100})` }} />
         </div>
         <p className="num">
@@ -93,9 +120,24 @@ function Uploading({ recording }: { recording: Recording }) {
           {rate.secondsLeft !== null && `, ${duration(rate.secondsLeft)} left`}
         </p>
         {upload === undefined ? (
-          <p>
-            Drop the same file again, here or on the <Link to="/">start page</Link>: it goes on where it stopped.
-          </p>
+          <>
+            <p>Choose or drop the same file again, {recording.name}: it goes on where it stopped.</p>
+            <div className={css.uploadActions}>
+              <Button size="compact-sm" leftSection={<Icon name="file" size={13} />} onClick={chooseFile}>
+                Choose the file
+              </Button>
+              <Button
+                size="compact-sm"
+                variant="default"
+                leftSection={<Icon name="trash" size={13} />}
+                loading={remove.isPending}
+                onClick={() => remove.mutate(recording.id, { onSuccess: () => void navigate("/") })}
+              >
+                Discard it
+              </Button>
+            </div>
+            {remove.isError && <Fault error={remove.error} />}
+          </>
         ) : (
           <Button
             size="compact-sm"
@@ -125,7 +167,12 @@ function Inspecting({ job }: { job: Job | null }) {
       {job === null ? (
         <Skeleton height={120} />
       ) : (
-        <JobProgress run={run} jobId={job.id} expected={job.kind === "simulate" ? ["write"] : ["inspect"]} titles={job.kind === "simulate" ? simulated : {}} />
+        <JobProgress
+          run={run}
+          jobId={job.id}
+          expected={job.kind === "simulate" ? ["write"] : ["inspect"]}
+          titles={job.kind === "simulate" ? simulated : {}}
+        />
       )}
     </div>
   );

@@ -32,7 +32,14 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
   };
   const percent = (t: number) => `${(100 * t) / Math.max(durationS, 1e-9)}%`;
   const key = (end: "start" | "end") => (event: KeyboardEvent) => {
-    const steps: Partial<Record<string, number>> = { ArrowLeft: -0.1, ArrowRight: 0.1, ArrowDown: -0.1, ArrowUp: 0.1, PageDown: -1, PageUp: 1 };
+    const steps: Partial<Record<string, number>> = {
+      ArrowLeft: -0.1,
+      ArrowRight: 0.1,
+      ArrowDown: -0.1,
+      ArrowUp: 0.1,
+      PageDown: -1,
+      PageUp: 1,
+    };
     const step = steps[event.key];
     if (step === undefined) return;
     event.preventDefault();
@@ -80,7 +87,11 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
             event.currentTarget.setPointerCapture(event.pointerId);
           }}
           onPointerMove={(event) => {
-            if (anchor.current !== null && event.currentTarget.hasPointerCapture(event.pointerId) && Math.abs(timeAt(event) - anchor.current) > durationS / 200) {
+            if (
+              anchor.current !== null &&
+              event.currentTarget.hasPointerCapture(event.pointerId) &&
+              Math.abs(timeAt(event) - anchor.current) > durationS / 200
+            ) {
               setWish(dragged(anchor.current, timeAt(event), durationS));
             }
           }}
@@ -89,7 +100,11 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
           }}
         >
           {still.map((span) => (
-            <div key={span.start_s} className={css.still} style={{ left: percent(span.start_s), width: percent(span.end_s - span.start_s) }}>
+            <div
+              key={span.start_s}
+              className={css.still}
+              style={{ left: percent(span.start_s), width: percent(span.end_s - span.start_s) }}
+            >
               <span>still</span>
             </div>
           ))}
@@ -116,7 +131,13 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
           size="compact-xs"
           disabled={!changed}
           loading={pending}
-          onClick={() => onUse(whole ? { start_s: null, end_s: null } : { start_s: Number(wish.startS.toFixed(2)), end_s: Number(wish.endS.toFixed(2)) })}
+          onClick={() =>
+            onUse(
+              whole
+                ? { start_s: null, end_s: null }
+                : { start_s: Number(wish.startS.toFixed(2)), end_s: Number(wish.endS.toFixed(2)) },
+            )
+          }
         >
           Use this span
         </Button>

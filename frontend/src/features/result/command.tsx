@@ -25,7 +25,11 @@ export function CommandSection({ jobId }: { jobId: string }) {
               {command.data.files.map((file) => (
                 <FileLink key={file.name} file={file} />
               ))}
-              <span className={css.hint}>{command.data.files.length === 1 ? "Save it where the command is run." : "Save them where the command is run."}</span>
+              <span className={css.hint}>
+                {command.data.files.length === 1
+                  ? "Save it where the command is run."
+                  : "Save them where the command is run."}
+              </span>
             </div>
           )}
           {command.data.notes.map((note) => (

@@ -16,7 +16,14 @@ export function CopyBox({ text, label, caption, wrap = false }: CopyBoxProps) {
   const box = (
     <div className={css.copybox} data-wrap={wrap}>
       <pre tabIndex={0} role="group" aria-label={label}>
-        {wrap ? text.split(" ").map((word, i) => <Fragment key={i}>{i > 0 && " "}<span>{word}</span></Fragment>) : text}
+        {wrap
+          ? text.split(" ").map((word, i) => (
+              <Fragment key={i}>
+                {i > 0 && " "}
+                <span>{word}</span>
+              </Fragment>
+            ))
+          : text}
       </pre>
       <CopyButton value={text}>
         {({ copied, copy }) => (

@@ -43,7 +43,13 @@ export function Exports({ jobId, answered }: { jobId: string; answered: boolean 
         </Button>
       </div>
       <div className={css.exportBody}>
-        {text.isError ? <Fault error={text.error} /> : text.isPending ? <Skeleton height={120} /> : <CopyBox text={text.data.trimEnd()} label={`the ${format} text`} />}
+        {text.isError ? (
+          <Fault error={text.error} />
+        ) : text.isPending ? (
+          <Skeleton height={120} />
+        ) : (
+          <CopyBox text={text.data.trimEnd()} label={`the ${format} text`} />
+        )}
       </div>
     </Section>
   );

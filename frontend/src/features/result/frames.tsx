@@ -28,16 +28,26 @@ export function Frames({ matrix, base, other }: FramesProps) {
   const place = (sx: number, sy: number): [number, number] => [middle + sx - ox / 2, middle + 8 + sy - oy / 2];
   const origin = place(0, 0);
   const moved = place(ox, oy);
-  const unit: Vector[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const unit: Vector[] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+  ];
   const turned: Vector[] = [0, 1, 2].map((j) => [at(0, j), at(1, j), at(2, j)]);
   // What a name must not cover: both sets of axes with their letters, and the line between them.
   const marks = [
     ...marksOf(origin, unit),
     ...marksOf(moved, turned),
-    ...[0.25, 0.5, 0.75].map((part): Point => [origin[0] + part * (moved[0] - origin[0]), origin[1] + part * (moved[1] - origin[1])]),
+    ...[0.25, 0.5, 0.75].map((part): Point => [
+      origin[0] + part * (moved[0] - origin[0]),
+      origin[1] + part * (moved[1] - origin[1]),
+    ]),
   ];
   return (
-    <figure className={css.frames} aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${(distance * 1000).toFixed(0)} millimetres apart`}>
+    <figure
+      className={css.frames}
+      aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${(distance * 1000).toFixed(0)} millimetres apart`}
+    >
       <svg viewBox={`0 0 ${size} ${size}`} aria-hidden="true">
         <line x1={origin[0]} y1={origin[1]} x2={moved[0]} y2={moved[1]} className={css.lever} />
         <Axes from={origin} directions={unit} />
@@ -57,7 +67,10 @@ type Point = readonly [number, number];
 function marksOf(from: Point, directions: readonly Vector[]): Point[] {
   return directions.flatMap((direction) => {
     const [dx, dy] = project(direction);
-    return [0, 0.35, 0.7, 1, 1.17].map((part): Point => [from[0] + part * dx * axisLength, from[1] + part * dy * axisLength]);
+    return [0, 0.35, 0.7, 1, 1.17].map((part): Point => [
+      from[0] + part * dx * axisLength,
+      from[1] + part * dy * axisLength,
+    ]);
   });
 }
 
@@ -67,7 +80,8 @@ function nameAt(from: Point, marks: readonly Point[]): Point {
     const angle = (i / 16) * 2 * Math.PI;
     return [from[0] + 1.25 * nameAway * Math.cos(angle), from[1] + nameAway * Math.sin(angle)];
   });
-  const room = (place: Point) => Math.min(...marks.map((mark) => Math.hypot((mark[0] - place[0]) / 1.5, mark[1] - place[1])));
+  const room = (place: Point) =>
+    Math.min(...marks.map((mark) => Math.hypot((mark[0] - place[0]) / 1.5, mark[1] - place[1])));
   return places.reduce((best, place) => (room(place) > room(best) ? place : best));
 }
 

@@ -4,6 +4,7 @@ import { useNow } from "../../ui/clock";
 import { ago, fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
+import { toneOf as toneOfResult } from "./verdict";
 
 /** All runs, newest first, and how far the newest answer is from each. */
 export function History({ runs, shown }: { runs: readonly Run[]; shown: string }) {
@@ -33,14 +34,7 @@ export function History({ runs, shown }: { runs: readonly Run[]; shown: string }
 
 function toneOf(run: Run): Tone {
   if (run.job.result?.kind !== "solve") return run.job.state === "failed" ? "error" : "info";
-  switch (run.job.result.status) {
-    case "calibrated":
-      return "good";
-    case "weak":
-      return "warning";
-    case "refused":
-      return "error";
-  }
+  return toneOfResult(run.job.result.status, run.job.result.codes ?? []);
 }
 
 /** What a person chose for this run, in words; nothing where all was as it comes. */

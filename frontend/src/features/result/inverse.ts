@@ -44,7 +44,11 @@ export function inverted(matrix: Matrix, covariance: Matrix): Pose {
   const p = [0, 1, 2].map((i) => [at(matrix, i, 3)]);
   const moved = multiply(Rt, p).map(([value]) => -(value ?? 0));
   const [x = 0, y = 0, z = 0] = moved;
-  const cross = [[0, -z, y], [z, 0, -x], [-y, x, 0]];
+  const cross = [
+    [0, -z, y],
+    [z, 0, -x],
+    [-y, x, 0],
+  ];
   const rotation = R.map((row) => [...row.map((value) => -value), 0, 0, 0]);
   const translation = cross.map((row, i) => [...row, ...(Rt[i] ?? []).map((value) => -value)]);
   const cov6 = covariance.slice(0, 6).map((row) => row.slice(0, 6));

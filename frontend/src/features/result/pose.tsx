@@ -1,5 +1,6 @@
 import { SegmentedControl } from "@mantine/core";
-import type { CalibrationResult } from "../../api/client";
+import type { CalibrationResult, Limits } from "../../api/client";
+import { useLimits } from "../../api/queries";
 import { fixed, withSigma } from "../../ui/format";
 import { Frames } from "./frames";
 import { CopyBox } from "./copybox";
@@ -18,6 +19,7 @@ const angles = ["Roll", "Pitch", "Yaw"] as const;
 
 /** The transform in either direction, the time offset, and one standard deviation of each number. */
 export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps) {
+  const limits = useLimits();
   const [to, from] = direction === "imu_lidar" ? ["IMU", "lidar"] : ["lidar", "IMU"];
   const offsetS = result.time_offset_s ?? 0;
   const offset = withSigma(offsetS * 1000, (result.uncertainty?.time_offset_std_s ?? 0) * 1000);
@@ -49,7 +51,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
                 name={`Position ${axis}`}
                 unit="mm"
                 text={withSigma((pose.translationM[i] ?? 0) * 1000, (pose.translationStdM[i] ?? 0) * 1000)}
-                share={(pose.translationStdM[i] ?? 0) / 0.02}
+                share={(pose.translationStdM[i] ?? 0) / limits.translation_m}
               />
             ))}
             {angles.map((angle, i) => (
@@ -59,25 +61,55 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
                 name={angle}
                 unit="°"
                 text={withSigma(pose.eulerDeg[i] ?? 0, pose.rotationStdDeg[i] ?? 0)}
-                share={(pose.rotationStdDeg[i] ?? 0) / 0.5}
+                share={(pose.rotationStdDeg[i] ?? 0) / limits.rotation_deg}
               />
             ))}
-            <NumberRow axis="t" name="Time offset" unit="ms" text={offset} share={(result.uncertainty?.time_offset_std_s ?? 0) / 0.002} />
+            <NumberRow
+              axis="t"
+              name="Time offset"
+              unit="ms"
+              text={offset}
+              share={(result.uncertainty?.time_offset_std_s ?? 0) / limits.time_offset_s}
+            />
           </tbody>
         </table>
         <Frames matrix={pose.matrix} base={to} other={from} />
       </div>
       <p className="dim small">
-        The bar is one standard deviation against the limit of a weak answer (20 mm, 0.5°, 2 ms), on a logarithmic scale; angles turn about the{" "}
-        {from}&rsquo;s axes. A reading stamped t by the IMU was taken at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the
-        lidar&rsquo;s clock.
+        The bar is one standard deviation against the limit of a weak answer ({shortLimits(limits)}), on a logarithmic
+        scale; angles turn about the {from}&rsquo;s axes. A reading stamped t by the IMU was taken at t{" "}
+        {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s clock{clockText(result)}.
       </p>
       <div className={css.copies}>
-        <CopyBox label="the matrix" caption="Matrix, last column in metres" text={pose.matrix.map((row) => row.map((value) => value.toFixed(7).padStart(10)).join(" ")).join("\n")} />
-        <CopyBox label="translation and quaternion" caption="Translation in metres, quaternion x y z w" text={`translation_m\n${row(pose.translationM, 6)}\nquaternion_xyzw\n${row(pose.quaternionXyzw, 7)}`} />
+        <CopyBox
+          label="the matrix"
+          caption="Matrix, last column in metres"
+          text={pose.matrix.map((row) => row.map((value) => value.toFixed(7).padStart(10)).join(" ")).join("\n")}
+        />
+        <CopyBox
+          label="translation and quaternion"
+          caption="Translation in metres, quaternion x y z w"
+          text={`translation_m\n${row(pose.translationM, 6)}\nquaternion_xyzw\n${row(pose.quaternionXyzw, 7)}`}
+        />
       </div>
     </section>
   );
+}
+
+/** When the offset holds, where the clocks do not run alike. */
+function clockText({
+  clock_rate_ppm: rate,
+  clock_rate_ppm_std: std,
+  time_offset_at_s: atS,
+}: CalibrationResult): string {
+  if (rate == null || atS == null) return "";
+  const { value, sigma } = withSigma(rate, std ?? 0);
+  return `, ${fixed(atS, 1)} s after the first scan; from there it changes by ${value} ± ${sigma} µs per second`;
+}
+
+/** 20 mm, 0.5°, 2 ms. */
+function shortLimits({ translation_m, rotation_deg, time_offset_s }: Limits): string {
+  return `${Number((translation_m * 1000).toPrecision(3))} mm, ${Number(rotation_deg.toPrecision(3))}°, ${Number((time_offset_s * 1000).toPrecision(3))} ms`;
 }
 
 function row(values: readonly number[], decimals: number): string {

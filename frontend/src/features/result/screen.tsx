@@ -2,7 +2,7 @@ import { Button, Skeleton, useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link, useNavigate, useSearchParams } from "react-router";
-import type { CalibrationResult, Run } from "../../api/client";
+import type { CalibrationResult, Recording, Run } from "../../api/client";
 import { mapPageUrl, reportUrl, resultDownloadUrl, resultQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
@@ -12,13 +12,16 @@ import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { chosenRun } from "../workspace/state";
 import { Advice, Messages } from "./advice";
+import { Compare } from "./compare";
 import { CommandSection } from "./command";
 import { Exports } from "./exports";
 import { History } from "./history";
 import { poseOf, type Direction } from "./inverse";
 import { PoseCard } from "./pose";
 import { Quality } from "./quality";
-import { Verdict } from "./verdict";
+import { NextSteps } from "./nextsteps";
+import { OwnErrors } from "./sensors";
+import { toneOf, Verdict } from "./verdict";
 import css from "./result.module.css";
 
 /** The answer, how far to trust it, and everything to take it away with. */
@@ -37,16 +40,16 @@ export function ResultScreen() {
       </div>
     );
   }
-  return <RunResult key={run.job.id} run={run} runs={runs} />;
+  return <RunResult key={run.job.id} recording={recording} run={run} runs={runs} />;
 }
 
-function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
+function RunResult({ recording, run, runs }: { recording: Recording; run: Run; runs: readonly Run[] }) {
   const result = useQuery(resultQuery(run.job.id));
   const navigate = useNavigate();
   const download = () => window.location.assign(resultDownloadUrl(run.job.id));
   const base = `/r/${run.job.recording_id}`;
   const dark = useComputedColorScheme("dark") === "dark";
-  const answered = result.data?.T_imu_lidar !== null;
+  const answered = result.data !== undefined && result.data.T_imu_lidar !== null;
   useShortcuts("Result", [
     { keys: "d", label: "Download the JSON", run: download },
     { keys: "i", label: "Back to inspect", run: () => void navigate(`${base}/inspect?job=${run.job.id}`) },
@@ -64,14 +67,20 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
           ) : result.isError ? (
             <Fault error={result.error} onRetry={() => void result.refetch()} />
           ) : (
-            <Document result={result.data} verdict={run.job.result?.kind === "solve" ? run.job.result.verdict : ""} />
+            <Document recording={recording} run={run} result={result.data} />
           )}
         </div>
       </div>
       <Panel
         title="Downloads"
         footer={
-          <Button fullWidth component="a" href={resultDownloadUrl(run.job.id)} download leftSection={<Icon name="download" />}>
+          <Button
+            fullWidth
+            component="a"
+            href={resultDownloadUrl(run.job.id)}
+            download
+            leftSection={<Icon name="download" />}
+          >
             Download JSON
           </Button>
         }
@@ -79,11 +88,25 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
         <Exports jobId={run.job.id} answered={answered} />
         <Section title="To show to others">
           <div className={css.links}>
-            <Button component="a" href={reportUrl(run.job.id)} target="_blank" variant="default" size="compact-md" leftSection={<Icon name="file" size={14} />}>
+            <Button
+              component="a"
+              href={reportUrl(run.job.id)}
+              target="_blank"
+              variant="default"
+              size="compact-md"
+              leftSection={<Icon name="file" size={14} />}
+            >
               Report to print
             </Button>
             {answered && (
-              <Button component="a" href={mapPageUrl(run.job.id, dark)} download variant="default" size="compact-md" leftSection={<Icon name="download" size={14} />}>
+              <Button
+                component="a"
+                href={mapPageUrl(run.job.id, dark)}
+                download
+                variant="default"
+                size="compact-md"
+                leftSection={<Icon name="download" size={14} />}
+              >
                 3D scene page
               </Button>
             )}
@@ -93,23 +116,34 @@ function RunResult({ run, runs }: { run: Run; runs: readonly Run[] }) {
         <Section title="Runs of this recording">
           <History runs={runs} shown={run.job.id} />
         </Section>
+        <Compare key={run.job.id} runs={runs} shown={run.job.id} />
       </Panel>
     </>
   );
 }
 
-function Document({ result, verdict }: { result: CalibrationResult; verdict: string }) {
+function Document({ recording, run, result }: { recording: Recording; run: Run; result: CalibrationResult }) {
   const [direction, setDirection] = useState<Direction>("imu_lidar");
   const pose = poseOf(result, direction);
   // What is weak has a list of its own; for those who read the file alone it is among the messages too.
+  const verdict = run.job.result?.kind === "solve" ? run.job.result.verdict : "";
   const weak = new Set(result.observability.weak_directions?.map((one) => one.text));
   return (
     <div className={css.document}>
-      <Verdict status={result.status} text={verdict} />
+      <Verdict result={result} text={verdict} />
+      {toneOf(
+        result.status,
+        result.messages.map((message) => message.code),
+      ) !== "good" && <NextSteps recording={recording} result={result} />}
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
-      <Messages messages={result.messages.filter((message) => !weak.has(message.text))} />
+      <Messages
+        messages={result.messages.filter(
+          ({ code, text }) => !weak.has(text) && !verdict.includes(text) && !code.startsWith("sensor."),
+        )}
+      />
       <Advice observability={result.observability} />
-      <Quality result={result} />
+      <OwnErrors result={result} />
+      <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>
   );
 }

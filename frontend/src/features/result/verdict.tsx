@@ -2,16 +2,37 @@ import type { CalibrationResult } from "../../api/client";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 
-const tones: Record<CalibrationResult["status"], Tone> = { calibrated: "good", weak: "warning", refused: "error" };
-const words: Record<CalibrationResult["status"], string> = { calibrated: "Calibrated", weak: "Weak", refused: "Refused" };
+const words: Record<CalibrationResult["status"], string> = {
+  calibrated: "Calibrated",
+  weak: "Weak",
+  refused: "Refused",
+};
+const disagreement = "solve.disagreement";
+
+/** The colour of a result: green is for an answer that nothing speaks against. */
+export function toneOf(status: CalibrationResult["status"], codes: readonly string[]): Tone {
+  switch (status) {
+    case "refused":
+      return "error";
+    case "weak":
+      return "warning";
+    case "calibrated":
+      return codes.includes(disagreement) ? "warning" : "good";
+  }
+}
 
 /** May I use this? One word, one sentence. */
-export function Verdict({ status, text }: { status: CalibrationResult["status"]; text: string }) {
+export function Verdict({ result, text }: { result: CalibrationResult; text: string }) {
+  const { status } = result;
+  const tone = toneOf(
+    status,
+    result.messages.map((message) => message.code),
+  );
   const word = words[status];
-  const sentence = text.startsWith(`${word}: `) ? text.slice(word.length + 2) : text;
+  const sentence = text.startsWith(word) ? text.slice(word.length).replace(/^[:,] /, "") : text;
   return (
-    <header className={css.verdict} data-status={status}>
-      <LevelIcon level={tones[status]} size={30} />
+    <header className={css.verdict} data-status={status} data-tone={tone}>
+      <LevelIcon level={tone} size={30} />
       <div>
         <h1>{word}</h1>
         <p>{sentence.charAt(0).toUpperCase() + sentence.slice(1)}</p>

@@ -1,4 +1,4 @@
-import { fixed, withSigma } from "../../ui/format";
+import { fixed, withSigma, wrapped } from "../../ui/format";
 import type { Parameter } from "./parameters";
 import css from "./solve.module.css";
 
@@ -13,13 +13,23 @@ export function Funnel({ parameter }: { parameter: Parameter }) {
   const final = values.at(-1) ?? 0;
   const reach = Math.max(1e-9, ...values.map((value, i) => Math.abs(value - final) + Math.min(sigmas[i] ?? 0, 1e6)));
   // A square root keeps the last, small steps visible beside the first, large ones.
-  const y = (offset: number) => height / 2 - (Math.sign(offset) * Math.sqrt(Math.abs(offset) / reach) * (height - 4)) / 2;
+  const y = (offset: number) =>
+    height / 2 - (Math.sign(offset) * Math.sqrt(Math.abs(offset) / reach) * (height - 4)) / 2;
   const x = (i: number) => (values.length < 2 ? width : (i * width) / (values.length - 1));
   const line = values.map((value, i) => `${x(i).toFixed(1)},${y(value - final).toFixed(1)}`);
   const upper = values.map((value, i) => `${x(i).toFixed(1)},${y(value - final + (sigmas[i] ?? 0)).toFixed(1)}`);
-  const lower = values.map((value, i) => `${x(i).toFixed(1)},${y(value - final - (sigmas[i] ?? 0)).toFixed(1)}`).reverse();
+  const lower = values
+    .map((value, i) => `${x(i).toFixed(1)},${y(value - final - (sigmas[i] ?? 0)).toFixed(1)}`)
+    .reverse();
   return (
-    <svg className={css.funnel} width={width} height={height} viewBox={`0 0 ${width} ${height}`} aria-hidden="true" data-axis={parameter.axis}>
+    <svg
+      className={css.funnel}
+      width={width}
+      height={height}
+      viewBox={`0 0 ${width} ${height}`}
+      aria-hidden="true"
+      data-axis={parameter.axis}
+    >
       {values.length > 1 && (
         <>
           <polygon points={[...upper, ...lower].join(" ")} />
@@ -38,7 +48,10 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
         {parameters.map((parameter) => {
           const value = parameter.values.at(-1);
           const sigma = parameter.sigmas.at(-1);
-          const text = value === undefined || sigma === undefined ? null : withSigma(value, sigma, parameter.unit === "°" ? 4 : 3);
+          const text =
+            value === undefined || sigma === undefined
+              ? null
+              : withSigma(parameter.unit === "°" ? wrapped(value) : value, sigma, parameter.unit === "°" ? 4 : 3);
           return (
             <tr key={parameter.key}>
               <th scope="row" data-axis={parameter.axis}>
@@ -72,7 +85,12 @@ export function ResidualBars({ rows, looks }: ResidualBarsProps) {
         <li key={row.name}>
           <span className="clip">{looks.get(row.name)?.title ?? row.name}</span>
           <span className={css.track}>
-            <span style={{ width: `${(100 * row.rms_m) / most}%`, background: looks.get(row.name)?.color ?? "var(--ink-3)" }} />
+            <span
+              style={{
+                width: `${(100 * row.rms_m) / most}%`,
+                background: looks.get(row.name)?.color ?? "var(--ink-3)",
+              }}
+            />
           </span>
           <span className="num">{fixed(row.rms_m * 1000, 1)}</span>
         </li>

@@ -1,42 +1,44 @@
-import { Button, SegmentedControl, Switch, TextInput } from "@mantine/core";
+import { Button, NativeSelect, SegmentedControl, Switch, TextInput } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
-import type { NewJob } from "../../api/client";
+import type { Job, NewJob, OldExtrinsic } from "../../api/client";
 import { sparse } from "../../api/client";
+import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
+import { chosenBlocks, draftOf, settingsOf, type Draft } from "./draft";
+import { Priors } from "./known";
+import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
 
-type Settings = NewJob["settings"];
+type Choice = "gravity" | "imuNoise" | "biasModel" | "imuSampling" | "intrinsics";
 
 interface SolveOptionsProps {
-  /** Of the run that is shown; what it left out stays out. */
-  before: { excluded_spans_s: readonly (readonly number[])[] };
-  onSolve: (settings: Settings) => void;
+  /** Of the run that is shown; what it chose stays chosen. */
+  before: Job["settings"];
+  onSolve: (wish: Pick<NewJob, "settings"> & Partial<Pick<NewJob, "initial_guess">>) => void;
   pending: boolean;
   error: unknown;
 }
 
-/** A positive number, or null for an empty or unfinished one. */
-function numberOf(text: string): number | null {
-  const value = Number(text);
-  return text !== "" && value > 0 ? value : null;
-}
-
-/** The few choices that are worth a second run; everything else has an option on the command line. */
+/** Everything that a solve can be told, as controls; all of it is found from the recording where it is left alone. */
 export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsProps) {
-  const [method, setMethod] = useState<Settings["method"]>("full");
-  const [points, setPoints] = useState<number | null>(null);
-  const [fieldDeg, setFieldDeg] = useState<number | null>(null);
-  const [timeOffset, setTimeOffset] = useState(true);
-  const paper = method === "paper";
-  const settings = sparse<Settings>({
-    method,
-    points_per_plane_per_scan: points ?? (paper ? 100 : null),
-    field_of_view_deg: fieldDeg ?? (paper ? 45 : null),
-    estimate_time_offset: timeOffset,
-    excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
-  });
+  const [draft, setDraft] = useState<Draft>(() => draftOf(before));
+  const [guess, setGuess] = useState<OldExtrinsic | null>(null);
+  const presets = useQuery(factsQuery).data?.imu_presets ?? [];
+  const set = (part: Partial<Draft>) => setDraft((old) => ({ ...old, ...part }));
+  const paper = draft.method === "paper";
+  const settings = settingsOf(draft, before);
   const spans = before.excluded_spans_s.length;
+  const choice = (name: Choice, label: string, data: { value: string; label: string }[]) => (
+    <NativeSelect
+      size="xs"
+      label={label}
+      value={draft[name]}
+      data={data}
+      onChange={(event) => set({ [name]: event.currentTarget.value })}
+    />
+  );
   return (
     <Section title="Solve again, differently">
       <div className={css.options}>
@@ -45,40 +47,100 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
           <SegmentedControl
             size="xs"
             aria-labelledby="method-label"
-            value={method}
-            onChange={(value) => setMethod(value === "paper" ? "paper" : "full")}
+            value={draft.method}
+            onChange={(value) => set({ method: value === "paper" ? "paper" : "full" })}
             data={[
               { value: "full", label: "Full" },
               { value: "paper", label: "As published" },
             ]}
           />
         </div>
-        <TextInput
-          type="number"
+        <Switch
           size="xs"
-          label="Points per plane and scan"
-          placeholder={paper ? "100" : "all"}
-          min={1}
-          value={points ?? ""}
-          onChange={(event) => setPoints(numberOf(event.currentTarget.value))}
+          label="Estimate the time offset"
+          checked={draft.timeOffset}
+          onChange={(event) => set({ timeOffset: event.currentTarget.checked })}
         />
-        <TextInput
-          type="number"
-          size="xs"
-          label="Field of view, ± degrees of azimuth"
-          placeholder={paper ? "45" : "all around"}
-          min={1}
-          max={180}
-          value={fieldDeg ?? ""}
-          onChange={(event) => setFieldDeg(numberOf(event.currentTarget.value))}
-        />
-        <Switch size="xs" label="Estimate the time offset" checked={timeOffset} onChange={(event) => setTimeOffset(event.currentTarget.checked)} />
+        <h3 className={css.group}>What is known</h3>
+        <Priors priors={draft.priors} onChange={(priors) => set({ priors })} />
+        <details className={css.more} open={settings === null}>
+          <summary>Sensors, gravity and where to start</summary>
+          <div className={css.grid}>
+            {choice("gravity", "Gravity", [
+              { value: "free", label: "9.807 ± 0.02 m/s²" },
+              { value: "latitude", label: "by latitude" },
+              { value: "exact", label: "known exactly" },
+            ])}
+            {draft.gravity !== "free" && (
+              <TextInput
+                size="xs"
+                inputMode="decimal"
+                label={draft.gravity === "latitude" ? "Latitude, °" : "Gravity, m/s²"}
+                placeholder={draft.gravity === "latitude" ? "48.1" : "9.807"}
+                value={draft.gravityNumber}
+                onChange={(event) => set({ gravityNumber: event.currentTarget.value })}
+              />
+            )}
+            {choice("imuNoise", "IMU noise", [
+              { value: "", label: "as measured" },
+              ...presets.map((name) => ({ value: name, label: name })),
+            ])}
+            {choice("biasModel", "Biases", [
+              { value: "random-walk", label: "drift slowly" },
+              { value: "constant", label: "constant" },
+            ])}
+            {choice("imuSampling", "IMU sampling", [
+              { value: "detect", label: "as found" },
+              { value: "as-stamped", label: "as stamped" },
+              { value: "even", label: "evenly" },
+            ])}
+            {choice("intrinsics", "Sensors' own errors", [
+              { value: "auto", label: "where they show" },
+              { value: "consider", label: "in the error bars only" },
+              { value: "off", label: "taken as none" },
+              ...(Array.isArray(before.intrinsics) ? [{ value: chosenBlocks, label: "those named before" }] : []),
+            ])}
+            <TextInput
+              size="xs"
+              inputMode="numeric"
+              label="Points per plane and scan"
+              placeholder={paper ? "100" : "all"}
+              value={draft.points}
+              onChange={(event) => set({ points: event.currentTarget.value })}
+            />
+            <TextInput
+              size="xs"
+              inputMode="decimal"
+              label="Field of view, ±°"
+              placeholder={paper ? "45" : "all around"}
+              value={draft.fieldDeg}
+              onChange={(event) => set({ fieldDeg: event.currentTarget.value })}
+            />
+          </div>
+          <Switch
+            size="xs"
+            label="Estimate the planes"
+            checked={draft.planes}
+            onChange={(event) => set({ planes: event.currentTarget.checked })}
+          />
+          <StartValue guess={guess} onChange={setGuess} />
+        </details>
         {spans > 0 && (
           <p className="small dim">
             {spans === 1 ? "One span of time stays" : `${spans} spans of time stay`} left out; Inspect changes that.
           </p>
         )}
-        <Button variant="default" size="compact-md" loading={pending} onClick={() => onSolve(settings)}>
+        {settings === null && <p className="small dim">A number is missing or out of its range.</p>}
+        <Button
+          variant="default"
+          size="compact-md"
+          loading={pending}
+          disabled={settings === null}
+          onClick={() =>
+            settings !== null &&
+            onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) })
+          }
+        >
           Solve again
         </Button>
         {error !== null && <Fault error={error} />}

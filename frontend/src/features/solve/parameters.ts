@@ -1,4 +1,4 @@
-import type { IterationEvent } from "../../api/client";
+import type { IterationEvent, SolveOutcome } from "../../api/client";
 
 export interface Parameter {
   name: string;
@@ -19,8 +19,16 @@ interface Answer {
   time_offset_std_s: number;
 }
 
-const rotations = [["Roll", "rx", "x"], ["Pitch", "ry", "y"], ["Yaw", "rz", "z"]] as const;
-const translations = [["Position x", "tx", "x"], ["Position y", "ty", "y"], ["Position z", "tz", "z"]] as const;
+const rotations = [
+  ["Roll", "rx", "x"],
+  ["Pitch", "ry", "y"],
+  ["Yaw", "rz", "z"],
+] as const;
+const translations = [
+  ["Position x", "tx", "x"],
+  ["Position y", "ty", "y"],
+  ["Position z", "tz", "z"],
+] as const;
 
 /** The seven numbers of the calibration over the iterations, in the units people read.
  *
@@ -55,6 +63,24 @@ export function parametersOf(answers: readonly Answer[]): Parameter[] {
       sigmas: pick((answer) => answer.time_offset_std_s * 1000),
     },
   ];
+}
+
+/** The run's outcome as the last of its answers: the sigmas that the verdict has, not those of the last iteration. */
+export function answerOf(outcome: SolveOutcome | null): Answer[] {
+  if (outcome === null) return [];
+  const { euler_xyz_deg, rotation_std_deg, translation_m, translation_std_m, time_offset_s, time_offset_std_s } =
+    outcome;
+  if (
+    euler_xyz_deg === null ||
+    rotation_std_deg === null ||
+    translation_m === null ||
+    translation_std_m === null ||
+    time_offset_s === null ||
+    time_offset_std_s === null
+  ) {
+    return [];
+  }
+  return [{ euler_xyz_deg, rotation_std_deg, translation_m, translation_std_m, time_offset_s, time_offset_std_s }];
 }
 
 /** Angles that cross +-180 degrees, drawn without the jump. */

@@ -1,7 +1,7 @@
 import { Button } from "@mantine/core";
-import { useEffect } from "react";
+import { useEffect, useRef } from "react";
 import { useNavigate, useSearchParams } from "react-router";
-import type { IterationEvent, Job, PlaneLook } from "../../api/client";
+import type { IterationEvent, Job, PlaneLook, SolveOutcome } from "../../api/client";
 import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
 import { useChangeView, useRetryJob, useStartJob } from "../../api/queries";
 import { Icon } from "../../ui/icons";
@@ -12,10 +12,10 @@ import { useShortcuts } from "../../ui/shortcuts";
 import { useWorkspace } from "../workspace/context";
 import { ParameterTable, ResidualBars } from "./funnel";
 import { SolveOptions } from "./options";
-import { costs, parametersOf } from "./parameters";
-import { JobProgress } from "./progress";
+import { answerOf, costs, parametersOf } from "./parameters";
+import { JobProgress } from "../jobs/progress";
 import css from "./solve.module.css";
-import { stagesOfSolve, standingOf } from "./timeleft";
+import { stagesOfSolve, standingOf } from "../jobs/timeleft";
 
 /** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
 export function SolveScreen() {
@@ -31,22 +31,33 @@ export function SolveScreen() {
   const run = useJobStream(jobId);
   const job = run.job;
   const ended = job !== null && isFinal(job);
+  const outcome = job?.result?.kind === "solve" ? job.result : null;
   const hasEstimate = run.iterations.length > 0;
 
   useEffect(() => {
-    changeView({ mode: "solve", job_id: jobId, nudge: null });
+    changeView({ mode: "solve", job_id: jobId, nudge: null, straight: 1 });
   }, [changeView, jobId, hasEstimate, ended]);
 
+  useStraightening(job === null ? null : job.state === "done" && outcome?.status !== "refused", changeView);
   const follow = (made: Job) => setQuery({ job: made.id });
   const solve = () => start.mutate({ kind: "solve" }, { onSuccess: follow });
-  const outcome = job?.result?.kind === "solve" ? job.result : null;
+  const refused = outcome?.status === "refused";
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
   const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
-  useShortcuts("Solve", [{ keys: "Enter", label: onward === "inspect" ? "Inspect the answer" : "See the result", run: goOn }]);
+  useShortcuts("Solve", [
+    { keys: "Enter", label: onward === "inspect" ? "Inspect the answer" : "See the result", run: goOn },
+  ]);
 
   if (jobId === null) {
     return (
-      <Panel title="Solve" footer={<Button fullWidth onClick={solve} loading={start.isPending}>Solve</Button>}>
+      <Panel
+        title="Solve"
+        footer={
+          <Button fullWidth onClick={solve} loading={start.isPending}>
+            Solve
+          </Button>
+        }
+      >
         <StateBox title="Nothing has been solved yet">
           <p>The planes you confirmed are used; no start value is needed.</p>
         </StateBox>
@@ -60,7 +71,9 @@ export function SolveScreen() {
   return (
     <Panel
       title={standingOf(job)}
-      lead={job === null || ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."}
+      lead={
+        job === null || ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."
+      }
       footer={
         <Button fullWidth disabled={onward === null} onClick={goOn} rightSection={<Icon name="next" />}>
           {onward === "result" ? "See why" : "Inspect the answer"}
@@ -89,7 +102,23 @@ export function SolveScreen() {
         )}
         {retry.isError && <Fault error={retry.error} />}
       </Section>
-      {(!ended || hasEstimate) && <Estimate run={run} looks={looks} final={job?.state === "done"} />}
+      {refused ? (
+        <Section title="Next step">
+          <div className={css.next}>
+            <Button size="compact-md" onClick={goOn}>
+              See why
+            </Button>
+            <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/planes`)}>
+              Back to the planes
+            </Button>
+            <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/recording`)}>
+              See how it was read
+            </Button>
+          </div>
+        </Section>
+      ) : (
+        (!ended || hasEstimate) && <Estimate run={run} looks={looks} answer={outcome} />
+      )}
       {notable.length > 0 && (
         <Section title="Said on the way">
           <div className={css.logs}>
@@ -101,32 +130,68 @@ export function SolveScreen() {
           </div>
         </Section>
       )}
-      {ended && <SolveOptions before={job.settings} onSolve={(settings) => start.mutate({ kind: "solve", settings }, { onSuccess: follow })} pending={start.isPending} error={start.error} />}
+      {ended && (
+        <SolveOptions
+          key={job.id}
+          before={job.settings}
+          onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })}
+          pending={start.isPending}
+          error={start.error}
+        />
+      )}
     </Panel>
   );
+}
+
+const straightSteps = 10;
+const straightStepMs = 160;
+
+/** Once, when a solve that was watched ends with an answer, the cloud goes from raw to straight. */
+function useStraightening(answered: boolean | null, changeView: (change: { straight: number }) => void) {
+  const watched = useRef(false);
+  useEffect(() => {
+    if (answered === false) watched.current = true;
+    if (answered !== true || !watched.current || window.matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+    watched.current = false;
+    let step = 0;
+    changeView({ straight: 0 });
+    const timer = window.setInterval(() => {
+      step += 1;
+      changeView({ straight: Math.min(1, step / straightSteps) });
+      if (step >= straightSteps) window.clearInterval(timer);
+    }, straightStepMs);
+    return () => {
+      window.clearInterval(timer);
+      changeView({ straight: 1 });
+    };
+  }, [answered, changeView]);
 }
 
 interface EstimateProps {
   run: RunLog;
   looks: ReadonlyMap<string, PlaneLook>;
-  /** Whether the last iteration is the answer. */
-  final: boolean;
+  /** What it came to, once it has ended: the numbers of the verdict, the report and the files. */
+  answer: SolveOutcome | null;
 }
 
 /** The numbers of the last iteration, and how the run came to them. */
-function Estimate({ run, looks, final }: EstimateProps) {
+function Estimate({ run, looks, answer }: EstimateProps) {
   const last = run.iterations.at(-1);
   return (
     <>
-      <Section title={final ? "Answer" : "Answer so far"}>
-        <ParameterTable parameters={parametersOf(run.iterations)} />
+      <Section title={answer !== null ? "Answer" : "Answer so far"}>
+        <ParameterTable parameters={parametersOf([...run.iterations, ...answerOf(answer)])} />
       </Section>
       <Section title="Cost">
         <CostPlot iterations={run.iterations} />
         <p className="dim small">Each round takes in more points, so the cost may step up between rounds.</p>
       </Section>
       <Section title="Distance of points to their plane" tools={<span className="dim small">rms, mm</span>}>
-        {last === undefined ? <p className="dim small">Shown once the joint solve begins.</p> : <ResidualBars rows={last.planes} looks={looks} />}
+        {last === undefined ? (
+          <p className="dim small">Shown once the joint solve begins.</p>
+        ) : (
+          <ResidualBars rows={last.planes} looks={looks} />
+        )}
       </Section>
     </>
   );
@@ -145,4 +210,3 @@ function CostPlot({ iterations }: { iterations: readonly IterationEvent[] }) {
     />
   );
 }
-

@@ -14,7 +14,14 @@ function random(seed: number): () => number {
 
 /** Where a ray from (x, y) at an angle meets the room's outline. */
 function hit(x: number, y: number, angle: number): [number, number] | null {
-  const corners: [number, number][] = [[40, 24], [330, 24], [330, 74], [520, 74], [520, 226], [40, 226]];
+  const corners: [number, number][] = [
+    [40, 24],
+    [330, 24],
+    [330, 74],
+    [520, 74],
+    [520, 226],
+    [40, 226],
+  ];
   const dx = Math.cos(angle);
   const dy = Math.sin(angle);
   let best = Infinity;
@@ -41,7 +48,8 @@ function points(smeared: boolean): string {
       if (wall === null) continue;
       const yaw = smeared ? turn * (part - 0.5) : 0;
       const [dx, dy] = [wall[0] - 250, wall[1] - 135];
-      const x = 250 + dx * Math.cos(yaw) - dy * Math.sin(yaw) + (smeared ? slide * (part - 0.5) : 0) + (noise() - 0.5) * 2;
+      const x =
+        250 + dx * Math.cos(yaw) - dy * Math.sin(yaw) + (smeared ? slide * (part - 0.5) : 0) + (noise() - 0.5) * 2;
       const y = 135 + dx * Math.sin(yaw) + dy * Math.cos(yaw) + (noise() - 0.5) * 2.2;
       path += `M${x.toFixed(1)} ${y.toFixed(1)}h0`;
     }
@@ -54,7 +62,12 @@ const straight = points(false);
 
 export function SweepDrawing() {
   return (
-    <svg className={css.drawing} viewBox={`0 0 ${width} ${height}`} role="img" aria-label="Walls smeared by the motion of the sweep, and the same walls after the motion is taken out">
+    <svg
+      className={css.drawing}
+      viewBox={`0 0 ${width} ${height}`}
+      role="img"
+      aria-label="Walls smeared by the motion of the sweep, and the same walls after the motion is taken out"
+    >
       <path d={raw} className={css.raw} />
       <path d={straight} className={css.straight} />
       <line x1={width / 2} x2={width / 2} y1="8" y2={height - 8} className={css.wipe} />

@@ -20,8 +20,17 @@ export function FolderDialog({ onClose, onOpened }: { onClose: () => void; onOpe
     else open.mutate({ folder_path: entry.path }, { onSuccess: (made) => onOpened(made.id) });
   };
   return (
-    <Modal opened onClose={onClose} size={560} title="Recordings on the server" closeButtonProps={{ "aria-label": "Close" }}>
-      <div className="dim small" style={{ display: "flex", alignItems: "center", gap: 8, minHeight: 30, marginBottom: 6 }}>
+    <Modal
+      opened
+      onClose={onClose}
+      size={560}
+      title="Recordings on the server"
+      closeButtonProps={{ "aria-label": "Close" }}
+    >
+      <div
+        className="dim small"
+        style={{ display: "flex", alignItems: "center", gap: 8, minHeight: 30, marginBottom: 6 }}
+      >
         <Button
           size="compact-sm"
           variant="default"

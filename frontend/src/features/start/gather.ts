@@ -63,7 +63,10 @@ export function recordingOf(found: readonly FoundFile[]): File {
     throw new Error(`These are ${stems.size} recordings (${named([...stems])}); drop one of them at a time.`);
   }
   const name = first.folder === "" ? ([...stems][0] ?? "recording") : top(first.folder, true);
-  return tarOf(`${name}.tar`, parts.map(({ file }) => ({ name: file.name, file })));
+  return tarOf(
+    `${name}.tar`,
+    parts.map(({ file }) => ({ name: file.name, file })),
+  );
 }
 
 function top(folder: string, last = false): string {

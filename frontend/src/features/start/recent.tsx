@@ -1,9 +1,9 @@
-import { ActionIcon, Menu, Skeleton } from "@mantine/core";
+import { ActionIcon, Menu, NativeSelect, Skeleton, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "react-router";
 import type { Job, Recording } from "../../api/client";
-import { recordingsQuery, useDeleteRecording } from "../../api/queries";
+import { recordingsQuery, useChangeRecording, useDeleteRecording } from "../../api/queries";
 import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
 import { Icon, LevelIcon, type Tone } from "../../ui/icons";
@@ -25,25 +25,119 @@ export function RecentRecordings({ onOpen }: { onOpen: (id: string) => void }) {
           <p>What you open stays here, with its planes, runs and results, until you remove it.</p>
         </StateBox>
       ) : (
-        <ul>
-          {recordings.data.map((recording) => (
-            <Row key={recording.id} recording={recording} onOpen={onOpen} />
-          ))}
-        </ul>
+        <Found recordings={recordings.data} onOpen={onOpen} />
       )}
     </Panel>
   );
 }
 
+/** Fewer than these are seen at a glance. */
+const manyRecordings = 5;
+
+function Found({ recordings, onOpen }: { recordings: readonly Recording[]; onOpen: (id: string) => void }) {
+  const [wanted, setWanted] = useState("");
+  const [order, setOrder] = useState<Order>("newest");
+  const found = listed(recordings, wanted, order);
+  return (
+    <>
+      {recordings.length >= manyRecordings && (
+        <div className={css.find}>
+          <TextInput
+            size="xs"
+            type="search"
+            aria-label="Search recordings"
+            placeholder="Search"
+            value={wanted}
+            onChange={(event) => setWanted(event.currentTarget.value)}
+          />
+          <NativeSelect
+            size="xs"
+            aria-label="Order of the recordings"
+            value={order}
+            data={[
+              { value: "newest", label: "newest first" },
+              { value: "name", label: "by name" },
+              { value: "largest", label: "largest first" },
+              { value: "standing", label: "by verdict" },
+            ]}
+            onChange={(event) => setOrder(event.currentTarget.value as Order)}
+          />
+        </div>
+      )}
+      {found.length === 0 && <p className="dim small">No recording has “{wanted}” in its name or its state.</p>}
+      <ul>
+        {found.map((recording) => (
+          <Row key={recording.id} recording={recording} onOpen={onOpen} />
+        ))}
+      </ul>
+    </>
+  );
+}
+
+type Order = "newest" | "name" | "largest" | "standing";
+const tones: readonly Tone[] = ["good", "warning", "error", "info"];
+
+/** The recordings that have all the words in their name or state, in the wanted order. */
+export function listed(recordings: readonly Recording[], wanted: string, order: Order): Recording[] {
+  const words = wanted
+    .toLowerCase()
+    .split(/\s+/)
+    .filter((word) => word !== "");
+  const found = recordings.filter((recording) => {
+    const text = `${recording.name} ${standingOf(recording).text}`.toLowerCase();
+    return words.every((word) => text.includes(word));
+  });
+  switch (order) {
+    case "newest":
+      return found.sort((a, b) => b.created_at.localeCompare(a.created_at));
+    case "name":
+      return found.sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
+    case "largest":
+      return found.sort((a, b) => b.size_bytes - a.size_bytes);
+    case "standing":
+      return found.sort((a, b) => tones.indexOf(standingOf(a).tone) - tones.indexOf(standingOf(b).tone));
+  }
+}
+
+/** The menu holds the focus until it has closed; a field opened sooner would lose it at once. */
+const menuClosesMs = 250;
+
 function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string) => void }) {
   const remove = useDeleteRecording();
   const now = useNow(30_000);
+  const change = useChangeRecording(recording.id);
   const [sure, setSure] = useState(false);
+  const [renaming, setRenaming] = useState(false);
+  const rename = (name: string) => {
+    setRenaming(false);
+    if (name !== "" && name !== recording.name) change.mutate({ name });
+  };
   const standing = standingOf(recording);
   return (
     <li className={css.row}>
-      <Link className={css.open} to={`/r/${recording.id}/${standing.screen}`}>
-        <strong className="clip">{recording.name}</strong>
+      {renaming && (
+        <TextInput
+          size="xs"
+          autoFocus
+          maxLength={200}
+          aria-label="New name of the recording"
+          defaultValue={recording.name}
+          onFocus={(event) => event.currentTarget.select()}
+          onBlur={(event) => rename(event.currentTarget.value.trim())}
+          onKeyDown={(event) => {
+            if (event.key === "Enter") event.currentTarget.blur();
+            if (event.key === "Escape") {
+              // Taking the field away may count as leaving it, which would rename.
+              event.currentTarget.value = recording.name;
+              setRenaming(false);
+            }
+          }}
+        />
+      )}
+      <Link className={css.open} hidden={renaming} to={`/r/${recording.id}/${standing.screen}`}>
+        <strong className="clip" title={recording.name}>
+          {recording.name}
+        </strong>
         <span className={css.meta}>
           <LevelIcon level={standing.tone} size={14} />
           <span>{standing.text}</span>
@@ -53,15 +147,26 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <span className="nowrap">{ago(Date.parse(recording.created_at), now)}</span>
         </span>
       </Link>
-      <Menu position="bottom-end" onClose={() => setSure(false)}>
+      <Menu position="bottom-end" returnFocus={false} onClose={() => setSure(false)}>
         <Menu.Target>
-          <ActionIcon variant="subtle" color="gray" aria-label={`More for ${recording.name}`} loading={remove.isPending}>
+          <ActionIcon
+            variant="subtle"
+            color="gray"
+            aria-label={`More for ${recording.name}`}
+            loading={remove.isPending}
+          >
             <Icon name="more" />
           </ActionIcon>
         </Menu.Target>
         <Menu.Dropdown>
           <Menu.Item leftSection={<Icon name="file" />} onClick={() => onOpen(recording.id)}>
             Look at the recording
+          </Menu.Item>
+          <Menu.Item
+            leftSection={<Icon name="pencil" />}
+            onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}
+          >
+            Rename
           </Menu.Item>
           <Menu.Item
             leftSection={<Icon name="trash" />}
@@ -118,7 +223,11 @@ export function standingOf(recording: Recording): Standing {
   if (outcome?.kind === "solve") {
     switch (outcome.status) {
       case "calibrated":
-        return { tone: "good", text: "Calibrated", screen: "result" };
+        return {
+          tone: outcome.tone === "doubtful" ? "warning" : "good",
+          text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated",
+          screen: "result",
+        };
       case "weak":
         return { tone: "warning", text: "Weak", screen: "result" };
       case "refused":
@@ -126,6 +235,15 @@ export function standingOf(recording: Recording): Standing {
     }
   }
   if (job?.kind === "solve") return { ...standingOfSolve(job.state), screen: "solve" };
-  if (job?.kind === "planes") return { tone: "info", text: "Planes", screen: "planes" };
-  return { tone: "info", text: "Ready", screen: "recording" };
+  switch (recording.verdict) {
+    case "good":
+      return { tone: "good", text: "Good to calibrate", screen: "recording" };
+    case "limited":
+      return { tone: "warning", text: "Usable, with limits", screen: "recording" };
+    case "unusable":
+      return { tone: "error", text: "Not usable as it is", screen: "recording" };
+    case null:
+    case undefined:
+      return { tone: "info", text: "Read", screen: "recording" };
+  }
 }

@@ -29,8 +29,12 @@ export function StartScreen() {
   useShortcuts("Start page", [
     { keys: "o", label: "Choose a file", run: chooseFile },
     { keys: "d", label: "Choose a bag's folder", run: chooseFolder },
-    ...(firstSample === undefined ? [] : [{ keys: "s", label: "Try the sample", run: () => openSample(firstSample.scenario) }]),
-    ...(facts.data?.recordings_folder === true ? [{ keys: "f", label: "Open from the server's folder", run: () => setFolderOpen(true) }] : []),
+    ...(firstSample === undefined
+      ? []
+      : [{ keys: "s", label: "Try the sample", run: () => openSample(firstSample.scenario) }]),
+    ...(facts.data?.recordings_folder === true
+      ? [{ keys: "f", label: "Open from the server's folder", run: () => setFolderOpen(true) }]
+      : []),
   ]);
 
   return (
@@ -101,11 +105,14 @@ export function StartScreen() {
               )}
             </div>
           </section>
-          {[open.error, facts.error].filter((error) => error !== null).slice(0, 1).map((error) => (
-            <div className={css.fault} key="fault">
-              <Fault error={error} />
-            </div>
-          ))}
+          {[open.error, facts.error]
+            .filter((error) => error !== null)
+            .slice(0, 1)
+            .map((error) => (
+              <div className={css.fault} key="fault">
+                <Fault error={error} />
+              </div>
+            ))}
         </div>
         <RecentRecordings onOpen={show} />
       </main>

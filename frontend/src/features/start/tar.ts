@@ -32,7 +32,12 @@ function header(name: string, size: number, modifiedMs: number): Uint8Array<Arra
   text(116, "0000000\0");
   if (size <= mostOctal) text(124, `${size.toString(8).padStart(11, "0")}\0`);
   else block.set(binarySize(size), 124);
-  text(136, `${Math.floor(modifiedMs / 1000).toString(8).padStart(11, "0")}\0`);
+  text(
+    136,
+    `${Math.floor(modifiedMs / 1000)
+      .toString(8)
+      .padStart(11, "0")}\0`,
+  );
   text(148, " ".repeat(8));
   text(156, "0");
   text(257, "ustar\0");

@@ -1,6 +1,6 @@
 import { useQueryClient } from "@tanstack/react-query";
 import { createContext, useCallback, useContext, useMemo, useRef, useState, type ReactNode } from "react";
-import type { HttpRequest, Upload as TusUpload } from "tus-js-client";
+import type { HttpRequest, PreviousUpload, Upload as TusUpload } from "tus-js-client";
 import { asFault, type ApiFault } from "../../api/fault";
 import { keys } from "../../api/queries";
 import { addSample, type RateSample } from "./rate";
@@ -45,7 +45,13 @@ export function UploadProvider({ children }: { children: ReactNode }) {
       const token = Symbol(file.name);
       const entries = new Map<symbol, UploadProgress>();
       const show = (change: Partial<UploadProgress>) => {
-        const before = entries.get(token) ?? { recordingId: null, name: file.name, size: file.size, samples: [], fault: null };
+        const before = entries.get(token) ?? {
+          recordingId: null,
+          name: file.name,
+          size: file.size,
+          samples: [],
+          fault: null,
+        };
         const after = { ...before, ...change };
         entries.set(token, after);
         setList((old) => [...old.filter((one) => one !== before), after]);
@@ -91,8 +97,8 @@ export function UploadProvider({ children }: { children: ReactNode }) {
           },
         });
         show({});
-        void upload.findPreviousUploads().then((previous) => {
-          const last = previous[0];
+        // What was begun before is looked up where browsers keep it; one that forbids that begins anew.
+        void previousOf(upload).then((last) => {
           if (last !== undefined) upload.resumeFromPreviousUpload(last);
           upload.start();
         });
@@ -115,6 +121,15 @@ export function UploadProvider({ children }: { children: ReactNode }) {
   return <UploadContext value={uploads}>{children}</UploadContext>;
 }
 
+/** The interrupted upload of the same file; undefined where there is none, or where it cannot be looked up. */
+export async function previousOf(upload: Pick<TusUpload, "findPreviousUploads">): Promise<PreviousUpload | undefined> {
+  try {
+    return (await upload.findPreviousUploads())[0];
+  } catch {
+    return undefined;
+  }
+}
+
 /** What the bytes of a request hash to, so that the server keeps them only as they are here. */
 async function addChecksum(request: HttpRequest, file: File): Promise<void> {
   const offset = request.getHeader("Upload-Offset");
@@ -133,6 +148,8 @@ function uploadError(error: Error): Error {
     const told = JSON.parse(response?.getBody() ?? "") as { error?: { text?: string } };
     return new Error(told.error?.text ?? error.message);
   } catch {
-    return new Error("The upload was interrupted and could not be resumed; see that the server runs, then drop the file again to go on.");
+    return new Error(
+      "The upload was interrupted and could not be resumed; see that the server runs, then drop the file again to go on.",
+    );
   }
 }

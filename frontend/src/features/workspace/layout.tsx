@@ -46,7 +46,8 @@ export function WorkspaceLayout() {
         {lost && recording.data !== undefined && (
           <div className={css.lost} role="alert">
             <LevelIcon level="warning" />
-            The server does not answer; see that `unsweep serve` is running. This page goes on by itself once it is back.
+            The server does not answer; see that `unsweep serve` is running. This page goes on by itself once it is
+            back.
           </div>
         )}
         {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}

@@ -1,20 +1,30 @@
 import { useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useEffect, useRef, useState } from "react";
+import { useEffect, useRef, useState, type RefObject } from "react";
 import { useChangeView, viewQuery } from "../../api/queries";
 import { Notice } from "../../ui/notice";
 import { useShortcutRegistry } from "../../ui/shortcuts";
 import type { StepName } from "../../ui/stepper";
 import css from "./layout.module.css";
+import { SceneTools } from "./scenetools";
 
 /** The 3D canvas. It stays mounted while the recording is open, since connecting it takes seconds. */
-export function ScenePane({ recordingId, visible, mode }: { recordingId: string; visible: boolean; mode: StepName | null }) {
+export function ScenePane({
+  recordingId,
+  visible,
+  mode,
+}: {
+  recordingId: string;
+  visible: boolean;
+  mode: StepName | null;
+}) {
   const frame = useRef<HTMLIFrameElement>(null);
   const [loaded, setLoaded] = useState(false);
   const [wanted, setWanted] = useState(visible);
   if (visible && !wanted) setWanted(true);
   const view = useQuery({ ...viewQuery(recordingId), enabled: wanted });
   useSceneScheme(recordingId, wanted);
+  const drawn = useFirstPicture(frame, loaded);
 
   // Keys pressed while the canvas has the focus belong to the screen around it.
   const { handle } = useShortcutRegistry();
@@ -29,13 +39,15 @@ export function ScenePane({ recordingId, visible, mode }: { recordingId: string;
   return (
     <section className={css.scene} data-visible={visible} aria-label="3D scene" aria-hidden={!visible}>
       <iframe
+        className={css.canvas}
+        data-shown={drawn}
         ref={frame}
         src={`/scene/${recordingId}/`}
         title="3D scene: drag to orbit, scroll to zoom, click a plane"
         tabIndex={visible ? 0 : -1}
         onLoad={() => setLoaded(true)}
       />
-      <div className={css.waiting} data-gone={loaded}>
+      <div className={css.waiting} data-gone={drawn}>
         Opening the 3D scene…
       </div>
       {visible && shown !== undefined && shown.note !== "" && shown.mode === mode && (
@@ -43,11 +55,37 @@ export function ScenePane({ recordingId, visible, mode }: { recordingId: string;
           <Notice level="info">{shown.note}</Notice>
         </div>
       )}
+      {visible && drawn && shown !== undefined && <SceneTools recordingId={recordingId} view={shown} />}
       {visible && shown !== undefined && shown.legend !== "" && shown.mode === mode && (
         <div className={css.caption}>{shown.legend}</div>
       )}
     </section>
   );
+}
+
+const lookEveryMs = 100;
+/** What the scene's own, unseen panel is called once background and first points have been sent; they are drawn soon after. */
+const firstPicture = "first picture";
+const firstPictureMs = 600;
+/** A browser that cannot draw shows what it has to say after this. */
+const longestMs = 20_000;
+
+/** Whether the scene has its first picture: until then its own page is white, and would flash. */
+function useFirstPicture(frame: RefObject<HTMLIFrameElement | null>, loaded: boolean): boolean {
+  const [drawn, setDrawn] = useState(false);
+  useEffect(() => {
+    if (!loaded || drawn) return;
+    let waited = 0;
+    let seen = 0;
+    const timer = window.setInterval(() => {
+      waited += lookEveryMs;
+      const panel = frame.current?.contentDocument?.querySelector("[data-testid^='floating-panel']");
+      if (panel?.textContent.includes(firstPicture) === true) seen += lookEveryMs;
+      if (seen >= firstPictureMs || waited >= longestMs) setDrawn(true);
+    }, lookEveryMs);
+    return () => window.clearInterval(timer);
+  }, [frame, loaded, drawn]);
+  return drawn;
 }
 
 /** Tells the scene which background to draw on, when it opens and when the page's scheme changes. */

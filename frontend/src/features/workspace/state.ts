@@ -27,7 +27,12 @@ export function hasArrived(recording: Recording | undefined): boolean {
 }
 
 /** Which steps can be entered, which are done, and why the others wait. */
-export function stepsOf(recording: Recording | undefined, planes: Planes | undefined, runs: readonly Run[], query: string): Step[] {
+export function stepsOf(
+  recording: Recording | undefined,
+  planes: Planes | undefined,
+  runs: readonly Run[],
+  query: string,
+): Step[] {
   const base = recording === undefined ? undefined : `/r/${recording.id}`;
   const to = (name: string) => (base === undefined ? {} : { to: `${base}/${name}${query}` });
   const ready = recording?.state === "ready";
@@ -44,16 +49,25 @@ export function stepsOf(recording: Recording | undefined, planes: Planes | undef
       ...to("recording"),
     },
     arrived
-      ? { name: "planes", state: busy(job, "planes") && planes === undefined ? "busy" : planes?.determinacy.ok === true ? "done" : "open", ...to("planes") }
+      ? {
+          name: "planes",
+          state:
+            busy(job, "planes") && planes === undefined ? "busy" : planes?.determinacy.ok === true ? "done" : "open",
+          ...to("planes"),
+        }
       : { name: "planes", state: "locked", reason: waits },
     arrived && (planes !== undefined || newest !== undefined || solving)
-      ? { name: "solve", state: solving ? "busy" : newest === undefined ? "open" : "done", ...to("solve") }
+      ? {
+          name: "solve",
+          state: solving ? "busy" : newest === undefined || isRefused(newest) ? "open" : "done",
+          ...to("solve"),
+        }
       : { name: "solve", state: "locked", reason: arrived ? "Planes have to be found first" : waits },
     newest !== undefined && !isRefused(newest)
       ? { name: "inspect", state: "open", ...to("inspect") }
       : { name: "inspect", state: "locked", reason: "There is no answer to look at yet" },
     newest !== undefined
-      ? { name: "result", state: "done", ...to("result") }
+      ? { name: "result", state: isRefused(newest) ? "open" : "done", ...to("result") }
       : { name: "result", state: "locked", reason: "There is no result yet" },
   ];
 }

@@ -1,12 +1,13 @@
 import { Button } from "@mantine/core";
+import { useState } from "react";
 import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
 import { useCancelJob } from "../../api/queries";
 import { useNow } from "../../ui/clock";
 import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
-import css from "./solve.module.css";
-import { secondsLeft, stagesShown, stageState, wholeFraction } from "./timeleft";
+import css from "./progress.module.css";
+import { secondsLeft, stageState, stalledS, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -29,6 +30,20 @@ interface JobProgressProps {
   titles?: Partial<typeof stageTitles>;
 }
 
+/** The largest of the numbers seen so far for a key: what has been done stays done. */
+function useHighest(key: string, value: number): number {
+  const [highest, setHighest] = useState({ key, value });
+  const reached = highest.key === key ? Math.max(highest.value, value) : value;
+  if (highest.key !== key || highest.value !== reached) setHighest({ key, value: reached });
+  return reached;
+}
+
+/** Where a job stands that waits. */
+function waitingText(place: number | null | undefined): string {
+  if (place == null) return "Waiting for a free slot";
+  return place === 1 ? "Waiting, next in the queue" : `Waiting, place ${place} in the queue`;
+}
+
 const stageWords = { waiting: ", waiting", active: ", running", done: ", done", stopped: ", not finished" };
 
 /** One job as it runs: what it is doing, how far it is, how long it will take, and the way to stop it. */
@@ -39,10 +54,16 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   const startedAt = run.job?.started_at;
   const began = startedAt === null || startedAt === undefined ? null : Date.parse(startedAt);
   const ended = run.job?.ended_at;
-  const elapsedS = began === null ? 0 : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
-  const stages = stagesShown(run);
-  const fraction = run.job?.state === "done" ? 1 : wholeFraction(stages, expected);
-  const left = running ? secondsLeft(fraction, elapsedS) : null;
+  const elapsedS =
+    began === null
+      ? 0
+      : Math.max(0, ((ended === null || ended === undefined ? now : Date.parse(ended)) - began) / 1000);
+  const stages = run.stages;
+  const fraction = useHighest(jobId, run.job?.state === "done" ? 1 : wholeFraction(stages, expected));
+  const refused = run.job?.result?.kind === "solve" && run.job.result.status === "refused";
+  const queued = run.job?.state === "queued";
+  const stalled = running && !queued ? stalledS(run.heardAtMs, now) : null;
+  const left = running && stalled === null ? secondsLeft(fraction, elapsedS) : null;
   const active = stages.at(-1);
   const names = [...new Set([...(running ? expected : []), ...stages.map((stage) => stage.stage)])];
   const percent = Math.round(fraction * 100);
@@ -51,15 +72,19 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
       <div className={css.progressHead}>
         <span className="num">{running ? `${percent} %` : duration(elapsedS)}</span>
         <span className="dim small">
-          {run.job?.state === "queued"
-            ? "Waiting for a free slot"
-            : running
-              ? left === null
-                ? `${duration(elapsedS)} so far`
-                : `about ${duration(left)} left`
-              : run.job?.state === "done"
-                ? run.job.state_text
-                : ""}
+          {queued
+            ? waitingText(run.job?.queue_place)
+            : stalled !== null
+              ? `nothing new for ${duration(stalled)}`
+              : running
+                ? left === null
+                  ? `${duration(elapsedS)} so far`
+                  : `about ${duration(left)} left`
+                : refused
+                  ? "It ended without an answer"
+                  : run.job?.state === "done"
+                    ? run.job.state_text
+                    : ""}
         </span>
         {running && (
           <Button
@@ -73,14 +98,22 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
           </Button>
         )}
       </div>
-      <div className={css.bar} role="progressbar" aria-label="Progress" aria-valuenow={percent} aria-valuemin={0} aria-valuemax={100}>
+      <div
+        className={css.bar}
+        data-refused={refused}
+        role="progressbar"
+        aria-label="Progress"
+        aria-valuenow={percent}
+        aria-valuemin={0}
+        aria-valuemax={100}
+      >
         <span style={{ transform: `scaleX(${fraction})` }} />
       </div>
       {cancel.isError && <Fault error={cancel.error} />}
       <ol className={css.stages}>
         {names.map((name) => {
           const seen = stages.find((stage) => stage.stage === name);
-          const state = stageState(seen, active, run.job);
+          const state = refused && seen === active ? "stopped" : stageState(seen, active, run.job);
           return (
             <li key={name} data-state={state}>
               <span className={css.dot} aria-hidden="true">
@@ -91,13 +124,19 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
                 {titles[name] ?? stageTitles[name]}
                 <span className="sr-only">{stageWords[state]}</span>
               </span>
-              <span className="num dim">{state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}</span>
+              <span className="num dim">
+                {state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}
+              </span>
             </li>
           );
         })}
       </ol>
       <p className={css.stageText} aria-live="polite">
-        {running ? (active?.text ?? "Starting") : ""}
+        {stalled !== null
+          ? "It has said nothing for a while. It may still be working on a hard part; cancel it if this goes on for minutes."
+          : running
+            ? (active?.text ?? "Starting")
+            : ""}
       </p>
     </div>
   );

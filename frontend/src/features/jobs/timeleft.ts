@@ -1,5 +1,5 @@
 import type { Job } from "../../api/client";
-import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
+import { isFinal, type StageProgress } from "../../api/jobstream";
 
 type Stage = StageProgress["stage"];
 
@@ -18,26 +18,23 @@ const weights: Record<Stage, number> = {
 };
 
 export const stagesOfPlanes: readonly Stage[] = ["read", "planes"];
-export const stagesOfSolve: readonly Stage[] = ["initialise", "track", "solve"];
-
-/** The stages as a person counts them: assigning points and solving take turns, in rounds nobody knows the number of. */
-export function stagesShown(run: RunLog): StageProgress[] {
-  const stages = run.stages.filter((stage) => stage.stage !== "associate");
-  if (run.rounds === 0) return stages;
-  const assigning = run.stages.find((stage) => stage.stage === "associate");
-  const later = stages.filter((stage) => stage.stage === "deskew" || stage.stage === "write" || stage.stage === "observability");
-  return [
-    ...stages.filter((stage) => stage.stage !== "solve" && !later.includes(stage)),
-    { stage: "solve", fraction: later.length > 0 ? 1 : 1 - 0.75 ** run.rounds, text: assigning?.text ?? "" },
-    ...later,
-  ];
-}
+export const stagesOfSolve: readonly Stage[] = ["track", "initialise", "solve", "deskew"];
 
 /** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
 export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {
   const done = seen.reduce((sum, stage) => sum + weights[stage.stage] * Math.min(1, Math.max(0, stage.fraction)), 0);
   const all = [...new Set([...expected, ...seen.map((stage) => stage.stage)])];
   return done / all.reduce((sum, stage) => sum + weights[stage], 0);
+}
+
+/** Longer silence than this is said: the longest step of a usual run takes a few seconds. */
+const silenceS = 20;
+
+/** Seconds since a run last said anything, where that is long enough to worry; null otherwise. */
+export function stalledS(heardAtMs: number | null, nowMs: number): number | null {
+  if (heardAtMs === null) return null;
+  const silentS = (nowMs - heardAtMs) / 1000;
+  return silentS >= silenceS ? silentS : null;
 }
 
 /** Seconds until the end at the pace so far; null while it is too early to say. */
@@ -49,7 +46,11 @@ export function secondsLeft(fraction: number, elapsedS: number): number | null {
 export type StageState = "waiting" | "active" | "done" | "stopped";
 
 /** Where a stage of a run stands: what was under way when a run was stopped or failed is not done. */
-export function stageState(seen: StageProgress | undefined, active: StageProgress | undefined, job: Job | null): StageState {
+export function stageState(
+  seen: StageProgress | undefined,
+  active: StageProgress | undefined,
+  job: Job | null,
+): StageState {
   if (seen === undefined) return "waiting";
   if (seen !== active || seen.fraction >= 1 || job?.state === "done") return "done";
   return job !== null && isFinal(job) ? "stopped" : "active";

@@ -1,0 +1,56 @@
+"""What is foreseen of the least known axis with the planes that are confirmed.
+
+The doctor's forecast holds for the planes it found. The planes' information on where the lidar is, noise taken as white,
+
+    I = sum over planes of  n_points / rms^2  n n^T
+
+only ever shrinks when one is left out, and standard deviations grow with the root of what is left along the worst
+direction. So the forecast is scaled by the smallest ratio of what is confirmed to what was suggested, at most 1: leaving a
+plane out never makes it better, which a measure of how evenly directions are spread would.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.planes.state import PlaneSet
+from app.schemas.planes import Foreseen
+from app.weak_limits import AXIS_NAMES, WEAK_IN
+from calib_core.doctor.report import Forecast
+from calib_core.types import FloatArray
+
+#: A plane flatter than the lidar's own noise is not known better for it.
+LEAST_RMS_M = 0.003
+#: Less than this of the information left along some direction is none.
+NOTHING_LEFT = 1e-6
+
+
+def foreseen(forecast: Forecast | None, planes: PlaneSet, suggestion: PlaneSet) -> Foreseen | None:
+    """The least known axis over its limit; None without a forecast."""
+    if forecast is None or not forecast.parameters:
+        return None
+    left = share_left(information(planes), information(suggestion))
+    if left < NOTHING_LEFT:
+        return None
+    worst = max(forecast.parameters, key=lambda parameter: parameter.std / WEAK_IN[parameter.unit])
+    std = worst.std / float(np.sqrt(left))
+    return Foreseen(name=AXIS_NAMES[worst.name], std=std, unit=worst.unit, limit=WEAK_IN[worst.unit])
+
+
+def information(planes: PlaneSet) -> FloatArray:
+    """(3, 3) [1/m2] of the confirmed planes on the lidar's place."""
+    total = np.zeros((3, 3))
+    for patch in planes.patches:
+        if patch.confirmed:
+            normal = np.array(patch.normal)
+            total += patch.n_points / max(patch.rms_m, LEAST_RMS_M) ** 2 * np.outer(normal, normal)
+    return total
+
+
+def share_left(chosen: FloatArray, whole: FloatArray) -> float:
+    """The smallest share, over all directions, that `chosen` (3, 3) has of `whole` (3, 3); 0..1."""
+    values, vectors = np.linalg.eigh(whole)
+    if values[0] <= 1e-9 * max(values[-1], 1e-300):
+        return 1.0 if np.allclose(chosen, whole) else 0.0
+    root = vectors / np.sqrt(values)
+    return float(np.clip(np.linalg.eigvalsh(root.T @ chosen @ root)[0], 0.0, 1.0))

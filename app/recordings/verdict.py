@@ -1,0 +1,21 @@
+"""The doctor's one word on a recording, without the plots that come with the whole report."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from app.storage.records import RecordingRecord
+
+DoctorVerdict = Literal["good", "limited", "unusable"]
+
+
+class _ReportHead(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    verdict: DoctorVerdict
+
+
+def verdict_of(record: RecordingRecord) -> DoctorVerdict | None:
+    """The verdict; None until the recording has been inspected."""
+    return None if record.report_json is None else _ReportHead.model_validate_json(record.report_json).verdict

@@ -1,0 +1,187 @@
+import { Button, NativeSelect, Switch, TextInput } from "@mantine/core";
+import { useId, useState, type ReactNode } from "react";
+import type { ChangeRecording, DoctorReport, Recording } from "../../api/client";
+import { useChangeRecording } from "../../api/queries";
+import { Fault } from "../../ui/notice";
+import { Section } from "../../ui/panel";
+import { controlName, valueName } from "../../ui/words";
+import css from "./recording.module.css";
+
+type Choice = "point_time_unit" | "point_time_reference" | "accelerometer_unit" | "gyroscope_unit" | "stamps";
+
+const units: Record<Choice, readonly string[]> = {
+  point_time_unit: ["s", "ms", "us", "ns"],
+  point_time_reference: ["header-first", "header-last", "absolute"],
+  accelerometer_unit: ["m_s2", "g"],
+  gyroscope_unit: ["rad_s", "deg_s"],
+  stamps: ["header", "receive"],
+};
+
+const label = (key: string) => controlName(key.replaceAll("_", "-"));
+
+/** Everything that is recognised of a recording, to be said otherwise: each a control, none needed where all is right. */
+export function Reading({ recording }: { recording: Recording }) {
+  const change = useChangeRecording(recording.id);
+  const settings = recording.read_settings;
+  const apply = (part: ChangeRecording) => change.mutate(part);
+  const told = Object.entries(settings).some(([key, value]) => changedByHand(key, value));
+  return (
+    <Section title="How it is read">
+      <details className={css.reading} open={recording.state === "failed" || told}>
+        <summary>Say what was recognised wrongly</summary>
+        <div className={css.readingGrid}>
+          {(Object.keys(units) as Choice[]).map((key) => (
+            <NativeSelect
+              key={key}
+              size="xs"
+              label={label(key)}
+              disabled={change.isPending}
+              value={settings[key] ?? ""}
+              data={[
+                ...(key === "stamps" ? [] : [{ value: "", label: detected(recording.report, key) }]),
+                ...units[key].map((value) => ({ value, label: valueName(value) })),
+              ]}
+              onChange={(event) => {
+                const { value } = event.currentTarget;
+                apply({ [key]: value === "" ? null : value });
+              }}
+            />
+          ))}
+          <TextChoice
+            key={`field ${settings.point_time_field ?? ""}`}
+            label={label("point_time_field")}
+            placeholder={recording.report?.lidar?.point_time?.field ?? "as found"}
+            value={settings.point_time_field ?? ""}
+            disabled={change.isPending}
+            onSet={(value) => apply({ point_time_field: value === "" ? null : value })}
+          />
+          <NumberChoice
+            label={`${label("range_min_m")}, m`}
+            value={settings.range_min_m}
+            disabled={change.isPending}
+            onSet={(range_min_m) => apply({ range_min_m })}
+          />
+          <NumberChoice
+            label={`${label("range_max_m")}, m`}
+            value={settings.range_max_m}
+            disabled={change.isPending}
+            onSet={(range_max_m) => apply({ range_max_m })}
+          />
+        </div>
+        <Explained text="For clouds without a time for each point: times are made up from the order of the points, which costs accuracy.">
+          {(id) => (
+            <Switch
+              size="xs"
+              label={label("synthesise_point_time")}
+              aria-describedby={id}
+              checked={settings.synthesise_point_time}
+              disabled={change.isPending}
+              onChange={(event) => apply({ synthesise_point_time: event.currentTarget.checked })}
+            />
+          )}
+        </Explained>
+        {told && (
+          <Button size="compact-xs" variant="default" loading={change.isPending} onClick={() => apply(asFound)}>
+            As it was recognised
+          </Button>
+        )}
+      </details>
+      {change.isError && <Fault error={change.error} />}
+    </Section>
+  );
+}
+
+/** Null means: detect it again. */
+const asFound: ChangeRecording = {
+  point_time_field: null,
+  point_time_unit: null,
+  point_time_reference: null,
+  synthesise_point_time: false,
+  accelerometer_unit: null,
+  gyroscope_unit: null,
+  stamps: "header",
+};
+
+function changedByHand(key: string, value: unknown): boolean {
+  if (!(key in asFound)) return false;
+  return value !== null && value !== (asFound as Record<string, unknown>)[key];
+}
+
+/** What is used as long as nobody says otherwise. */
+function detected(report: DoctorReport | null | undefined, key: Choice): string {
+  const found = {
+    point_time_unit: report?.lidar?.point_time?.unit,
+    point_time_reference: report?.lidar?.point_time?.reference,
+    accelerometer_unit: report?.imu?.accelerometer_unit,
+    gyroscope_unit: report?.imu?.gyroscope_unit,
+    stamps: undefined,
+  }[key];
+  return found === undefined ? "as found" : `as found: ${valueName(found)}`;
+}
+
+function Explained({ text, children }: { text: string; children: (id: string) => ReactNode }) {
+  const id = useId();
+  return (
+    <div className={css.explained}>
+      {children(id)}
+      <p id={id} className="dim small">
+        {text}
+      </p>
+    </div>
+  );
+}
+
+interface TextChoiceProps {
+  label: string;
+  value: string;
+  placeholder?: string;
+  disabled: boolean;
+  onSet: (value: string) => void;
+}
+
+/** Text that counts once it is finished: each change reads the recording anew. */
+function TextChoice({ label: name, value, placeholder, disabled, onSet }: TextChoiceProps) {
+  const [text, setText] = useState(value);
+  const done = () => {
+    if (text.trim() !== value) onSet(text.trim());
+  };
+  return (
+    <TextInput
+      size="xs"
+      label={name}
+      value={text}
+      {...(placeholder === undefined ? {} : { placeholder })}
+      disabled={disabled}
+      onChange={(event) => setText(event.currentTarget.value)}
+      onBlur={done}
+      onKeyDown={(event) => {
+        if (event.key === "Enter") done();
+      }}
+    />
+  );
+}
+
+function NumberChoice({
+  label: name,
+  value,
+  disabled,
+  onSet,
+}: {
+  label: string;
+  value: number;
+  disabled: boolean;
+  onSet: (value: number) => void;
+}) {
+  return (
+    <TextChoice
+      key={value}
+      label={name}
+      value={String(value)}
+      disabled={disabled}
+      onSet={(text) => {
+        const wanted = Number(text.replace(",", "."));
+        if (text !== "" && Number.isFinite(wanted) && wanted !== value) onSet(wanted);
+      }}
+    />
+  );
+}

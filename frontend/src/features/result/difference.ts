@@ -1,0 +1,70 @@
+import type { CalibrationResult } from "../../api/client";
+import { wrapped } from "../../ui/format";
+
+export interface Difference {
+  name: string;
+  unit: "°" | "mm" | "ms";
+  value: number;
+  /** Of the difference, as if both runs had data of their own. */
+  sigma: number;
+}
+
+type Matrix = readonly (readonly number[])[];
+
+/** The rotation vector [rad] that takes the one rotation to the other, about the lidar's axes: log(A^T B). */
+export function rotationBetween(a: Matrix, b: Matrix): [number, number, number] {
+  const at = (m: Matrix, i: number, j: number) => m[i]?.[j] ?? 0;
+  const r = [0, 1, 2].map((i) =>
+    [0, 1, 2].map((j) => [0, 1, 2].reduce((sum, k) => sum + at(a, k, i) * at(b, k, j), 0)),
+  );
+  const skew: [number, number, number] = [
+    at(r, 2, 1) - at(r, 1, 2),
+    at(r, 0, 2) - at(r, 2, 0),
+    at(r, 1, 0) - at(r, 0, 1),
+  ];
+  const sine = Math.hypot(...skew) / 2;
+  const cosine = (at(r, 0, 0) + at(r, 1, 1) + at(r, 2, 2) - 1) / 2;
+  const angle = Math.atan2(sine, cosine);
+  if (sine > 1e-9)
+    return [(skew[0] * angle) / (2 * sine), (skew[1] * angle) / (2 * sine), (skew[2] * angle) / (2 * sine)];
+  if (cosine > 0) return [skew[0] / 2, skew[1] / 2, skew[2] / 2];
+  // Half a turn: the axis is in R + 1, whose columns are all multiples of it.
+  const columns = [0, 1, 2].map((j) => [0, 1, 2].map((i) => at(r, i, j) + (i === j ? 1 : 0)));
+  const axis = columns.reduce((best, column) => (Math.hypot(...column) > Math.hypot(...best) ? column : best));
+  const length = Math.hypot(...axis);
+  return [
+    ((axis[0] ?? 0) / length) * Math.PI,
+    ((axis[1] ?? 0) / length) * Math.PI,
+    ((axis[2] ?? 0) / length) * Math.PI,
+  ];
+}
+
+/** How far the second answer is from the first, axis by axis; null where either has none. */
+export function differences(first: CalibrationResult, second: CalibrationResult): Difference[] | null {
+  const [a, b] = [first.T_imu_lidar, second.T_imu_lidar];
+  const [ua, ub] = [first.uncertainty, second.uncertainty];
+  if (a === null || b === null || ua === null || ub === null) return null;
+  const deg = 180 / Math.PI;
+  const both = (x: number | undefined, y: number | undefined) => Math.hypot(x ?? 0, y ?? 0);
+  const axes = ["x", "y", "z"] as const;
+  return [
+    ...axes.map((axis, i): Difference => ({
+      name: `Turn ${axis}`,
+      unit: "°",
+      value: wrapped((rotationBetween(a.matrix, b.matrix)[i] ?? 0) * deg),
+      sigma: both(ua.rotation_std_deg[i], ub.rotation_std_deg[i]),
+    })),
+    ...axes.map((axis, i): Difference => ({
+      name: `Position ${axis}`,
+      unit: "mm",
+      value: ((b.translation_m[i] ?? 0) - (a.translation_m[i] ?? 0)) * 1000,
+      sigma: both(ua.translation_std_m[i], ub.translation_std_m[i]) * 1000,
+    })),
+    {
+      name: "Time offset",
+      unit: "ms",
+      value: ((second.time_offset_s ?? 0) - (first.time_offset_s ?? 0)) * 1000,
+      sigma: both(ua.time_offset_std_s, ub.time_offset_std_s) * 1000,
+    },
+  ];
+}

@@ -1,0 +1,81 @@
+import type { CalibrationResult } from "../../api/client";
+import css from "./result.module.css";
+
+type Intrinsic = NonNullable<CalibrationResult["intrinsics"]>[number];
+
+/** How a parameter is read: in small units where the file's would be all zeros. */
+const readable: Readonly<Record<string, { unit: string; times: number }>> = {
+  "1": { unit: "%", times: 100 },
+  rad: { unit: "°", times: 180 / Math.PI },
+  m: { unit: "mm", times: 1000 },
+  s: { unit: "ms", times: 1000 },
+};
+
+const digits = (value: number) => String(Number(value.toPrecision(2)));
+
+/** Value, sigma and prior of one parameter in the units people read. */
+export function readableIntrinsic({
+  value,
+  std,
+  prior_std,
+  unit,
+}: Pick<Intrinsic, "value" | "std" | "prior_std" | "unit">) {
+  const { unit: shown, times } = readable[unit] ?? { unit, times: 1 };
+  return {
+    value: (value * times).toPrecision(3).replace("-", "\u2212"),
+    sigma: digits(std * times),
+    prior: digits(prior_std * times),
+    unit: shown,
+  };
+}
+
+/** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks. */
+export function OwnErrors({ result }: { result: CalibrationResult }) {
+  const sentences = result.messages.filter((message) => message.code.startsWith("sensor."));
+  const found = (result.intrinsics ?? []).filter((one) => one.significant && one.state === "estimated");
+  if (sentences.length === 0 && found.length === 0) return null;
+  return (
+    <section aria-label="What the sensors themselves add">
+      <h2>What the sensors themselves add</h2>
+      <ul className={css.bullets}>
+        {sentences.map((message) => (
+          <li key={message.text}>{message.text}</li>
+        ))}
+      </ul>
+      {found.length > 0 && (
+        <details className={css.details}>
+          <summary>
+            {found.length === 1 ? "The parameter" : `The ${found.length} parameters`} beyond three standard deviations
+          </summary>
+          <table className={css.compare}>
+            <thead>
+              <tr>
+                <th scope="col">Parameter</th>
+                <th scope="col">Found</th>
+                <th scope="col">Expected before</th>
+              </tr>
+            </thead>
+            <tbody>
+              {found.map((one) => {
+                const { value, sigma, prior, unit } = readableIntrinsic(one);
+                return (
+                  <tr key={`${one.block}/${one.name}`}>
+                    <th scope="row">
+                      {one.block.replaceAll("_", " ")} {one.name}
+                    </th>
+                    <td className="num">
+                      {value} ± {sigma} {unit}
+                    </td>
+                    <td className="num dim">
+                      0 ± {prior} {unit}
+                    </td>
+                  </tr>
+                );
+              })}
+            </tbody>
+          </table>
+        </details>
+      )}
+    </section>
+  );
+}

@@ -1,0 +1,92 @@
+import type { Job } from "../../api/client";
+import { gravityAt, latitudeGravityStd, numberOf, priorOf, priorText, type PriorText, type Settings } from "./priors";
+
+type Served = Job["settings"];
+
+/** What a person has chosen so far, numbers as they are typed. */
+export interface Draft {
+  method: "full" | "paper";
+  points: string;
+  fieldDeg: string;
+  timeOffset: boolean;
+  planes: boolean;
+  priors: PriorText[];
+  gravity: string;
+  gravityNumber: string;
+  imuNoise: string;
+  biasModel: string;
+  imuSampling: string;
+  intrinsics: string;
+}
+
+const intrinsicsChoices = ["auto", "consider", "off"] as const;
+
+/** Blocks chosen one by one, as a select holds them. */
+export const chosenBlocks = "blocks";
+
+/** The choices of a run, as a draft of the next one. */
+export function draftOf(settings: Served): Draft {
+  const { gravity, imu_noise: noise } = settings;
+  const exact = gravity.std_m_s2 === 0;
+  return {
+    method: settings.method,
+    points:
+      settings.method === "paper" || settings.points_per_plane_per_scan == null
+        ? ""
+        : String(settings.points_per_plane_per_scan),
+    fieldDeg:
+      settings.method === "paper" || settings.field_of_view_deg == null ? "" : String(settings.field_of_view_deg),
+    timeOffset: settings.estimate_time_offset,
+    planes: settings.estimate_planes,
+    priors: settings.priors.map(priorText),
+    gravity: exact ? "exact" : "free",
+    gravityNumber: exact ? String(gravity.magnitude_m_s2) : "",
+    imuNoise: typeof noise === "string" ? noise : "",
+    biasModel: settings.bias_model,
+    imuSampling: settings.imu_sampling,
+    intrinsics: Array.isArray(settings.intrinsics) ? chosenBlocks : settings.intrinsics,
+  };
+}
+
+/** The settings that a draft stands for, the rest as before; null while a number is unfinished or out of its range. */
+export function settingsOf(draft: Draft, before: Served): Partial<Settings> | null {
+  const paper = draft.method === "paper";
+  const points = optional(draft.points, (value) => Number.isInteger(value) && value > 0, paper ? 100 : null);
+  const fieldDeg = optional(draft.fieldDeg, (value) => value > 0 && value <= 180, paper ? 45 : null);
+  const gravity = gravityOf(draft);
+  const priors = draft.priors.map(priorOf);
+  if (points === undefined || fieldDeg === undefined || gravity === undefined || priors.some((prior) => prior === null))
+    return null;
+  return {
+    method: draft.method,
+    points_per_plane_per_scan: points,
+    field_of_view_deg: fieldDeg,
+    estimate_time_offset: draft.timeOffset,
+    estimate_planes: draft.planes,
+    priors: priors.filter((prior) => prior !== null),
+    bias_model: draft.biasModel === "constant" ? "constant" : "random-walk",
+    imu_sampling: draft.imuSampling === "even" ? "even" : draft.imuSampling === "as-stamped" ? "as-stamped" : "detect",
+    imu_noise: draft.imuNoise === "" ? null : draft.imuNoise,
+    excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
+    // Blocks that were named one by one stay as they were; so does the lidar.
+    intrinsics: intrinsicsChoices.find((choice) => choice === draft.intrinsics) ?? before.intrinsics,
+    lidar: before.lidar ?? null,
+    ...(gravity === null ? {} : { gravity }),
+  };
+}
+
+/** The number, what stands for an empty field, or undefined for what is no number that fits. */
+function optional(text: string, fits: (value: number) => boolean, empty: number | null): number | null | undefined {
+  if (text.trim() === "") return empty;
+  const value = numberOf(text);
+  return value !== null && fits(value) ? value : undefined;
+}
+
+function gravityOf({ gravity, gravityNumber }: Draft): Settings["gravity"] | null | undefined {
+  if (gravity === "free") return null;
+  const value = numberOf(gravityNumber);
+  if (value === null) return undefined;
+  if (gravity === "latitude")
+    return Math.abs(value) <= 90 ? { magnitude_m_s2: gravityAt(value), std_m_s2: latitudeGravityStd } : undefined;
+  return value > 9 && value < 10 ? { magnitude_m_s2: value, std_m_s2: 0 } : undefined;
+}

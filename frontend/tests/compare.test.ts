@@ -1,0 +1,73 @@
+import { describe, expect, it, vi } from "vitest";
+import type { CalibrationResult, Recording } from "../src/api/client";
+import { differences, rotationBetween } from "../src/features/result/difference";
+import { listed } from "../src/features/start/recent";
+import { previousOf } from "../src/features/start/uploads";
+
+const turn = (deg: number): number[][] => {
+  const [c, s] = [Math.cos((deg * Math.PI) / 180), Math.sin((deg * Math.PI) / 180)];
+  return [
+    [c, -s, 0, 0],
+    [s, c, 0, 0],
+    [0, 0, 1, 0],
+    [0, 0, 0, 1],
+  ];
+};
+
+const result = (deg: number, x: number, dt: number): CalibrationResult =>
+  ({
+    T_imu_lidar: { matrix: turn(deg), translation_m: [x, 0, 0] },
+    uncertainty: {
+      rotation_std_deg: [0.3, 0.3, 0.3],
+      translation_std_m: [0.003, 0.003, 0.003],
+      time_offset_std_s: 0.0003,
+    },
+    time_offset_s: dt,
+  }) as unknown as CalibrationResult;
+
+describe("two runs", () => {
+  // Oracle: turns about one axis by hand. Fails when the difference is taken of roll, pitch and yaw across 180 degrees.
+  it("differ by the turn between them, about the lidar's axes", () => {
+    expect((rotationBetween(turn(170), turn(-170))[2] * 180) / Math.PI).toBeCloseTo(20);
+    expect((rotationBetween(turn(10), turn(10))[2] * 180) / Math.PI).toBeCloseTo(0);
+    expect(Math.abs((rotationBetween(turn(0), turn(180))[2] * 180) / Math.PI)).toBeCloseTo(180);
+  });
+
+  // Fails when one run's sigma stands for both.
+  it("are as unsure of their difference as both together", () => {
+    const found = differences(result(10, 0.1, 0.004), result(11, 0.104, 0.004));
+    expect(found?.find((one) => one.name === "Position x")).toMatchObject({ unit: "mm" });
+    expect(found?.find((one) => one.name === "Position x")?.value).toBeCloseTo(4);
+    expect(found?.find((one) => one.name === "Position x")?.sigma).toBeCloseTo(3 * Math.SQRT2);
+    expect(found?.find((one) => one.name === "Turn z")?.value).toBeCloseTo(1);
+    expect(differences({ ...result(0, 0, 0), T_imu_lidar: null }, result(0, 0, 0))).toBeNull();
+  });
+});
+
+describe("recordings", () => {
+  const of = (name: string, size: number, at: string, verdict: Recording["verdict"]) =>
+    ({ name, size_bytes: size, created_at: at, state: "ready", verdict, latest_job: null }) as unknown as Recording;
+  const all = [
+    of("room 10.bag", 5, "2026-01-01", "good"),
+    of("room 9.bag", 9, "2026-01-02", "unusable"),
+    of("car.bag", 7, "2026-01-03", "limited"),
+  ];
+
+  // Fails when only the name is searched, or when 10 comes before 9.
+  it("are found by name or verdict, and sorted", () => {
+    expect(listed(all, "room", "name").map((one) => one.name)).toEqual(["room 9.bag", "room 10.bag"]);
+    expect(listed(all, "not usable", "newest").map((one) => one.name)).toEqual(["room 9.bag"]);
+    expect(listed(all, "", "standing").map((one) => one.verdict)).toEqual(["good", "limited", "unusable"]);
+    expect(listed(all, "", "largest")[0]?.size_bytes).toBe(9);
+  });
+});
+
+describe("an upload", () => {
+  // Fails when a look-up that is refused is waited for: the upload would never begin.
+  it("begins anew where the browser keeps nothing", async () => {
+    expect(
+      await previousOf({ findPreviousUploads: vi.fn().mockRejectedValue(new Error("forbidden")) }),
+    ).toBeUndefined();
+    expect(await previousOf({ findPreviousUploads: vi.fn().mockResolvedValue([]) })).toBeUndefined();
+  });
+});

@@ -1,0 +1,99 @@
+import { describe, expect, it } from "vitest";
+import type { Recording, StageEvent } from "../src/api/client";
+import { addMessages, emptyRun } from "../src/api/jobstream";
+import { stalledS } from "../src/features/jobs/timeleft";
+import { strength } from "../src/features/planes/determinacy";
+import { otherUnit } from "../src/features/result/nextsteps";
+import { toneOf } from "../src/features/result/verdict";
+import { answerOf, parametersOf } from "../src/features/solve/parameters";
+import { standingOf } from "../src/features/start/recent";
+import { stdText, wrapped } from "../src/ui/format";
+
+const outcome = {
+  kind: "solve",
+  status: "calibrated",
+  verdict: "",
+  euler_xyz_deg: [1, 2, -179],
+  rotation_std_deg: [0.1, 0.2, 0.3],
+  translation_m: [0.1, 0.2, 0.3],
+  translation_std_m: [0.003, 0.002, 0.001],
+  time_offset_s: 0.004,
+  time_offset_std_s: 0.001,
+  point_to_plane_rms_m: 0.01,
+} as unknown as NonNullable<Parameters<typeof answerOf>[0]>;
+
+describe("one truth", () => {
+  // Fails when the table at the end shows the last iteration's sigmas instead of the verdict's.
+  it("ends the solve's table with the outcome", () => {
+    const last = parametersOf([{ ...outcome, translation_std_m: [0.00029, 0.1, 0.1] } as never, ...answerOf(outcome)]);
+    expect(last.find((one) => one.key === "tx")?.sigmas.at(-1)).toBeCloseTo(3);
+    expect(answerOf({ ...outcome, euler_xyz_deg: null })).toEqual([]);
+  });
+
+  // Fails when an angle is shown as 181 in one place and as -179 in another.
+  it("wraps angles one way", () => {
+    expect([181, -180, 180, 540, -181, 0].map(wrapped)).toEqual([-179, 180, 180, 180, 179, 0]);
+  });
+
+  // Fails when green is given by the status alone.
+  it("is green only for what nothing speaks against", () => {
+    expect(toneOf("calibrated", [])).toBe("good");
+    expect(toneOf("calibrated", ["solve.disagreement"])).toBe("warning");
+    expect(toneOf("refused", [])).toBe("error");
+  });
+
+  // Fails when the gauge rises as the sigma grows.
+  it("falls when the weakest sigma grows", () => {
+    const at = (std: number) => strength({ name: "", std, unit: "m", limit: 0.02 });
+    const lengths = [0.00001, 0.0001, 0.001, 0.01, 0.1].map(at);
+    expect([...lengths].sort((a, b) => b - a)).toEqual(lengths);
+    expect(strength(null)).toBe(0);
+    expect(stdText(0.00063, "m")).toBe("0.63 mm");
+  });
+
+  // Fails when the list says "Ready" of what the doctor calls unusable.
+  it("shows the doctor's verdict in the list", () => {
+    const ready = {
+      state: "ready",
+      latest_job: { kind: "planes", state: "done", result: null },
+    } as unknown as Recording;
+    expect(standingOf({ ...ready, verdict: "unusable" })).toEqual({
+      tone: "error",
+      text: "Not usable as it is",
+      screen: "recording",
+    });
+    expect(standingOf({ ...ready, verdict: "good" }).tone).toBe("good");
+  });
+});
+
+describe("progress", () => {
+  const stage = (fraction: number): StageEvent => ({ event: "stage", stage: "track", fraction, text: "" });
+
+  // Fails when a stage that is gone through again starts from nought.
+  it("never goes back", () => {
+    const run = addMessages(emptyRun, [stage(0.8), stage(0.1)]);
+    expect(run.stages[0]?.fraction).toBe(0.8);
+  });
+
+  // Fails when a run that says nothing is promised an end.
+  it("says that it hangs", () => {
+    expect(stalledS(null, 1e6)).toBeNull();
+    expect(stalledS(0, 10_000)).toBeNull();
+    expect(stalledS(0, 35_000)).toBe(35);
+  });
+});
+
+describe("the next step of a refusal", () => {
+  const recording = {
+    report: { imu: { gyroscope_unit: "rad_s" } },
+    read_settings: { gyroscope_unit: null },
+  } as unknown as Recording;
+
+  // Fails when the unit that is in use already is offered.
+  it("offers the other unit, and only where the unit is in doubt", () => {
+    expect(otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar")?.change).toEqual({
+      gyroscope_unit: "deg_s",
+    });
+    expect(otherUnit(recording, "the lidar stood still")).toBeNull();
+  });
+});

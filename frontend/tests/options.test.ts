@@ -1,0 +1,82 @@
+import { describe, expect, it } from "vitest";
+import type { Job } from "../src/api/client";
+import { draftOf, settingsOf } from "../src/features/solve/draft";
+import { matrixOf } from "../src/features/solve/guess";
+import { gravityAt, priorOf, priorText } from "../src/features/solve/priors";
+
+const before = {
+  method: "full",
+  points_per_plane_per_scan: null,
+  field_of_view_deg: null,
+  gravity: { magnitude_m_s2: 9.807, std_m_s2: 0.02 },
+  imu_noise: null,
+  estimate_time_offset: true,
+  estimate_planes: true,
+  bias_model: "random-walk",
+  imu_sampling: "detect",
+  priors: [],
+  random_seed: 0,
+  max_rounds: 12,
+  excluded_spans_s: [[1, 2]],
+  intrinsics: "auto",
+  lidar: null,
+} as unknown as Job["settings"];
+
+describe("what a solve is told", () => {
+  // Fails when degrees or millimetres are sent as they are typed.
+  it("takes priors in the units that people read", () => {
+    expect(priorOf({ axis: "tz", value: "310", sigma: "5" })).toEqual({ axis: "tz", value: 0.31, std: 0.005 });
+    expect(priorOf({ axis: "dt", value: "−4,5", sigma: "1" })).toEqual({ axis: "dt", value: -0.0045, std: 0.001 });
+    expect(priorOf({ axis: "rx", value: "180", sigma: "0.5" })?.value).toBeCloseTo(Math.PI);
+    expect(priorOf({ axis: "rx", value: "0", sigma: "0" })).toBeNull();
+    expect(priorOf({ axis: "rx", value: "", sigma: "1" })).toBeNull();
+    expect(priorText({ axis: "rx", value: Math.PI / 2, std: 0.01 })).toEqual({
+      axis: "rx",
+      value: "90",
+      sigma: "0.572958",
+    });
+  });
+
+  // Fails when an unfinished number is sent as the default, or blocks that were named one by one are lost.
+  it("sends what was chosen, and nothing while a number is unfinished", () => {
+    const draft = draftOf(before);
+    expect(settingsOf(draft, before)).toMatchObject({
+      method: "full",
+      points_per_plane_per_scan: null,
+      excluded_spans_s: [[1, 2]],
+      priors: [],
+    });
+    expect(settingsOf(draft, before)).toHaveProperty("intrinsics", "auto");
+    expect(settingsOf({ ...draft, method: "paper" }, before)).toMatchObject({
+      points_per_plane_per_scan: 100,
+      field_of_view_deg: 45,
+    });
+    expect(settingsOf({ ...draft, points: "2.5" }, before)).toBeNull();
+    expect(settingsOf({ ...draft, gravity: "latitude", gravityNumber: "" }, before)).toBeNull();
+    expect(settingsOf({ ...draft, gravity: "exact", gravityNumber: "9.81" }, before)?.gravity).toEqual({
+      magnitude_m_s2: 9.81,
+      std_m_s2: 0,
+    });
+    expect(settingsOf({ ...draft, intrinsics: "off" }, before)).toHaveProperty("intrinsics", "off");
+    const named: Job["settings"] = { ...before, intrinsics: ["clock_rate"], lidar: "a preset" };
+    expect(settingsOf(draftOf(named), named)).toMatchObject({ intrinsics: ["clock_rate"], lidar: "a preset" });
+    expect(settingsOf({ ...draftOf(named), intrinsics: "auto" }, named)).toHaveProperty("intrinsics", "auto");
+  });
+
+  // Oracle: the formula's values at the equator and the poles.
+  it("knows gravity by latitude", () => {
+    expect(gravityAt(0)).toBeCloseTo(9.7803, 4);
+    expect(gravityAt(-90)).toBeCloseTo(9.8322, 4);
+  });
+
+  // Oracle: a quarter turn about z by hand. Fails when the matrix is transposed.
+  it("turns a quaternion into a matrix", () => {
+    const matrix = matrixOf({ translation_m: [1, 2, 3], quaternion_xyzw: [0, 0, Math.SQRT1_2, Math.SQRT1_2] });
+    [
+      [0, -1, 0, 1],
+      [1, 0, 0, 2],
+      [0, 0, 1, 3],
+      [0, 0, 0, 1],
+    ].forEach((row, i) => row.forEach((value, j) => expect(matrix[i]?.[j]).toBeCloseTo(value)));
+  });
+});

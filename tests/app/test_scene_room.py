@@ -1,0 +1,172 @@
+"""The room as a room: names and vertical from the doctor, the cut, the ways to look, the part of a plane that was seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.planes.operations import apply
+from app.planes.palette import uniform
+from app.planes.state import PlaneHistory, suggested
+from app.planes.upright import named, room_of
+from app.planes.wire import determinacy, wire_planes
+from app.scene.aim import Stage, hidden, stage_of, stand, wall_of
+from app.scene.cutaway import pieces
+from app.scene.items import Cloud, point_size_m
+from app.scene.support import CELLS, support_of
+from app.scene.upright import vertical_of
+from app.schemas.planes import Drop, Rename
+from calib_core.doctor.report import PlaneReport, PlanesReport
+from calib_core.types import ImuData, Recording, Trajectory
+from tests.app.support import world
+
+PRESETS = ("overview", "inside", "top", "front")
+PROPOSALS = world.make_proposals()
+WALLS = np.array([(*patch.plane.normal, patch.plane.offset_m) for patch in PROPOSALS.patches])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def report(*, off_m: float = 0.0, up=(0.0, 0.0, 1.0)) -> PlanesReport:
+    planes = tuple(
+        PlaneReport(
+            name=f"doctor's {place}",
+            kind="wall",
+            tilt_deg=90.0,
+            area_m2=1.0,
+            distance_m=abs(patch.plane.offset_m) + off_m,
+            points=1,
+            rms_m=0.01,
+            normal=tuple(patch.plane.normal.tolist()),
+        )
+        for place, patch in enumerate(PROPOSALS.patches)
+    )
+    return PlanesReport(planes=planes[::-1], determinacy=1.0, determined=True, text="", up=up)
+
+
+def test_planes_are_called_what_the_doctor_calls_them_unless_somebody_named_them():
+    """Mutations: matched by rank instead of by place; a name given by hand overwritten; another frame's names taken."""
+    room = room_of(report(), PROPOSALS)
+    assert room.names == {place: f"doctor's {place}" for place in range(6)}
+    history = PlaneHistory(cache_key="", revision=0, steps=(suggested(PROPOSALS),), cursor=0)
+    plain = history.model_copy(
+        update={
+            "steps": (
+                history.current.model_copy(
+                    update={
+                        "patches": tuple(
+                            patch.model_copy(update={"name": f"plane {place + 1}"})
+                            for place, patch in enumerate(history.current.patches)
+                        )
+                    }
+                ),
+            )
+        }
+    )
+    renamed = plain.push(
+        apply(plain.current, Rename(op="rename", index=2, name="mine"), proposals=PROPOSALS, grow=lambda *_: None)
+    )
+    names = [patch.name for patch in named(renamed, room).current.patches]
+    assert names == ["doctor's 0", "doctor's 1", "mine", "doctor's 3", "doctor's 4", "doctor's 5"]
+    assert named(plain, room_of(report(off_m=0.5), PROPOSALS)) == plain
+    assert room_of(None, PROPOSALS).up is None
+
+
+def test_tilts_are_against_gravity_and_what_is_free_is_said_upright():
+    """Oracle: the room's own axes, gravity along its x. Mutation: the map's z taken for the vertical."""
+    history = PlaneHistory(cache_key="", revision=0, steps=(suggested(PROPOSALS),), cursor=0)
+    x = np.array([1.0, 0.0, 0.0])
+    for patch in wire_planes(history, static=True, up=x).patches:
+        assert patch.tilt_deg == pytest.approx(np.degrees(np.arccos(abs(patch.normal[0]))), abs=1e-6)
+    planes = history.current
+    for place, patch in enumerate(planes.patches):
+        if abs(patch.normal[2]) > 0.9:
+            planes = apply(planes, Drop(op="drop", index=place), proposals=PROPOSALS, grow=lambda *_: None)
+    assert "up and down" in determinacy(planes, UP).text
+
+
+def test_what_a_camera_sees_from_behind_is_hidden_with_all_that_hangs_on_it():
+    """Oracle: a box from 0 to 4 m. Mutations: the side swapped; points of two walls sent twice."""
+    walls = np.array(
+        [[1.0, 0, 0, 0], [-1.0, 0, 0, 4], [0, 1.0, 0, 0], [0, -1.0, 0, 4], [0, 0, 1.0, 0], [0, 0, -1.0, 4]]
+    )
+    assert not hidden(walls, np.array([2.0, 2.0, 2.0])).any()
+    np.testing.assert_array_equal(np.flatnonzero(hidden(walls, np.array([-3.0, 2.0, 9.0]))), [0, 5])
+    xyz = np.array([[0.1, 2, 2], [2, 2, 2], [2, 2, 3.9], [4.2, 2, 2]], np.float32)
+    np.testing.assert_array_equal(wall_of(xyz, walls), [0, -1, 5, 1])
+    parts = pieces(Cloud("/c", xyz, uniform(4, (1, 2, 3))), walls)
+    assert [wall for wall, _ in parts] == [None, 0, 1, 5]
+    assert sum(len(part.xyz) for _, part in parts) == 4
+    assert len({part.path for _, part in parts}) == 4
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_way_to_look_has_the_floor_below(preset):
+    """Laws: up is up on the canvas whatever way the map is tilted; from inside nothing is hidden, from above no floor is.
+
+    Mutations: the map's z kept as up; inside without clearance; the overview from below.
+    """
+    tilt = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    points, walls = PROPOSALS.cloud_m @ tilt.T, np.column_stack([WALLS[:, :3] @ tilt.T, WALLS[:, 3]])
+    up = tilt @ UP
+    stage = stage_of(up, walls)
+    np.testing.assert_allclose(stage.R_level_scene @ stage.R_level_scene.T, np.eye(3), atol=1e-9)
+    found = stand(points[::20].astype(np.float64), stage, preset, fov_rad=1.2, aspect=1.5)
+    cut = hidden(walls, found.eye_m)
+    down = float((found.middle_m - found.eye_m) @ up)
+    floor = int(np.argmax(walls[:, :3] @ up))
+    assert not cut[floor]
+    if preset == "inside":
+        assert not cut.any()
+    elif preset == "front":
+        assert abs(down) < 0.1 * np.linalg.norm(found.middle_m - found.eye_m)
+    else:
+        assert down < 0
+
+
+def test_a_patch_is_drawn_where_it_was_seen():
+    """Oracle: an L of 4 by 3 m with a quarter missing, strays far off. Mutations: the hull of all; strays kept."""
+    rng = np.random.default_rng(2)
+    flat = rng.uniform([0, 0], [4, 3], (9000, 2))
+    flat = flat[(flat[:, 0] < 2) | (flat[:, 1] < 1.5)]
+    strays = rng.uniform([5, 4], [9, 8], (6, 2))
+    points = np.column_stack([np.full(len(flat) + 6, 2.0), np.concatenate([flat, strays])]).astype(np.float32)
+    support = support_of(points, np.array([1.0, 0, 0, -2.0]), UP)
+    corners = support.vertices[support.faces].astype(np.float64)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    cell_m = (
+        4.0 / CELLS
+    )  # a cell is drawn whole that is seen in part, at most one all the 14 m around; the hull has 10.5
+    assert 9.0 < area < 9.0 + 14.0 * cell_m
+    np.testing.assert_allclose(support.vertices[:, 0], 2.0, atol=1e-5)
+    assert support.vertices.max() < 4.2
+    around = np.linalg.norm(support.edges[:, 1] - support.edges[:, 0], axis=1).sum()
+    assert 12 < around < 16  # 14 m around the L
+    assert support_of(points[:2], np.array([1.0, 0, 0, -2.0]), UP) is None
+
+
+def test_points_are_as_large_as_they_are_far_apart():
+    """Oracle: a square grid. Mutation: the breadth of the cloud instead of its spacing."""
+    near = np.stack(np.meshgrid(np.arange(100), np.arange(100), [0.0]), axis=-1).reshape(-1, 3).astype(np.float32)
+    assert point_size_m(near * 0.02) == pytest.approx(0.016, rel=0.3)
+    assert point_size_m(near * 0.02) == pytest.approx(point_size_m(np.concatenate([near, near + 3000]) * 0.02), rel=0.1)
+
+
+def test_up_is_where_the_accelerometer_points_on_average():
+    """Oracle: a made motion with a known vertical. Mutation: the extrinsic's rotation left out, or applied backwards."""
+    t = np.arange(0, 10, 0.01)
+    angle = 0.6 * np.sin(2.0 * t)
+    turn = np.array([[[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]] for a in angle])
+    R_imu_lidar = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]])
+    up = np.array([0.6, 0.0, 0.8])
+    shake = 2.0 * np.cos(5.0 * t)[:, None] * np.array([1.0, 1.0, 0.0])
+    accel = np.einsum("nij,nj->ni", R_imu_lidar @ turn.transpose(0, 2, 1), 9.81 * up + shake)
+    recording = Recording(
+        name="", imu=ImuData((t * 1e9).astype(np.int64), np.zeros((len(t), 3)), accel), scans=(), coarse_offset_ns=0
+    )
+    motion = Trajectory(0, t, turn, np.zeros((len(t), 3)), np.ones(len(t), bool))
+    T = np.eye(4)
+    T[:3, :3] = R_imu_lidar
+    np.testing.assert_allclose(vertical_of(recording, motion, T, time_offset_s=0.0), up, atol=0.02)
+    short = Trajectory(0, t[:100], turn[:100], np.zeros((100, 3)), np.ones(100, bool))
+    assert vertical_of(recording, short, T, time_offset_s=0.0) is None
+    assert Stage().up.tolist() == [0.0, 0.0, 1.0]
