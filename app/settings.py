@@ -83,6 +83,7 @@ class AppSettings(BaseSettings):
             "inspect": self.inspect_limit_s,
             "planes": self.planes_limit_s,
             "solve": self.solve_limit_s,
+            "audit": self.solve_limit_s,
         }
         return limits[kind]
 

@@ -134,6 +134,11 @@ def _add_deskew(commands: Commands[Parser]) -> None:
     command.add_argument(
         "--map", type=Path, metavar="FILE", help="write the accumulated map too, voxels of 5 cm: .ply or .pcd"
     )
+    command.add_argument(
+        "--correct-lasers",
+        action="store_true",
+        help="take out what the calibration found of the lasers, too: offsets and scales of ranges, angles",
+    )
     _add_reading(command)
     _add_manner(command)
 
