@@ -141,7 +141,7 @@ def test_a_click_that_grows_nothing_says_why(page: Page, api: Api, as_detected: 
     """
     page.goto(f"/r/{as_detected}/planes")
     spots = dense_spots(wait_for_cloud(page))
-    row = page.get_by_role("row", name=re.compile("plane 1")).first
+    row = page.get_by_role("button", name=re.compile("More for")).first
     at = row.bounding_box()
     page.keyboard.press("g")
     until(lambda: api.view(as_detected)["click"] == "grow")
