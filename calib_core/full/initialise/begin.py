@@ -19,7 +19,7 @@ from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreem
 from calib_core.full.initialise.start import GyroTurns, LidarTrack, RotationStart, Turns, fit_lags, rotation_start
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
-from calib_core.full.planes.propose import propose_planes
+from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray, Plane, PlaneProposals
