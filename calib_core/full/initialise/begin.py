@@ -16,7 +16,9 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
-from calib_core.full.initialise.start import GyroTurns, LidarTrack, RotationStart, Turns, fit_lags, rotation_start
+from calib_core.full.initialise.rotation import fit_lags, rotation_start
+from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
