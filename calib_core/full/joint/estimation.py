@@ -8,7 +8,8 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import Micro, View
+from calib_core.full.joint.association import View
+from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
