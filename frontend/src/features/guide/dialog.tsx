@@ -23,7 +23,7 @@ export function GuideDialog({ onClose }: { onClose: () => void }) {
           <MotionPicture platform={platform} good={false} text={advice.bad} />
         </div>
         <p className="dim small">
-          The curves are the rate of turn about x, y and z over a minute, as the Recording screen shows it: still first,
+          The curves are the rate of turn about x, y and z over time, as the Recording screen shows it: still first,
           then all three busy.
         </p>
         <ol className={css.steps}>
