@@ -119,7 +119,9 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
         in_sampling=share,
         in_sampling_std=std,
         compared=len(_unbroken(number, in_row, _SLOPE_SPAN)),
-        mean_std_s=float(np.hypot(jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n), mean_of_all)),
+        mean_std_s=float(
+            np.hypot(jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n), mean_of_all)
+        ),
     )
 
 
