@@ -24,8 +24,8 @@ from typing import cast
 
 import httpx2
 
+from app.application import Server, make_server
 from app.jobs.orders import Order, Parcel, Stopped
-from app.server.main import Server, make_server
 from app.settings import AppSettings
 
 Json = object

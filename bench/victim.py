@@ -24,7 +24,7 @@ PROGRAM = """
 import json, socket, sys
 from pathlib import Path
 from app.jobs.launch import ProcessLauncher
-from app.server.main import make_server
+from app.application import make_server
 from app.settings import AppSettings
 bound = socket.socket(fileno=int(sys.argv[1]))
 settings = AppSettings(

@@ -126,9 +126,9 @@ def propose_planes(
     should_cancel: ShouldCancel = never_cancel,
 ) -> PlaneProposals:
     """The planes seen while the platform stood still, as patches in the map frame, with the cloud they are in."""
-    from calib_core.full.planes import propose
+    from calib_core.full.odometry import reference_cloud
 
-    return propose.propose_planes(
+    return reference_cloud.propose_planes(
         recording, settings or CalibrateSettings(), on_event=on_event, should_cancel=should_cancel
     )
 

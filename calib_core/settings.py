@@ -9,6 +9,14 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calib_core.intrinsics import Block
 
+#: The published algorithm's own choices, used with `method="paper"` where nothing else is asked for.
+PAPER_POINTS_PER_PLANE_PER_SCAN = 100
+PAPER_FIELD_OF_VIEW_DEG = 45.0
+
+#: Standard deviation of gravity's magnitude once the latitude is known: altitude takes away 0.003 m/s2 a kilometre,
+#: local anomalies are below 0.001 m/s2.
+LATITUDE_GRAVITY_STD_M_S2 = 0.005
+
 
 class _Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -47,6 +55,12 @@ class Gravity(_Settings):
 
     magnitude_m_s2: float = 9.807
     std_m_s2: float = Field(default=0.02, ge=0)
+
+
+def gravity_at_latitude_m_s2(latitude_deg: float) -> float:
+    """Normal gravity on the WGS 84 ellipsoid (Somigliana's closed formula), at sea level."""
+    sine_squared = math.sin(math.radians(latitude_deg)) ** 2
+    return 9.7803253359 * (1.0 + 0.00193185265241 * sine_squared) / math.sqrt(1.0 - 0.00669437999014 * sine_squared)
 
 
 class Prior(_Settings):

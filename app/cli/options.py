@@ -12,15 +12,15 @@ from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNITS, Block
 from calib_core.presets import LIDAR_PRESETS
-from calib_core.settings import Gravity, ImuNoise, Prior
-
-#: The published algorithm's own choices, used with `--method paper` where nothing else is asked for.
-PAPER_POINTS_PER_PLANE_PER_SCAN = 100
-PAPER_FIELD_OF_VIEW_DEG = 45.0
-
-#: Standard deviation of gravity's magnitude once the latitude is known: altitude takes away 0.003 m/s2 a kilometre,
-#: local anomalies are below 0.001 m/s2.
-LATITUDE_GRAVITY_STD_M_S2 = 0.005
+from calib_core.settings import (
+    LATITUDE_GRAVITY_STD_M_S2,
+    PAPER_FIELD_OF_VIEW_DEG,
+    PAPER_POINTS_PER_PLANE_PER_SCAN,
+    Gravity,
+    ImuNoise,
+    Prior,
+    gravity_at_latitude_m_s2,
+)
 
 Method = Literal["full", "paper"]
 Intrinsics = Literal["auto", "consider", "off"] | tuple[Block, ...]
@@ -77,12 +77,6 @@ def parse_gravity(text: str) -> Gravity:
         f"Expected `free`, a magnitude between 9 and 10 m/s2, or `latitude:DEG` for --gravity, but found `{text}`; "
         "give one of these."
     )
-
-
-def gravity_at_latitude_m_s2(latitude_deg: float) -> float:
-    """Normal gravity on the WGS 84 ellipsoid (Somigliana's closed formula), at sea level."""
-    sine_squared = math.sin(math.radians(latitude_deg)) ** 2
-    return 9.7803253359 * (1.0 + 0.00193185265241 * sine_squared) / math.sqrt(1.0 - 0.00669437999014 * sine_squared)
 
 
 def parse_imu_noise(text: str | None) -> ImuNoise | str | None:

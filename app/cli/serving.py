@@ -12,9 +12,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from app.application import make_server
 from app.kernels import compile_in_background, end
 from app.logs import log_to_stderr
-from app.server.main import make_server
 from app.settings import AppSettings
 from calib_core.errors import InputError
 

@@ -8,12 +8,20 @@ from __future__ import annotations
 import json
 import shlex
 
-from app.cli.options import LATITUDE_GRAVITY_STD_M_S2, PAPER_FIELD_OF_VIEW_DEG, PAPER_POINTS_PER_PLANE_PER_SCAN
 from app.jobs.orders import OrderedPlane, StoredRequest
 from app.schemas.jobs import InitialGuess
 from app.schemas.results import Command, CommandFile
 from calib_core.result import CalibrationResult
-from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, ReadSettings
+from calib_core.settings import (
+    LATITUDE_GRAVITY_STD_M_S2,
+    PAPER_FIELD_OF_VIEW_DEG,
+    PAPER_POINTS_PER_PLANE_PER_SCAN,
+    CalibrateSettings,
+    Gravity,
+    ImuNoise,
+    ReadSettings,
+    gravity_at_latitude_m_s2,
+)
 
 PLANES_FILE = "planes.json"
 GUESS_FILE = "guess.json"
@@ -106,8 +114,6 @@ def _gravity_word(gravity: Gravity) -> str | None:
 
 def _latitude_deg(magnitude_m_s2: float) -> float | None:
     """Where on the northern half gravity is so strong, by bisection of the closed formula."""
-    from app.cli.options import gravity_at_latitude_m_s2
-
     low, high = 0.0, 90.0
     if not gravity_at_latitude_m_s2(low) <= magnitude_m_s2 <= gravity_at_latitude_m_s2(high):
         return None

@@ -1,1 +1,1 @@
-"""The web application: main.py makes it, services.py wires its parts."""
+"""The web application: services.py wires its parts, app/application.py makes it of them and the routes."""

@@ -45,7 +45,7 @@ PROPOSED = "planes.proposed"
 
 def warm_up() -> None:
     """Import what the first view of a recording needs, while nobody waits for it."""
-    for name in ("calib_core.readers.load", "calib_core.full.planes.propose", "calib_core.doctor.examine"):
+    for name in ("calib_core.readers.load", "calib_core.full.odometry.reference_cloud", "calib_core.doctor.examine"):
         importlib.import_module(name)
 
 

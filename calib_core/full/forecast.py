@@ -27,15 +27,16 @@ from calib_core.full.initialise.begin import NO_PLANES_TEXT
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.start import LidarTrack, Start
-from calib_core.full.joint.association import gather
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.moments import gather
 from calib_core.full.joint.round import associate, measure, problem_of, survey
 from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.odometry.reference import Followed
+from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.planes.propose import propose_planes, scan_points
+from calib_core.full.planes.propose import scan_points
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
 from calib_core.geometry import log

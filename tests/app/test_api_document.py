@@ -11,11 +11,11 @@ from fastapi.routing import APIRoute
 from pydantic import TypeAdapter
 
 from app.api import jobs, planes, recordings, results, scene, server, uploads, view
+from app.application import create_app
 from app.schemas.jobs import JobMessage
 from app.schemas.planes import Operation
 from app.schemas.view import RecordingMessage
-from app.server.main import create_app
-from app.server.openapi import document
+from app.server.document import document
 from app.settings import AppSettings
 
 ROUTES = [

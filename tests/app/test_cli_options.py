@@ -12,6 +12,7 @@ from app.cli import commands, options
 from app.cli.parser import build_parser
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import Block
+from calib_core.settings import gravity_at_latitude_m_s2
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_unfit_spans_are_one_sentence(text: str) -> None:
 def test_gravity_at_known_latitudes(latitude_deg: float, expected: float) -> None:
     """WGS 84's own values at equator and pole, and the one at 45 deg from its tables. Fails if degrees are taken for
     radians (seen)."""
-    assert options.gravity_at_latitude_m_s2(latitude_deg) == pytest.approx(expected, abs=2e-9)
+    assert gravity_at_latitude_m_s2(latitude_deg) == pytest.approx(expected, abs=2e-9)
 
 
 def test_gravity_option() -> None:

@@ -126,7 +126,7 @@ def test_the_server_starts_without_the_estimator():
         [
             sys.executable,
             "-c",
-            "import sys, app.server.main; print([n for n in sys.modules if n in sys.argv[1:]])",
+            "import sys, app.application; print([n for n in sys.modules if n in sys.argv[1:]])",
             *HEAVY,
         ],
         capture_output=True,

@@ -51,16 +51,6 @@ STAGES = (
     "forecast",
     "known_extrinsic",
 )
-#: The search for a reference scan asks the odometry's registration whether the lidar stood still. Nothing joins these.
-UP_THE_STAIRS = {("planes", "odometry")}
-
-#: Circles of folders that are still to be cut: what is in them may leave, nothing may join.
-LEFT_CIRCLES = (
-    {"calib_core.full.planes", "calib_core.full.odometry"},
-    {"app.api", "app.cli", "app.results", "app.scene", "app.server", "app.work"},
-    {"app.server.main", "app.server.openapi"},
-)
-
 #: What the application sees of the library.
 APP_MAY_IMPORT = RECORDS | {"api", "doctor.report", "audit.report", "audit.given", "audit.pose", "audit.limits"}
 #: Third parties by part; anything else in these lists' parts is refused.
@@ -165,7 +155,7 @@ def test_the_stages_of_the_full_method_are_a_staircase():
         assert own in STAGES, f"{path}: say in STAGES where {own} stands"
         for name, _ in imports_of(path):
             other = stage(name)
-            if other is not None and (own, other) not in UP_THE_STAIRS:
+            if other is not None:
                 assert STAGES.index(other) <= STAGES.index(own), (
                     f"{path.relative_to(ROOT)} imports {name}: up the stairs"
                 )
@@ -176,18 +166,11 @@ def test_no_import_runs_in_a_circle(package):
     """Of files or of folders, inside functions and as strings too.
 
     Mutations: `from calib_core.calibrate import calibrate` in full/known_extrinsic.py; the same as
-    `importlib.import_module("calib_core.calibrate")` in a function; a circle taken off LEFT_CIRCLES before it is cut.
+    `importlib.import_module("calib_core.calibrate")` in a function.
     """
     files = import_graph(package)
-    for circle in (*circles(files), *circles(by_folder(files))):
-        assert any(circle <= left for left in LEFT_CIRCLES), f"imports run in a circle: {sorted(circle)}"
-
-
-@pytest.mark.parametrize("left", LEFT_CIRCLES, ids=min)
-def test_circles_that_have_been_cut_are_not_allowed_any_more(left):
-    """Mutation: leave a circle in LEFT_CIRCLES, or a folder in one, that is in none now."""
-    files = import_graph(min(left).split(".")[0])
-    assert left in [*circles(files), *circles(by_folder(files))]
+    found = [sorted(circle) for circle in (*circles(files), *circles(by_folder(files)))]
+    assert found == [], f"imports run in a circle: {found}"
 
 
 def test_circles_are_seen():
@@ -261,7 +244,7 @@ def circles(graph):
     return found
 
 
-#: The application's rooms from the ground up; each may see those before it. Two modules are placed by themselves.
+#: The application's rooms from the ground up; each may see those before it.
 APP_ROOMS = (
     "schemas",
     "weak_limits",
@@ -274,7 +257,6 @@ APP_ROOMS = (
     "events",
     "bus",
     "arrays",
-    "cli.options",  # what the command line calls the settings of a run, which a result's own command repeats
     "jobs",
     "planes",
     "results",
@@ -286,7 +268,8 @@ APP_ROOMS = (
     "scene",
     "server",
     "api",
-    "server.main",  # puts the rooms together
+    "application",  # puts the rooms together
+    "openapi",
     "cli",
 )
 
@@ -305,9 +288,7 @@ def test_the_application_s_rooms_see_only_those_below(path):
     if dotted == "__init__":
         return
     assert room is not None, f"{dotted} has no place in APP_ROOMS"
-    for name, lazily in imports_of(path):
-        if lazily and (dotted, name) == ("server.openapi", "app.server.main.create_app"):
-            continue  # run as a program, it writes the document of the whole
+    for name, _ in imports_of(path):
         if name.startswith("app."):
             other = app_room(name.removeprefix("app."))
             assert other is not None, f"{dotted} imports {name}, which has no place in APP_ROOMS"

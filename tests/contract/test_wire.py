@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
+from app.application import create_app
 from app.schemas.common import ErrorBody
-from app.server.main import create_app
-from app.server.openapi import document
+from app.server.document import document
 from app.settings import AppSettings
 from tests.app.support.live import ProcessLauncher
 
@@ -37,10 +37,10 @@ def operations():
 
 
 def test_the_browsers_document_is_this_programs_document():
-    """Mutation: a field renamed without `python -m app.server.openapi > frontend/openapi.json`."""
+    """Mutation: a field renamed without `python -m app.openapi > frontend/openapi.json`."""
     committed = json.loads((ROOT / "frontend" / "openapi.json").read_text(encoding="utf-8"))
     now = json.loads(json.dumps(document(create_app(AppSettings()))))
-    assert now == committed, "run `python -m app.server.openapi > frontend/openapi.json`"
+    assert now == committed, "run `python -m app.openapi > frontend/openapi.json`"
 
 
 def test_every_operation_is_tagged_described_and_named_once():

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.full.initialise.start import GRID_HZ, LidarTrack, Turns, masked_correlation, turns_of
+from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.time_offset import GRID_HZ, Turns, masked_correlation, turns_of
 from calib_core.types import FloatArray
 
 #: Rates are cut off above this percentile, the lidar's and the gyroscope's alike.

@@ -16,14 +16,9 @@ from itertools import product
 import numpy as np
 
 from calib_core.full.initialise.agreement import agreement
-from calib_core.full.initialise.start import (
-    GyroTurns,
-    LidarTrack,
-    LinearStart,
-    RotationStart,
-    linear_start,
-    turns_of,
-)
+from calib_core.full.initialise.linear import linear_start
+from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
+from calib_core.full.initialise.time_offset import GyroTurns, turns_of
 from calib_core.types import FloatArray, ImuData
 
 #: Linear starts of right axes stay well below this; nothing is tried, and no time spent, unless one does not.

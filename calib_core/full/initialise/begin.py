@@ -16,10 +16,12 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
-from calib_core.full.initialise.start import GyroTurns, LidarTrack, RotationStart, Turns, fit_lags, rotation_start
+from calib_core.full.initialise.rotation import fit_lags, rotation_start
+from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
-from calib_core.full.planes.propose import propose_planes
+from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray, Plane, PlaneProposals

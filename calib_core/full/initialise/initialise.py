@@ -9,16 +9,10 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
+from calib_core.full.initialise.linear import linear_start
+from calib_core.full.initialise.rotation import acceleration_start, rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
-from calib_core.full.initialise.start import (
-    LidarTrack,
-    LinearStart,
-    RotationStart,
-    Start,
-    acceleration_start,
-    linear_start,
-    rotation_start,
-)
+from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane

@@ -1,4 +1,4 @@
-"""Points to planes under the current motion: every scan through factors/bins.py, and the noise and extents they show."""
+"""Points to planes under the current motion: every scan through factors/lidar_plane.py, and the extents they show."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.optimize import nnls
 
-from calib_core.factors.laser_features import LaserErrors, LaserFactors, LaserSums, collapse_features
+from calib_core.factors.laser_features import LaserErrors, collapse_features
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -20,13 +19,13 @@ from calib_core.factors.lidar_plane import (
     cells_of,
     collapse,
     find_hits,
-    move_and_sum,
     select,
 )
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
+from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
-from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
@@ -48,72 +47,12 @@ def _ignore(_: int) -> None:
 
 
 @dataclass(frozen=True)
-class LaserMicro:
-    """Moments of many scans for the lidar's own parameters. time_s, scan: (B,) of their groups' middles, lidar clock."""
-
-    time_s: FloatArray
-    scan: IntArray
-    sums: LaserSums
-
-    def weighted(self, of_scan: FloatArray) -> LaserMicro:
-        """With every point counted as many times as its scan says: (M,)."""
-        weight = of_scan[self.scan].astype(np.float32)[:, None, None]
-        return replace(self, sums=replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight))
-
-    @staticmethod
-    def joined(parts: Sequence[LaserMicro]) -> LaserMicro:
-        """Those of several scans in a row."""
-        return LaserMicro(
-            np.concatenate([part.time_s for part in parts]),
-            np.concatenate([part.scan for part in parts]),
-            LaserSums.joined([part.sums for part in parts]),
-        )
-
-
-@dataclass(frozen=True)
-class Micro:
-    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
-
-    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out, and
-    time_offset_s.
-    """
-
-    time_s: FloatArray
-    scan: IntArray
-    plane: IntArray
-    scatter: FloatArray
-    count: IntArray
-    lasers: LaserMicro | None = None
-    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
-    time_offset_s: float = 0.0
-
-    @staticmethod
-    def joined(parts: Sequence[Micro]) -> Micro:
-        """Those of several scans in a row."""
-        return Micro(
-            np.concatenate([part.time_s for part in parts]),
-            np.concatenate([part.scan for part in parts]),
-            np.concatenate([part.plane for part in parts]),
-            np.concatenate([part.scatter for part in parts]),
-            np.concatenate([part.count for part in parts]),
-            LaserMicro.joined([part.lasers for part in parts if part.lasers is not None])
-            if any(part.lasers is not None for part in parts)
-            else None,
-            parts[0].nuisance,
-            parts[0].time_offset_s,
-        )
-
-    def part(self, some: BoolArray) -> Micro:
-        """Those of a mask (B,), without the lasers' moments."""
-        return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
-
-
-@dataclass(frozen=True)
 class View:
     """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes.
 
     poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
-    thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.
+    thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.   few: the points
+    of thinned scans, handed on from view to view.
     """
 
     scans: Sequence[Scan]
@@ -125,6 +64,16 @@ class View:
     nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
+    few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
+
+    def points(self, position: int, stride: int) -> PointArray:
+        """Every so many-th point of a scan: taken from the whole once, however often they are asked for."""
+        if stride == 1:
+            return self.scans[position].points
+        last = self.few.get(position)
+        if last is None or last[0] != stride:
+            last = self.few[position] = stride, self.scans[position].points[::stride].copy()
+        return last[1]
 
     def lay_out(self, positions: Sequence[int]) -> None:
         """The slices' poses of many scans in one go: scan by scan, the arrays would be too short to be worth a call."""
@@ -153,7 +102,7 @@ class View:
         key = (*positions, stride, gate.min_cosine)
         if key in self.thinned:
             return self.thinned[key]
-        clouds = [self.scans[i].points[::stride] for i in positions]
+        clouds = [self.points(i, stride) for i in positions]
         points = clouds[0] if len(clouds) == 1 else np.concatenate(clouds)
         e = self.estimate
         errors = self._errors()
@@ -206,7 +155,7 @@ class View:
         first = np.flatnonzero(begins)
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
         group = np.cumsum(begins) - 1
-        laser = np.concatenate([self.lasers_of(self.scans[i].points[::stride]) for i in positions])
+        laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
             group=group, middle=middle,
@@ -262,7 +211,7 @@ class View:
         batches: list[list[int]] = []
         room = 0
         for i in positions:
-            points = len(self.scans[i].points) // stride
+            points = int(self.clocks.scan_points[i]) // stride
             if points > room or not batches:
                 batches.append([])
                 room = _BATCH
@@ -327,67 +276,6 @@ def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
     return out
 
 
-def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
-    """Micro-bins moved to their nearest knots under the current motion and summed: one bin a knot and plane."""
-    # One pose a slice, shared by the planes seen in it.
-    time_s, of_slice = np.unique(micro.time_s, return_inverse=True)
-    imu_s = time_s - estimate.time_offset_s
-    # With lasers told apart, slices stay with the knots that their lasers' moments were put together for.
-    knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
-    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    Rk_t = np.swapaxes(knots.R[knot], 1, 2)
-    R = Rk_t @ poses.R
-    p = (Rk_t @ (poses.p - knots.p[knot])[..., None])[..., 0]
-    use = np.flatnonzero(poses.usable[of_slice])
-    of_slice = of_slice[use]
-    n_planes = len(estimate.normals)
-    key = knot[of_slice] * n_planes + micro.plane[use]
-    # Points that were laid out for an ideal lidar are those of one whose parameters are zero.
-    laid_out = micro.nuisance if len(micro.nuisance) else np.zeros(len(estimate.nuisance))
-    if len(key) == 0:
-        empty = np.zeros(0, np.int64)
-        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s, LaserFactors.empty(), laid_out)
-    keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
-    count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
-    lasers = LaserFactors.empty()
-    if micro.lasers is not None:
-        lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s)
-    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
-
-
-def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float) -> LaserFactors:
-    """Moments moved to their knots under the current motion and summed: a knot, plane and laser each.
-
-    time_offset_s: with which slices were put together to knots.
-    """
-    time_s, of_group = np.unique(micro.time_s, return_inverse=True)
-    imu_s = time_s - estimate.time_offset_s
-    knot = motion.nearest_knot(time_s - time_offset_s)
-    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    back = np.swapaxes(knots.R[knot], 1, 2)
-    move = np.zeros((len(time_s), 5, 5))
-    move[:, :3, :3] = back @ poses.R
-    move[:, :3, 3] = (back @ (poses.p - knots.p[knot])[..., None])[..., 0]
-    move[:, 3, 3] = move[:, 4, 4] = 1.0
-    use = np.flatnonzero(poses.usable[of_group])
-    of_group, sums = of_group[use], micro.sums
-    n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
-    keys, place = np.unique(
-        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use], return_inverse=True
-    )
-    moved = sums.cross[use] @ np.swapaxes(move[of_group], 1, 2)
-    if len(keys) == 0:
-        return LaserFactors.empty()
-    order = np.argsort(place, kind="stable")
-    first = np.searchsorted(place[order], np.arange(len(keys)))
-    cross = np.add.reduceat(moved[order], first, axis=0)
-    gram = np.add.reduceat(sums.gram[use][order].astype(np.float64), first, axis=0)
-    pairs, pair = np.unique(keys // lasers, return_inverse=True)
-    return LaserFactors(pairs // n_planes, pairs % n_planes, pair, keys % lasers, cross, gram)
-
-
 def survey(
     view: View,
     positions: Sequence[int],
@@ -417,84 +305,3 @@ def survey(
     )
     total.add(plane, cell, on, off)
     return total.finish(within)
-
-
-def measure_noise(
-    view: View, positions: Sequence[int], start: LidarNoise, gate: Gate, extents: PlaneExtents | None
-) -> LidarNoise:
-    """Range and surface noise from the spread of distances under different incidences.
-
-    std^2(d) = range^2 c^2 + surface^2, fitted to robust variances in bands of c^2; neither below 0.1 mm.
-    """
-    wide = Gate(sigmas=6.0, extra_m=gate.extra_m, margin_m=gate.margin_m, min_cosine=gate.min_cosine)
-    edges = np.linspace(0.0, 1.0, 13)
-
-    def one(position: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        hits = view.hits([position], wide)
-        keep, _ = select(hits, start, wide, extents)
-        return hits.d[keep], hits.cosine[keep] ** 2, hits.plane[keep]
-
-    parts = view.over_scans(positions, one)
-    # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
-    d = np.concatenate([_centred(p[0], p[2]) for p in parts])
-    c2 = np.concatenate([p[1] for p in parts])
-    if len(d) < 500:
-        return start
-    rows, variances, weights = [], [], []
-    band = np.digitize(c2, edges)
-    for b in np.unique(band):
-        mine = d[band == b]
-        if len(mine) > 100:
-            variance = tapered_variance(mine)
-            rows.append([float(c2[band == b].mean()), 1.0])
-            variances.append(variance)
-            weights.append(np.sqrt(len(mine)) / max(variance, 1e-12))
-    return _split_variance(np.array(rows), np.array(variances), np.array(weights), start)
-
-
-#: E[w u^2] / E[w] of a standard normal u under w = (1 - u^2 / 16)^2 within four: by numerical integration.
-_TAPERED = 0.7708825578050007
-
-
-def tapered_variance(d: FloatArray) -> float:
-    """Variance of the normal law in the middle of a sample that has outliers, by weights that fall to zero at four sigma.
-
-    The weights taper and agree with the variance that they give, so that it is a smooth function of every distance: one
-    point more or less must not move the cost of the whole solve. The first guess is the median of the distances.
-    """
-    square = d**2
-    variance = 1.4826**2 * float(np.median(square))
-    for _ in range(30):
-        before = variance
-        weight = np.maximum(1.0 - square / max(16.0 * before, 1e-30), 0.0) ** 2
-        variance = float(np.sum(weight * square)) / max(_TAPERED * float(np.sum(weight)), 1e-30)
-        if abs(variance - before) <= 1e-12 * before:
-            break
-    return variance
-
-
-def _centred(d: FloatArray, plane: IntArray) -> FloatArray:
-    out = d.copy()
-    for j in np.unique(plane):
-        mine = plane == j
-        if mine.sum() > 20:
-            out[mine] -= np.median(d[mine])
-    return out
-
-
-def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray, start: LidarNoise) -> LidarNoise:
-    """Non-negative weighted least squares of variance against [c^2, 1]."""
-    if len(rows) == 0:
-        return start
-    if len(rows) == 1:
-        return LidarNoise(_told(variances[0] / rows[0, 0]), 1e-4)
-    solution, _ = nnls(rows * weights[:, None], variances * weights)
-    return LidarNoise(_told(solution[0]), _told(solution[1]))
-
-
-def _told(variance: float) -> float:
-    """A standard deviation to three digits, no more than are known, and not below 0.1 mm.
-
-    Further digits change with a single point that comes or goes, and the cost of the whole solve with them.
-    """
-    return max(float(f"{np.sqrt(variance):.3g}"), 1e-4)

@@ -8,7 +8,8 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import Micro, View
+from calib_core.full.joint.association import View
+from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
@@ -42,7 +43,10 @@ class LastView:
     def of(self, run: Run, motion: Motion, estimate: Estimate, nuisance: Nuisance) -> View:
         """The scans under an estimate, laid out once however often they are asked for."""
         if self.view is None or self.view.estimate is not estimate:
+            before = self.view
             self.view = view_of(run, motion, estimate, nuisance)
+            if before is not None:
+                self.view.few.update(before.few)
         return self.view
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.joint.association import gather
 from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
+from calib_core.full.joint.moments import gather
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import present_view, problem_of
 from calib_core.full.joint.schedule import PlaneSet

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import Micro, associate
+from calib_core.full.joint.association import associate
 from calib_core.full.joint.drift import Drift
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.plane_set import add_planes
 from calib_core.full.joint.reach import spread, surveyed_reach
 from calib_core.full.joint.regain import regain

@@ -13,8 +13,9 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import Gate, collapse, find_hits, select
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import Micro, View
+from calib_core.full.joint.association import View
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.schedule import Propagation
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.window import Window

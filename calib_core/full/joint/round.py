@@ -14,10 +14,12 @@ from calib_core.errors import Cancelled
 from calib_core.factors.lidar_plane import Gate
 from calib_core.factors.support import cells_within
 from calib_core.full.joint import association
-from calib_core.full.joint.association import View, gather
+from calib_core.full.joint.association import View
 from calib_core.full.joint.bounds import require_bounds
 from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
+from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.live import iteration_event
+from calib_core.full.joint.moments import gather
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
@@ -94,9 +96,7 @@ def survey(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) -
 def measure(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) -> Estimation:
     """How noisy the lidar is, within the planes' support."""
     step = max(1, len(state.positions) // sampling.noise_scans)
-    noise = association.measure_noise(
-        present_view(data, state), state.positions[::step], state.lidar_noise, gate, state.support
-    )
+    noise = measure_noise(present_view(data, state), state.positions[::step], state.lidar_noise, gate, state.support)
     return replace(state, lidar_noise=noise)
 
 

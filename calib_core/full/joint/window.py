@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.imu import KnotStates
-from calib_core.full.joint.association import Micro, View, gather
+from calib_core.full.joint.association import View
 from calib_core.full.joint.estimation import Estimation, JointData, view_of
+from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import Estimate, no_bins
 from calib_core.full.prepare.nuisance import Nuisance

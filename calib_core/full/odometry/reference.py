@@ -15,8 +15,8 @@ import numpy as np
 from calib_core.errors import Cancelled
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
-from calib_core.full.odometry.track import rate_within, track
-from calib_core.full.odometry.turning import Turning
+from calib_core.full.odometry.track import track
+from calib_core.full.odometry.turning import Turning, rate_within
 from calib_core.full.planes.propose import named_planes, scan_points
 from calib_core.full.run import Run
 from calib_core.geometry import log

@@ -18,8 +18,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.prediction import other_places, other_starts, predict
 from calib_core.full.odometry.register import Registered, ScanMotion, TrackSettings, register, sample_points, straighten
-from calib_core.full.odometry.turning import Turning
+from calib_core.full.odometry.turning import Turning, rate_within
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Plane, Scan
 
@@ -66,18 +67,6 @@ def _first(
     first = register(*few, known, still, tie=loose, settings=s, position=reference).motion
     known.seed(straighten(points, tau, first))
     return first
-
-
-def rate_within(scan: Scan, turning: Turning | None) -> FloatArray | None:
-    """The rate (3,) [rad/s] at which the lidar turns during a scan, None where nothing but its points tells."""
-    sweep_ns = int(scan.points["offset_ns"].max()) if len(scan.points) else 0
-    if turning is None or sweep_ns == 0:
-        return None
-    turn = turning.between(scan.stamp_ns, scan.stamp_ns + sweep_ns)
-    return None if turn is None else log(turn) / (sweep_ns * 1e-9)
-
-
-_NONE = np.zeros(3)
 
 
 @dataclass
@@ -170,7 +159,7 @@ class _Tracker:
             return None
         # Where a direction is seen for a moment of the sweep only, the way from the last scan tells its velocity better.
         mixed = replace(previous, v_m_s=0.5 * (previous.v_m_s + self._pace_m_s))
-        predicted, tie = _predict(mixed, self.scans, position, s)
+        predicted, tie = predict(mixed, self.scans, position, s)
         turned = self._turned(previous, position)
         known_rad = None
         if turned is not None:
@@ -184,10 +173,10 @@ class _Tracker:
         if doubtful or best.motion.rms_m > s.trusted_rms * self._rms + 0.5 * s.rms_slack_m:
             loose = tie / 25.0
             thorough = self._lost(best.motion, predicted, position)
-            starts = _other_starts(previous, predicted, thorough=thorough)
+            starts = other_starts(previous, predicted, thorough=thorough)
             if known_rad is not None:
                 loose[:3], loose[6:9] = tie[:3], tie[6:9]
-                starts = _other_places(predicted, thorough=thorough)
+                starts = other_places(predicted, thorough=thorough)
             for start in starts:
                 other = register(
                     points, tau, self.known, start, tie=loose, settings=s, position=position, scales_m=s.wide_scales_m,
@@ -265,44 +254,3 @@ class _Tracker:
 def _determined(motion: ScanMotion, s: TrackSettings) -> bool:
     """Whether the points of a scan tell all six directions of its pose."""
     return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
-
-
-def _other_starts(previous: ScanMotion, predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
-    """Where else a scan may be that is not where constant velocity has it."""
-    starts = [predicted, replace(previous, position=predicted.position, omega_rad_s=_NONE, v_m_s=_NONE)]
-    if thorough:
-        turns = np.vstack([0.25 * np.eye(3), -0.25 * np.eye(3)])
-        starts += [replace(predicted, R=predicted.R @ exp(turn)) for turn in turns]
-    return starts
-
-
-def _other_places(predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
-    """Where else a scan may be whose orientation is known."""
-    starts = [predicted, replace(predicted, v_m_s=_NONE)]
-    if thorough:
-        starts += [replace(predicted, p=predicted.p + step) for step in np.vstack([0.4 * np.eye(3), -0.4 * np.eye(3)])]
-    return starts
-
-
-def _predict(
-    previous: ScanMotion, scans: Sequence[Scan], position: int, s: TrackSettings
-) -> tuple[ScanMotion, FloatArray]:
-    """Constant velocity to the next scan, with the information of that guess."""
-    dt = (scans[position].stamp_ns - scans[previous.position].stamp_ns) * 1e-9
-    steps = max(abs(dt) / 0.1, 0.2)
-    predicted = replace(
-        previous,
-        position=position,
-        R=previous.R @ exp(previous.omega_rad_s * dt),
-        p=previous.p + previous.v_m_s * dt,
-    )
-    # Acceleration makes the pose's error grow with the square of time and the velocity's with time.
-    std = np.array(
-        [
-            s.tie_rotation_rad * steps**2,
-            s.tie_position_m * steps**2,
-            s.tie_rate_rad_s * steps,
-            s.tie_velocity_m_s * steps,
-        ]
-    )
-    return predicted, np.repeat(1.0 / std**2, 3)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from calib_core.types import FloatArray
+from calib_core.geometry import log
+from calib_core.types import FloatArray, Scan
 
 
 class Turning(Protocol):
@@ -12,3 +13,12 @@ class Turning(Protocol):
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None where nothing is known of that span."""
+
+
+def rate_within(scan: Scan, turning: Turning | None) -> FloatArray | None:
+    """The rate (3,) [rad/s] at which the lidar turns during a scan, None where nothing but its points tells."""
+    sweep_ns = int(scan.points["offset_ns"].max()) if len(scan.points) else 0
+    if turning is None or sweep_ns == 0:
+        return None
+    turn = turning.between(scan.stamp_ns, scan.stamp_ns + sweep_ns)
+    return None if turn is None else log(turn) / (sweep_ns * 1e-9)

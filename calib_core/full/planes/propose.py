@@ -1,7 +1,7 @@
-"""The reference scan, the cloud of the standstill around it, and the planes in that cloud.
+"""The reference scan, and planes as patches of a cloud, from fits or from a point that a person points at.
 
 The map frame is the lidar frame at the reference scan's first point: the first scan from which the planes determine a
-pose. Scans that follow without motion are merged into its cloud.
+pose.
 """
 
 from __future__ import annotations
@@ -13,23 +13,14 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from calib_core.errors import Cancelled
-from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.full.odometry.plane_map import PlaneMap
-from calib_core.full.odometry.register import ScanMotion, TrackSettings, register, sample_points
-from calib_core.geometry import log, plane_axes
+from calib_core.events import ShouldCancel, never_cancel
+from calib_core.geometry import plane_axes
 from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
 from calib_core.settings import CalibrateSettings
-from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Recording, Scan
+from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Scan
 
 #: Smallest eigenvalue of the mean n n^T over the planes that a reference scan must offer.
 _LEAST_DETERMINACY = 0.02
-_STILL_SCANS = 20
-#: How far a registration of one scan may stray by noise alone.
-_STILL_DEG = 0.25
-_STILL_M = 0.012
-_CLOUD_POINTS = 200_000
-#: Of them, those in which planes are looked for: more would tell the planes apart no better.
-_SEARCHED_POINTS = 60_000
 _CELL_M = 0.2
 #: Planes that face the same way are told apart from this distance on.
 _DISTINCT_M = 0.25
@@ -61,68 +52,6 @@ def find_reference(
     return best[1], best[2]
 
 
-def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) -> list[int]:
-    """The reference scan and those after it during which the lidar did not move."""
-    s = TrackSettings()
-    known = PlaneMap.endless(planes)
-    # Rates near zero are the hypothesis: left free they would take up the noise of the pose.
-    tie = np.repeat([1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2], 3)
-    start = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
-    still = []
-    for position in range(reference, min(reference + _STILL_SCANS, len(scans))):
-        points, tau = sample_points(scans[position], s.points)
-        if len(points) < 60:
-            break
-        motion = register(points, tau, known, start, tie=tie, settings=s, position=position).motion
-        turned, moved = np.degrees(np.linalg.norm(log(motion.R))), np.linalg.norm(motion.p)
-        if turned > _STILL_DEG or moved > _STILL_M:
-            break
-        still.append(position)
-    return still or [reference]
-
-
-def propose_planes(
-    recording: Recording,
-    settings: CalibrateSettings,
-    *,
-    on_event: OnEvent = ignore_event,
-    should_cancel: ShouldCancel = never_cancel,
-) -> PlaneProposals:
-    """The planes of the reference cloud as patches, largest first, all confirmed, and the cloud itself."""
-    on_event(StageEvent(stage="planes", fraction=0.0, text="looking for planes"))
-    scans = recording.scans
-    reference, fits = find_reference(scans, settings, should_cancel=should_cancel)
-    fits = distinct(fits, scan_points(scans[reference], settings.field_of_view_deg))
-    still = [reference]
-    if len(fits) >= 3:
-        still = still_after(scans, reference, named_planes(fits))
-    on_event(StageEvent(stage="planes", fraction=0.5, text=f"merging {len(still)} scans"))
-    cloud = np.concatenate([scan_points(scans[i], settings.field_of_view_deg) for i in still])
-    intensity = np.concatenate([_intensity(scans[i], settings.field_of_view_deg) for i in still])
-    stride = max(1, len(cloud) // _CLOUD_POINTS + 1)
-    cloud, intensity = cloud[::stride], intensity[::stride]
-    if len(still) > 1:
-        some = cloud[:: max(1, len(cloud) // _SEARCHED_POINTS)]
-        merged = distinct(segment_planes(some, seed=settings.random_seed), some)
-        if len(merged) >= len(fits):
-            fits = merged
-    patch = np.full(len(cloud), -1, dtype=np.int16)
-    patches = []
-    for j, plane in enumerate(named_planes(fits)):
-        near = _near(cloud, plane) & (patch < 0)
-        patch[near] = j
-        patches.append(make_patch(plane, cloud[near]))
-    on_event(StageEvent(stage="planes", fraction=1.0, text=f"{len(patches)} planes"))
-    return PlaneProposals(
-        patches=tuple(patches),
-        cloud_m=cloud.astype(np.float32),
-        cloud_patch=patch,
-        cloud_intensity=intensity,
-        reference_scans=tuple(still),
-        static=len(still) >= 3,
-    )
-
-
 def distinct(fits: Sequence[PlaneFit], cloud_m: FloatArray) -> list[PlaneFit]:
     """The fits without those that lie along a larger one: a door a hand's breadth in front of its wall.
 
@@ -144,15 +73,7 @@ def named_planes(fits: Sequence[PlaneFit]) -> list[Plane]:
     return [Plane(f"plane {j + 1}", f.normal, f.offset_m) for j, f in enumerate(fits)]
 
 
-def _intensity(scan: Scan, field_of_view_deg: float | None) -> np.ndarray[tuple[int], np.dtype[np.float32]]:
-    values = scan.points["intensity"].astype(np.float32)
-    if field_of_view_deg is None:
-        return values
-    xyz = scan.points["xyz"]
-    return values[np.abs(np.arctan2(xyz[:, 1], xyz[:, 0])) <= np.radians(field_of_view_deg)]
-
-
-def _near(cloud_m: FloatArray, plane: Plane) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def near_plane(cloud_m: FloatArray, plane: Plane) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Points on a plane, by the segmentation's own tolerance."""
     s = SegmentSettings()
     tolerance = s.distance_m + s.distance_per_range * np.linalg.norm(cloud_m, axis=1)
@@ -205,7 +126,7 @@ def _spread(
 ) -> PlanePatch | None:
     """A local fit grown over the connected cells of free points on its plane, then refitted."""
     plane = Plane(name, fit.normal, fit.offset_m)
-    on = np.flatnonzero(free & _near(cloud, plane))
+    on = np.flatnonzero(free & near_plane(cloud, plane))
     axes = plane_axes(plane.normal)
     cells = np.floor(cloud[on] @ axes.T / 0.4).astype(np.int64)
     filled = {(int(a), int(b)) for a, b in np.unique(cells, axis=0)}

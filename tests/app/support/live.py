@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 import httpx2
 
+from app.application import make_server
 from app.jobs.launch import ProcessLauncher
-from app.server.main import make_server
 from app.settings import AppSettings
 
 FAKE_JOBS = "tests.app.support.fake_jobs:run"

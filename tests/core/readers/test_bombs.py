@@ -246,5 +246,8 @@ def test_bags_and_chunks_of_a_few_kilobytes_stay_within_memory(tmp_path: Path) -
         check=True,
     ).stdout.splitlines()
     fits = str(SMALL_CHUNK_BYTES)
-    assert told[:-1] == ["['/points'] 0", *(line for n in ("bz2", "lz4", "zstd") for line in (f"{n} is too large", fits))]
+    assert told[:-1] == [
+        "['/points'] 0",
+        *(line for n in ("bz2", "lz4", "zstd") for line in (f"{n} is too large", fits)),
+    ]
     assert int(told[-1]) < 1.5 * SMALL_CHUNK_BYTES

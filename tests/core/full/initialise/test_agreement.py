@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.full.initialise.agreement import agreement_of
 from calib_core.full.initialise.begin import BELIEVED, TRUSTED, GyroTurning
-from calib_core.full.initialise.start import GyroTurns, RotationStart, Turns
+from calib_core.full.initialise.start import RotationStart
+from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray
 

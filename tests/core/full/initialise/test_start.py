@@ -9,18 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.full.initialise.linear import _double_integral, linear_start
+from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
-from calib_core.full.initialise.start import (
-    GyroTurns,
-    LidarTrack,
-    RotationStart,
-    Start,
-    _double_integral,
-    candidate_lags,
-    linear_start,
-    rotation_start,
-    turns_of,
-)
+from calib_core.full.initialise.start import LidarTrack, RotationStart, Start
+from calib_core.full.initialise.time_offset import GyroTurns, candidate_lags, turns_of
 from calib_core.geometry import exp, log
 from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth
 from calib_core.simulate.motion import Pose

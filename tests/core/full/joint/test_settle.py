@@ -14,8 +14,8 @@ from calib_core.events import Event, IterationEvent
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint import settle as settling
-from calib_core.full.joint.association import tapered_variance
 from calib_core.full.joint.begin import knots_over
+from calib_core.full.joint.lidar_noise import tapered_variance
 from calib_core.full.joint.schedule import Sampling, Settling
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.clocks import read_clocks

@@ -7,7 +7,8 @@ import pytest
 
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
-from calib_core.full.planes.propose import distinct, grow_plane, make_patch, propose_planes, scan_points
+from calib_core.full.odometry.reference_cloud import propose_planes
+from calib_core.full.planes.propose import distinct, grow_plane, make_patch, scan_points
 from calib_core.geometry import log, plane_axes
 from calib_core.planes.segment import PlaneFit
 from calib_core.settings import CalibrateSettings

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from calib_core.calibrate import calibrate
 from calib_core.errors import SettingsError
-from calib_core.full.planes.propose import propose_planes
+from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.prepare.excluded_spans import kept_places, without_spans
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings

@@ -15,10 +15,10 @@ from app.api import audits, jobs, planes, recordings, results, scene, server, up
 from app.errors import ApiError
 from app.jobs.launch import Launcher
 from app.server.client import CompressText, install_client
+from app.server.document import document, operation_id
 from app.server.errors import install_error_handler
 from app.server.headers import SecurityHeaders
 from app.server.metrics import CountRequests, Metrics
-from app.server.openapi import document, operation_id
 from app.server.patience import PatientH11
 from app.server.security import Gatekeeper
 from app.server.services import Services

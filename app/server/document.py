@@ -1,10 +1,9 @@
-"""The API's document: `python -m app.server.openapi` writes it to stdout. The browser's types are generated from it."""
+"""The API's document. `python -m app.openapi` writes it to stdout; the browser's types are generated from it."""
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 from typing import cast
 
 from fastapi import FastAPI
@@ -97,16 +96,3 @@ def _short_names(made: dict[str, object]) -> dict[str, object]:
     text = re.sub(r"app__schemas__\w+?__([A-Z]\w*)\b", r"\1", text)
     named: dict[str, object] = json.loads(text)
     return named
-
-
-def main() -> None:
-    """Write the document to stdout."""
-    from app.server.main import create_app
-    from app.settings import AppSettings
-
-    json.dump(document(create_app(AppSettings())), sys.stdout, indent=2, sort_keys=True)
-    sys.stdout.write("\n")
-
-
-if __name__ == "__main__":
-    main()

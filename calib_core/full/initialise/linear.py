@@ -1,0 +1,122 @@
+"""Gravity, lever arm and accelerometer bias, once time offset and rotation are known.
+
+With the lidar's orientation and position known at every scan, p_imu = p_lidar - R_world_imu p_c, so
+
+    p(m+1) - p(m) - (R(m+1) - R(m)) p_c = v(m) T + g T^2/2 + PP - PPb b_a
+    v(m+1) - v(m) = g T + VV - VVb b_a
+
+where VV, PP integrate the rotated readings and VVb, PPb the rotations: linear in v(m), g, p_c, b_a.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
+from calib_core.types import FloatArray, IntArray
+
+
+def linear_start(
+    track: LidarTrack,
+    imu_s: FloatArray,
+    accel_m_s2: FloatArray,
+    start: RotationStart,
+    *,
+    gravity_m_s2: float,
+    position_std_m: float = 0.015,
+    velocity_std_m_s: float = 0.02,
+) -> LinearStart:
+    """Gravity, lever arm and accelerometer bias by sparse least squares over the tracked scans."""
+    stamps = imu_s + start.time_offset_s
+    inside = (stamps >= track.start_s[0]) & (stamps <= track.start_s[-1] + track.sweep_s[-1])
+    t = stamps[inside]
+    orientation = track.at(t)[0] @ start.R_imu_lidar.T
+    rotated = (orientation @ accel_m_s2[inside][..., None])[..., 0]
+    VV, PP = _double_integral(t, rotated, track.start_s)
+    VVb, PPb = _double_integral(t, orientation.reshape(len(t), 9), track.start_s)
+    m = len(track.start_s)
+    R_imu = track.R @ start.R_imu_lidar.T
+    gaps = np.diff(track.start_s)
+    use = np.flatnonzero((gaps < 0.35) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
+    T = gaps[use]
+    rows = _linear_rows(
+        use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, position_std_m, velocity_std_m_s
+    )
+    rhs_p = (track.p[use + 1] - track.p[use] - PP[use]) / position_std_m
+    rhs_v = -VV[use] / velocity_std_m_s
+    rhs = np.concatenate([rhs_p.ravel(), -rhs_v.ravel()])
+    gravity = np.zeros(3)
+    solution = np.zeros(3 * m + 9)
+    for _ in range(3):
+        prior, target = _start_priors(m, gravity, gravity_m_s2)
+        matrix = sparse.vstack([rows, prior]).tocsc()
+        vector = np.concatenate([rhs, target])
+        solution = spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
+        gravity = solution[3 * m : 3 * m + 3]
+    residual = rows @ solution - rhs
+    return LinearStart(
+        gravity, solution[3 * m + 3 : 3 * m + 6], solution[3 * m + 6 :], float(np.sqrt(np.mean(residual**2)))
+    )
+
+
+def _linear_rows(
+    use: IntArray,
+    T: FloatArray,
+    R_imu: FloatArray,
+    VVb: FloatArray,
+    PPb: FloatArray,
+    m: int,
+    std_p: float,
+    std_v: float,
+) -> sparse.csr_matrix:
+    """Whitened rows of both equations over v (3 m), g, p_c, b_a."""
+    n = len(use)
+    eye = np.broadcast_to(np.eye(3), (n, 3, 3))
+    lever = R_imu[use + 1] - R_imu[use]
+    blocks_p = [(use, eye * T[:, None, None]), (m, eye * (T**2 / 2)[:, None, None]), (m + 1, lever), (m + 2, -PPb[use])]
+    blocks_v = [(use + 1, eye), (use, -eye), (m, -eye * T[:, None, None]), (m + 2, VVb[use])]
+    triplets: list[tuple[IntArray, IntArray, FloatArray]] = []
+    for base, std, blocks in ((0, std_p, blocks_p), (3 * n, std_v, blocks_v)):
+        for column, values in blocks:
+            row = base + 3 * np.arange(n)[:, None, None] + np.arange(3)[None, :, None] + np.zeros((1, 1, 3), int)
+            col = (
+                3 * np.broadcast_to(np.asarray(column), (n,))[:, None, None]
+                + np.arange(3)[None, None, :]
+                + np.zeros((1, 3, 1), int)
+            )
+            triplets.append((row.ravel(), col.ravel(), (values / std).ravel()))
+    row, col, value = (np.concatenate([t[i] for t in triplets]) for i in range(3))
+    return sparse.csr_matrix((value, (row, col)), shape=(6 * n, 3 * m + 9))
+
+
+def _start_priors(m: int, gravity: FloatArray, magnitude: float) -> tuple[sparse.csr_matrix, FloatArray]:
+    """Weak priors that keep undetermined directions finite: p_c within metres of zero, bias small, |g| known."""
+    size = 3 * m + 9
+    diagonal = np.concatenate([np.full(3 * m, 1e-3), np.full(3, 1e-4), np.full(3, 0.5), np.full(3, 1 / 0.3)])
+    rows = [sparse.diags(diagonal)]
+    target = np.zeros(size)
+    norm = float(np.linalg.norm(gravity))
+    if norm > 1.0:
+        row = np.zeros((1, size))
+        row[0, 3 * m : 3 * m + 3] = gravity / norm / 0.02
+        rows.append(sparse.csr_matrix(row))
+        target = np.append(target, magnitude / 0.02)
+    return sparse.vstack(rows).tocsr(), target
+
+
+def _double_integral(t: FloatArray, values: FloatArray, marks: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Integral, and integral of the integral, of samples over each interval between marks: (M - 1, C) each."""
+    dt = np.diff(t)[:, None]
+    single = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * dt * (values[1:] + values[:-1]), axis=0)])
+    # On each step the integrand is linear, its integral quadratic, its double integral cubic.
+    inner = single[:-1] * dt + dt**2 * (values[:-1] / 3 + values[1:] / 6)
+    double = np.vstack([np.zeros(values.shape[1]), np.cumsum(inner, axis=0)])
+    k = np.clip(np.searchsorted(t, marks, side="right") - 1, 0, len(t) - 2)
+    s = (marks - t[k])[:, None]
+    slope = (values[k + 1] - values[k]) / dt[k]
+    V = single[k] + values[k] * s + slope * s**2 / 2
+    P = double[k] + single[k] * s + values[k] * s**2 / 2 + slope * s**3 / 6
+    T = np.diff(marks)[:, None]
+    return V[1:] - V[:-1], P[1:] - P[:-1] - V[:-1] * T

@@ -1,0 +1,123 @@
+"""The time offset, first of all: how far a body turns in a given time is the same in any frame.
+
+The gyroscope's turns are correlated with the lidar's at every lag the two recordings allow; the best lags go on to the
+rotation. The lidar's turns are taken within its sweeps or between scans one or three apart, whichever agrees best: the
+first follows the quickest motion, the last is the least noisy, and a sweep that sees its planes for a moment only says
+nothing by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from calib_core.full.initialise.start import LidarTrack
+from calib_core.geometry import exp, log
+from calib_core.types import FloatArray
+
+GRID_HZ = 50.0
+
+
+@dataclass(frozen=True)
+class Turns:
+    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second."""
+
+    start_s: FloatArray
+    end_s: FloatArray
+    rate_rad_s: FloatArray
+
+
+def turns_of(track: LidarTrack) -> list[Turns]:
+    """Turns within the sweeps, and between scans one and three apart."""
+    out = [Turns(track.start_s, track.start_s + track.sweep_s, track.omega_rad_s)]
+    period = float(np.median(np.diff(track.start_s))) if len(track.start_s) > 1 else 0.0
+    for apart in (1, 3):
+        if len(track.start_s) <= apart:
+            continue
+        T = track.start_s[apart:] - track.start_s[:-apart]
+        rate = log(np.swapaxes(track.R[:-apart], 1, 2) @ track.R[apart:]) / T[:, None]
+        whole = (apart + 0.5) * period > T
+        out.append(Turns(track.start_s[:-apart][whole], track.start_s[apart:][whole], rate[whole]))
+    return out
+
+
+class GyroTurns:
+    """How far the gyro turned over any span, from its running product of rotations. Times on the IMU's clock [s]."""
+
+    def __init__(self, stamps_s: FloatArray, gyro_rad_s: FloatArray) -> None:
+        self._t = stamps_s
+        self._gyro = gyro_rad_s
+        steps = exp(np.diff(stamps_s)[:, None] * 0.5 * (gyro_rad_s[1:] + gyro_rad_s[:-1]))
+        self._R = np.concatenate([np.eye(3)[None], _running_product(steps)])
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Orientation at instants within the recording, from its first sample: (N, 3, 3). The rate is linear between samples."""
+        k = np.clip(np.searchsorted(self._t, t_s, side="right") - 1, 0, len(self._t) - 2)
+        tau = (t_s - self._t[k])[:, None]
+        slope = (self._gyro[k + 1] - self._gyro[k]) / (self._t[k + 1] - self._t[k])[:, None]
+        return self._R[k] @ exp(self._gyro[k] * tau + 0.5 * slope * tau**2)
+
+    def over(self, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
+        """(N, 3) rotation vectors per second; NaN where the span leaves the recording."""
+        out = log(np.swapaxes(self.at(start_s), 1, 2) @ self.at(end_s)) / (end_s - start_s)[:, None]
+        out[(start_s < self._t[0]) | (end_s > self._t[-1])] = np.nan
+        return out
+
+
+def _running_product(steps: FloatArray) -> FloatArray:
+    """steps[0] steps[1] ... steps[i] for every i, (N, 3, 3), in log2 N passes over all of them."""
+    product = steps.copy()
+    reach = 1
+    while reach < len(product):
+        product[reach:] = product[:-reach] @ product[reach:]
+        reach *= 2
+    return product
+
+
+def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: int = 6) -> list[tuple[float, float]]:
+    """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first."""
+    t0, t1 = turns.start_s[0], turns.end_s[-1]
+    lidar_t = np.arange(t0, t1, 1 / GRID_HZ)
+    norms = np.linalg.norm(turns.rate_rad_s, axis=1)
+    # A few spans in which the track leapt would outweigh all others in a correlation.
+    norms = np.minimum(norms, 2.0 * np.percentile(norms, 90.0))
+    lidar = np.interp(lidar_t, 0.5 * (turns.start_s + turns.end_s), norms)
+    imu_t = np.arange(imu_s[0], imu_s[-1], 1 / GRID_HZ)
+    width = float(np.median(turns.end_s - turns.start_s))
+    mean = gyro.over(imu_t - width / 2, imu_t + width / 2)
+    imu = np.linalg.norm(mean, axis=1)
+    valid = np.isfinite(imu)
+    imu = np.where(valid, imu, 0.0)
+    correlation, overlap = masked_correlation(lidar, imu, valid.astype(float))
+    # Sample k of the correlation pairs lidar sample i with imu sample i - (k - (len(imu) - 1)).
+    shift = np.arange(len(correlation)) - (len(imu) - 1)
+    lag = t0 - imu_t[0] + shift / GRID_HZ
+    least = min(0.5 * min(len(lidar), len(imu)), max(8.0 * GRID_HZ, 0.3 * len(lidar)))
+    score = np.where(overlap >= least, correlation, -np.inf)
+    best: list[tuple[float, float]] = []
+    while len(best) < count and np.isfinite(score.max()):
+        k = int(np.argmax(score))
+        best.append((float(lag[k]), float(correlation[k])))
+        score[np.abs(lag - lag[k]) < 0.25] = -np.inf
+    return best
+
+
+def masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pearson's correlation of a with b at every shift, over the samples that overlap, and how many do."""
+    # scipy.signal has this ready, but takes a second to import.
+    size = len(a) + len(b) - 1
+    fast = fft.next_fast_len(size, real=True)
+
+    def cross(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(fft.irfft(fft.rfft(x, fast) * fft.rfft(y[::-1], fast), fast)[:size])
+
+    ones = np.ones_like(a)
+    n = np.maximum(cross(ones, mask_b), 1.0)
+    mean_a, mean_b = cross(a, mask_b) / n, cross(ones, b * mask_b) / n
+    var_a = cross(a**2, mask_b) / n - mean_a**2
+    var_b = cross(ones, b**2 * mask_b) / n - mean_b**2
+    cov = cross(a, b * mask_b) / n - mean_a * mean_b
+    floor = 1e-3 * float(np.var(a)) + 1e-12
+    return cov / np.sqrt(np.maximum(var_a, floor) * np.maximum(var_b, floor)), np.rint(n)

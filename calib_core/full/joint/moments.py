@@ -1,0 +1,140 @@
+"""What associating leaves of the points: moments of each slice of time and plane, moved to knots and summed there.
+
+A slice's moments are exact for every later pose of it, so that points are gone through once an association, and a motion that
+has moved since only moves moments: to the nearest knot, where those of one plane (and one laser) become one factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib_core.factors.laser_features import LaserFactors, LaserSums
+from calib_core.factors.lidar_plane import move_and_sum
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.state import Bins, Estimate
+from calib_core.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LaserMicro:
+    """Moments of many scans for the lidar's own parameters. time_s, scan: (B,) of their groups' middles, lidar clock."""
+
+    time_s: FloatArray
+    scan: IntArray
+    sums: LaserSums
+
+    def weighted(self, of_scan: FloatArray) -> LaserMicro:
+        """With every point counted as many times as its scan says: (M,)."""
+        weight = of_scan[self.scan].astype(np.float32)[:, None, None]
+        return replace(self, sums=replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight))
+
+    @staticmethod
+    def joined(parts: Sequence[LaserMicro]) -> LaserMicro:
+        """Those of several scans in a row."""
+        return LaserMicro(
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.scan for part in parts]),
+            LaserSums.joined([part.sums for part in parts]),
+        )
+
+
+@dataclass(frozen=True)
+class Micro:
+    """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
+
+    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out, and
+    time_offset_s.
+    """
+
+    time_s: FloatArray
+    scan: IntArray
+    plane: IntArray
+    scatter: FloatArray
+    count: IntArray
+    lasers: LaserMicro | None = None
+    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    time_offset_s: float = 0.0
+
+    @staticmethod
+    def joined(parts: Sequence[Micro]) -> Micro:
+        """Those of several scans in a row."""
+        return Micro(
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.scan for part in parts]),
+            np.concatenate([part.plane for part in parts]),
+            np.concatenate([part.scatter for part in parts]),
+            np.concatenate([part.count for part in parts]),
+            LaserMicro.joined([part.lasers for part in parts if part.lasers is not None])
+            if any(part.lasers is not None for part in parts)
+            else None,
+            parts[0].nuisance,
+            parts[0].time_offset_s,
+        )
+
+    def part(self, some: BoolArray) -> Micro:
+        """Those of a mask (B,), without the lasers' moments."""
+        return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
+
+
+def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
+    """Micro-bins moved to their nearest knots under the current motion and summed: one bin a knot and plane."""
+    # One pose a slice, shared by the planes seen in it.
+    time_s, of_slice = np.unique(micro.time_s, return_inverse=True)
+    imu_s = time_s - estimate.time_offset_s
+    # With lasers told apart, slices stay with the knots that their lasers' moments were put together for.
+    knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
+    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    Rk_t = np.swapaxes(knots.R[knot], 1, 2)
+    R = Rk_t @ poses.R
+    p = (Rk_t @ (poses.p - knots.p[knot])[..., None])[..., 0]
+    use = np.flatnonzero(poses.usable[of_slice])
+    of_slice = of_slice[use]
+    n_planes = len(estimate.normals)
+    key = knot[of_slice] * n_planes + micro.plane[use]
+    # Points that were laid out for an ideal lidar are those of one whose parameters are zero.
+    laid_out = micro.nuisance if len(micro.nuisance) else np.zeros(len(estimate.nuisance))
+    if len(key) == 0:
+        empty = np.zeros(0, np.int64)
+        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s, LaserFactors.empty(), laid_out)
+    keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
+    count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
+    lasers = LaserFactors.empty()
+    if micro.lasers is not None:
+        lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s)
+    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
+
+
+def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float) -> LaserFactors:
+    """Moments moved to their knots under the current motion and summed: a knot, plane and laser each.
+
+    time_offset_s: with which slices were put together to knots.
+    """
+    time_s, of_group = np.unique(micro.time_s, return_inverse=True)
+    imu_s = time_s - estimate.time_offset_s
+    knot = motion.nearest_knot(time_s - time_offset_s)
+    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    back = np.swapaxes(knots.R[knot], 1, 2)
+    move = np.zeros((len(time_s), 5, 5))
+    move[:, :3, :3] = back @ poses.R
+    move[:, :3, 3] = (back @ (poses.p - knots.p[knot])[..., None])[..., 0]
+    move[:, 3, 3] = move[:, 4, 4] = 1.0
+    use = np.flatnonzero(poses.usable[of_group])
+    of_group, sums = of_group[use], micro.sums
+    n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
+    keys, place = np.unique(
+        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use], return_inverse=True
+    )
+    moved = sums.cross[use] @ np.swapaxes(move[of_group], 1, 2)
+    if len(keys) == 0:
+        return LaserFactors.empty()
+    order = np.argsort(place, kind="stable")
+    first = np.searchsorted(place[order], np.arange(len(keys)))
+    cross = np.add.reduceat(moved[order], first, axis=0)
+    gram = np.add.reduceat(sums.gram[use][order].astype(np.float64), first, axis=0)
+    pairs, pair = np.unique(keys // lasers, return_inverse=True)
+    return LaserFactors(pairs // n_planes, pairs % n_planes, pair, keys % lasers, cross, gram)

@@ -1,0 +1,55 @@
+"""Where a scan is looked for: constant velocity from the last one, and other places where that finds nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.full.odometry.register import ScanMotion, TrackSettings
+from calib_core.geometry import exp
+from calib_core.types import FloatArray, Scan
+
+_NONE = np.zeros(3)
+
+
+def other_starts(previous: ScanMotion, predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
+    """Where else a scan may be that is not where constant velocity has it."""
+    starts = [predicted, replace(previous, position=predicted.position, omega_rad_s=_NONE, v_m_s=_NONE)]
+    if thorough:
+        turns = np.vstack([0.25 * np.eye(3), -0.25 * np.eye(3)])
+        starts += [replace(predicted, R=predicted.R @ exp(turn)) for turn in turns]
+    return starts
+
+
+def other_places(predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
+    """Where else a scan may be whose orientation is known."""
+    starts = [predicted, replace(predicted, v_m_s=_NONE)]
+    if thorough:
+        starts += [replace(predicted, p=predicted.p + step) for step in np.vstack([0.4 * np.eye(3), -0.4 * np.eye(3)])]
+    return starts
+
+
+def predict(
+    previous: ScanMotion, scans: Sequence[Scan], position: int, s: TrackSettings
+) -> tuple[ScanMotion, FloatArray]:
+    """Constant velocity to the next scan, with the information of that guess."""
+    dt = (scans[position].stamp_ns - scans[previous.position].stamp_ns) * 1e-9
+    steps = max(abs(dt) / 0.1, 0.2)
+    predicted = replace(
+        previous,
+        position=position,
+        R=previous.R @ exp(previous.omega_rad_s * dt),
+        p=previous.p + previous.v_m_s * dt,
+    )
+    # Acceleration makes the pose's error grow with the square of time and the velocity's with time.
+    std = np.array(
+        [
+            s.tie_rotation_rad * steps**2,
+            s.tie_position_m * steps**2,
+            s.tie_rate_rad_s * steps,
+            s.tie_velocity_m_s * steps,
+        ]
+    )
+    return predicted, np.repeat(1.0 / std**2, 3)
