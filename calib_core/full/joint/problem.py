@@ -131,7 +131,8 @@ class JointProblem:
         gravity = estimate.gravity + s[GRAVITY]
         magnitude = float(np.linalg.norm(estimate.gravity))
         gravity *= (magnitude + float(estimate.gravity @ s[GRAVITY]) / magnitude) / float(np.linalg.norm(gravity))
-        return Estimate(
+        return replace(
+            estimate,
             states=estimate.states.moved(solution.step),
             R_imu_lidar=estimate.R_imu_lidar @ exp(s[0:3]),
             p_imu_lidar=estimate.p_imu_lidar + s[3:6],
