@@ -88,9 +88,7 @@ class Rounds:
         victim = self._servers.one()
         if where == "reading":  # another span is another reading: nothing kept serves
             body = {"range_max_m": round(self._chance.uniform(60.0, 90.0), 6)}
-            victim.ask(
-                "PATCH", f"/api/recordings/{self._recording_id}", headers=JSON, body=json.dumps(body).encode()
-            )
+            victim.ask("PATCH", f"/api/recordings/{self._recording_id}", headers=JSON, body=json.dumps(body).encode())
             job_id = str(next(job["id"] for job in self._jobs() if job["kind"] == "planes"))
             until(lambda: self._job(job_id)["state"] != "queued")
             return job_id
@@ -170,12 +168,11 @@ JSON = {"Content-Type": "application/json"}
 
 def workers(victim: Victim) -> Sequence[int]:
     """The processes of jobs that a server runs."""
-    found = []
+    found: list[int] = []
     for task in Path(f"/proc/{victim.process.pid}/task").iterdir():
         with suppress(OSError):
-            for child in (task / "children").read_text(encoding="ascii").split():
-                if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
-                    found.append(int(child))
+            children = (task / "children").read_text(encoding="ascii").split()
+            found += [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
     return found
 
 
