@@ -19,6 +19,15 @@ BEGIN, END = "<!-- steering numbers: python -m tools.steering -->", "<!-- end of
 
 #: Stage, file and class of every record, in reading order.
 RECORDS = (
+    ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
+    ("planes", "calib_core/full/planes/settings.py", "Search"),
+    ("planes", "calib_core/full/planes/settings.py", "Patches"),
+    ("planes", "calib_core/full/planes/settings.py", "Judgement"),
+    ("odometry", "calib_core/full/odometry/settings.py", "TrackSettings"),
+    ("odometry", "calib_core/full/odometry/settings.py", "MapSettings"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Following"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Standstill"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Pairs"),
     ("joint", "calib_core/full/joint/begin.py", "Beginning"),
     ("joint", "calib_core/full/joint/schedule.py", "Round"),
     ("joint", "calib_core/full/joint/schedule.py", "Sampling"),

@@ -11,8 +11,8 @@ from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_chi2
 from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.full.planes.standing import (
-    LEAST_M,
     WORDS,
     PlaneSamples,
     Standing,
@@ -58,7 +58,7 @@ def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
     return out
 
 
-def plane_doubts(problem: JointProblem, estimate: Estimate, least_m: float = LEAST_M) -> FloatArray:
+def plane_doubts(problem: JointProblem, estimate: Estimate, least_m: float = JUDGEMENT.least_m) -> FloatArray:
     """How doubtful each plane is, (P, 3): standing.doubts."""
     return doubts(standings(problem, estimate), least_m)
 
