@@ -19,6 +19,10 @@ BEGIN, END = "<!-- steering numbers: python -m tools.steering -->", "<!-- end of
 
 #: Stage, file and class of every record, in reading order.
 RECORDS = (
+    ("prepare", "calib_core/full/prepare/settings.py", "Length"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Noise"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
     ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
     ("planes", "calib_core/full/planes/settings.py", "Search"),
     ("planes", "calib_core/full/planes/settings.py", "Patches"),
@@ -28,6 +32,12 @@ RECORDS = (
     ("odometry", "calib_core/full/odometry/settings.py", "Following"),
     ("odometry", "calib_core/full/odometry/settings.py", "Standstill"),
     ("odometry", "calib_core/full/odometry/settings.py", "Pairs"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Lags"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Agreeing"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Rotating"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Linear"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Signs"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Upright"),
     ("joint", "calib_core/full/joint/begin.py", "Beginning"),
     ("joint", "calib_core/full/joint/schedule.py", "Round"),
     ("joint", "calib_core/full/joint/schedule.py", "Sampling"),
@@ -35,6 +45,10 @@ RECORDS = (
     ("joint", "calib_core/full/joint/schedule.py", "PlaneSet"),
     ("joint", "calib_core/full/joint/schedule.py", "Settling"),
     ("joint", "calib_core/full/joint/schedule.py", "Limits"),
+    ("assess", "calib_core/full/assess/settings.py", "Plausible"),
+    ("assess", "calib_core/full/assess/settings.py", "Wording"),
+    ("assess", "calib_core/full/assess/settings.py", "Parts"),
+    ("forecast", "calib_core/full/forecast.py", "Forecasting"),
 )
 #: Unit by the end of a field's name, longest first.
 UNITS = (
