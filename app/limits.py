@@ -24,7 +24,7 @@ _CGROUP_MEMORY = Path("/sys/fs/cgroup/memory.max")
 class JobLimits(BaseModel):
     """Bounds of one job's process."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     memory_bytes: int = Field(gt=0)
     file_bytes: int = Field(gt=0, description="of any one file it writes")

@@ -24,7 +24,7 @@ def default_data_dir() -> Path:
 class AppSettings(BaseSettings):
     """Every choice of the server, frozen, with units in the names."""
 
-    model_config = SettingsConfigDict(env_prefix="UNSWEEP_", frozen=True, extra="forbid")
+    model_config = SettingsConfigDict(env_prefix="UNSWEEP_", frozen=True, extra="forbid", allow_inf_nan=False)
 
     host: str = Field(default="127.0.0.1", description="address to listen on; any but loopback needs a token")
     port: int = Field(default=8080, ge=0, le=65535, description="port to listen on; 0: any free one")

@@ -40,6 +40,7 @@ class _PlaneEntry(BaseModel):
 
 
 class _PlanesFile(BaseModel):
+    model_config = ConfigDict(allow_inf_nan=False)
     schema_: Literal["unsweep.planes/1"] = Field(alias="schema")
     planes: list[_PlaneEntry] = Field(min_length=1)
 

@@ -32,13 +32,13 @@ class DamagedArrays(Exception):
 
 
 class _File(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     size_bytes: int
     sha256: str
 
 
 class _Checksums(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     files: dict[str, _File]
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 from app.arrays.folder import is_whole, verify, whole_folder
 from calib_core.types import Plane, PlanePatch, PlaneProposals
 
 
 class _PatchText(BaseModel):
+    model_config = ConfigDict(allow_inf_nan=False)
     name: str
     normal: tuple[float, float, float]
     offset_m: float
@@ -23,6 +24,7 @@ class _PatchText(BaseModel):
 
 
 class _ProposalsText(BaseModel):
+    model_config = ConfigDict(allow_inf_nan=False)
     patches: list[_PatchText]
     reference_scans: list[int]
     static: bool

@@ -26,14 +26,14 @@ from calib_core.types import (
 
 
 class _EvidenceText(BaseModel):
-    model_config = ConfigDict(from_attributes=True)
+    model_config = ConfigDict(from_attributes=True, allow_inf_nan=False)
     name: str
     value: float | int | str
     unit: str
 
 
 class _FindingText(BaseModel):
-    model_config = ConfigDict(from_attributes=True)
+    model_config = ConfigDict(from_attributes=True, allow_inf_nan=False)
     code: str
     level: Literal["info", "warning", "error"]
     text: str
@@ -44,7 +44,7 @@ class _FindingText(BaseModel):
 
 
 class _LidarText(BaseModel):
-    model_config = ConfigDict(from_attributes=True)
+    model_config = ConfigDict(from_attributes=True, allow_inf_nan=False)
     topic: str
     frame_id: str
     layout: str
@@ -55,7 +55,7 @@ class _LidarText(BaseModel):
 class _RecordingText(BaseModel):
     """Everything of a recording that is no array."""
 
-    model_config = ConfigDict(from_attributes=True)
+    model_config = ConfigDict(from_attributes=True, allow_inf_nan=False)
     name: str
     lidar: _LidarText
     imu_topic: str

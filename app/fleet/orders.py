@@ -12,7 +12,7 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 class FleetOrder(BaseModel):
     """One recording to calibrate. Its paths are whole, and the same on every machine that may be asked."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     name: str = Field(description="of its document in the output folder, without suffix")
     recording: Path
@@ -30,7 +30,7 @@ class FleetOutcome(BaseModel):
     is_lost: the process ended without a word, or its machine did; trying again may help.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     document: str | None = None
     code: str = ""

@@ -29,7 +29,7 @@ class Row(BaseModel):
     code, sentence: why a recording was refused or has no document; else empty.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     name: str
     recording: str

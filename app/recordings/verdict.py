@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from app.storage.records import RecordingRecord
 
@@ -12,10 +12,13 @@ DoctorVerdict = Literal["good", "limited", "unusable"]
 
 
 class _ReportHead(BaseModel):
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     verdict: DoctorVerdict
 
 
 def verdict_of(record: RecordingRecord) -> DoctorVerdict | None:
-    """The verdict; None until the recording has been inspected."""
-    return None if record.report_json is None else _ReportHead.model_validate_json(record.report_json).verdict
+    """The verdict; None until the recording has been inspected, and where what was kept of that cannot be read."""
+    try:
+        return None if record.report_json is None else _ReportHead.model_validate_json(record.report_json).verdict
+    except ValidationError:
+        return None

@@ -20,7 +20,9 @@ class Limits(BaseModel):
     Without a file the limits beyond which our own result would be called weak.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True
+    )
     schema_: Literal["unsweep.limits/1"] = Field(default="unsweep.limits/1", alias="schema")
     rotation_deg: _Positive | _Three | None = 0.5
     translation_mm: _Positive | _Three | None = 20.0

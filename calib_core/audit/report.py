@@ -12,7 +12,7 @@ Verdict = Literal["passed", "failed", "unknown"]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class AxisAudit(_Model):
@@ -49,7 +49,7 @@ class AuditReport(_Model):
     crispness: AuditCrispness | None
     calibration: CalibrationResult
 
-    model_config = ConfigDict(extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
 
     def to_json(self) -> str:
         """The document as indented JSON text, ending in a newline."""

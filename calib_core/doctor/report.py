@@ -16,7 +16,7 @@ Axes = tuple[float, float, float]
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class EvidenceReport(_Model):
@@ -285,7 +285,9 @@ class DoctorReport(_Model):
     planes: PlanesReport | None = None
     forecast: Forecast | None = None
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, serialize_by_alias=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True
+    )
 
     def to_json(self) -> str:
         """The report as indented JSON text, ending in a newline."""

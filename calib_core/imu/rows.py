@@ -22,6 +22,8 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 _GAP_PERIODS = 3.5
 #: A row has at least so many readings.
 LEAST = 100
+#: Of which so many are stamped in time: a row of the fewest must not keep a late stamp because it has none to spare.
+_LEAST_ON_TIME = LEAST // 2
 #: Of a critically damped loop that follows the samples.
 _PHASE_GAIN, _PERIOD_GAIN = 0.05, 0.05**2 / 4.0
 #: Clocks drift: a line may bend at nodes this far apart where a straight one does not do.
@@ -89,6 +91,8 @@ def even_rows(t: FloatArray) -> list[Row]:
         together = (t[whole.index] - whole.even_s)[np.concatenate([row.used for row in rows])]
         if _fits_as_well(together, apart, freedoms=2 * (len(rows) - 1)):
             rows = [whole]
+    if len(rows) == 1:
+        rows = [_completed(rows[0], t)]
     return _in_order([part for row in rows for part in _steady(row, t)], t)
 
 
@@ -127,7 +131,7 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
         number = _tracked(t, guess)
         used = np.ones(len(t), dtype=np.bool_)
         for _ in range(3):
-            if np.count_nonzero(used) < LEAST:
+            if np.count_nonzero(used) < _LEAST_ON_TIME:
                 break
             # Where the loop slipped by a sample, the line of all the others puts it right. A reading stamped so late that
             # it takes its successor's number was the sample before; and those that a host that had stood still stamps in a
@@ -140,7 +144,7 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
             before, number = number, _each_its_own(number + slipped)
             used = np.abs(t - line - step * (number - before)) <= 0.5 * step
         number = _each_its_own(number)
-        if np.count_nonzero(used) < LEAST:
+        if np.count_nonzero(used) < _LEAST_ON_TIME:
             continue
         row = _fitted(np.arange(len(t)), number, used, t)
         off = (t - row.even_s) / row.period_s
@@ -193,7 +197,7 @@ def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -
         period = (even[-1] - even[0]) / max(int(number[-1] - number[0]), 1)
         robust = 1.4826 * float(np.median(np.abs(off[used] - centre)))
         near = np.abs(off - centre) <= min(0.5 * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
-        if np.count_nonzero(near) < LEAST:
+        if np.count_nonzero(near) < _LEAST_ON_TIME:
             break
         used = near
         even, cells = _line(number, here, used)
@@ -266,6 +270,28 @@ def _joined(rows: Sequence[Row], t: FloatArray) -> Row:
         numbers.append(after.number - after.number[0] + numbers[-1][-1] + max(passed, 1))
     index, used = np.concatenate([row.index for row in rows]), np.concatenate([row.used for row in rows])
     return _fitted(index, np.concatenate(numbers), used, t)
+
+
+def _completed(row: Row, t: FloatArray) -> Row:
+    """With the readings that were too few between gaps to be counted by themselves: the only line is theirs too.
+
+    A host that stalls often leaves many; taken as stamped, they would be late. After a stall a burst shares one instant:
+    its last reading has the number of that instant, those before it the numbers before.
+    """
+    new = np.setdiff1d(np.arange(len(t)), row.index)
+    if not len(new):
+        return row
+    number, used = np.zeros(len(t), np.int64), np.zeros(len(t), np.bool_)
+    number[row.index], used[row.index] = row.number, row.used
+    # Where the row bends, from place to place; beyond its ends at its mean pace.
+    off = np.interp(t[new], row.even_s, row.number - row.even_s / row.period_s)
+    number[new] = np.rint(t[new] / row.period_s + off).astype(np.int64)
+    number = _each_its_own(number)
+    if np.any(number[row.index] != row.number):
+        return row
+    line = (number[new] - off) * row.period_s
+    used[new] = np.abs(t[new] - line) <= 0.5 * row.period_s
+    return _fitted(np.arange(len(t)), number, used, t)
 
 
 def _steady(row: Row, t: FloatArray) -> Iterator[Row]:

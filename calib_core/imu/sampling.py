@@ -51,7 +51,8 @@ class Sampling:
     in_sampling, in_sampling_std: beta, the share of the jitter that the readings know of, and its standard deviation
     (infinite where they do not tell).   compared: readings that were held against their neighbours.   mean_std_s: how well
     the mean of the jitter, which no line takes away, is known to be the one over all time; where the readings change, since
-    there the time offset is learnt.
+    there the time offset is learnt. What late stamps within half a period would change in it is part of that: where a
+    one-sided law ends and a host's stall begins, nobody can say.
     """
 
     even_ns: IntArray
@@ -107,6 +108,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     jitter = float(np.sqrt(np.mean(tau[used] ** 2)))
     values = values[:, np.ptp(values, axis=0) > _ROUNDING * np.abs(values).max(axis=0)].astype(np.float64)
     share, std = _least_even(number, in_row, tau, values, period)
+    mean_of_all = float(np.mean(tau[in_row & (np.abs(tau) < 0.5 * period)]))
     apart_s = t[2 * _SLOPE_SPAN :] - t[: -2 * _SLOPE_SPAN]
     whole = np.flatnonzero(apart_s < _NO_GAP * 2 * _SLOPE_SPAN * period) + _SLOPE_SPAN
     return Sampling(
@@ -117,7 +119,9 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
         in_sampling=share,
         in_sampling_std=std,
         compared=len(_unbroken(number, in_row, _SLOPE_SPAN)),
-        mean_std_s=jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n),
+        mean_std_s=float(
+            np.hypot(jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n), mean_of_all)
+        ),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
+import mmap
 import tempfile
 import threading
 import weakref
@@ -20,7 +20,9 @@ from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_tim
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.
-MEMORY_BYTES = 256 * (1 << 20)
+MEMORY_BYTES = 96 * (1 << 20)
+#: So much of the file is read before its pages are given back: they stay in the system's cache, but count as nobody's.
+_MAPPED_BYTES = 96 * (1 << 20)
 _INTENSITY_NAMES = ("intensity", "i", "reflectivity", "signal")
 _RING_NAMES = ("ring", "channel", "line", "laser_id", "layer", "line_index")
 
@@ -151,8 +153,9 @@ def _octets(points: PointArray) -> memoryview:
 class StoredScans(Sequence[Scan]):
     """Scans in order, in memory while they are few, in an unnamed temporary file beyond MEMORY_BYTES.
 
-    Items read from the file are copies: memory stays flat however long the recording is. The file vanishes with the
-    object. Threads may read at once.
+    Items lie in the file's own pages, mapped and not copied, and are not to be written to; of these pages few are held at
+    once: memory stays flat however long the recording is. The file vanishes with the object and the last of its scans.
+    Threads may read at once.
     """
 
     def __init__(self, memory_bytes: int = MEMORY_BYTES) -> None:
@@ -160,6 +163,8 @@ class StoredScans(Sequence[Scan]):
         self._index: list[tuple[int, int, int, int]] = []  # message index, stamp_ns, first point, number of points
         self._arrays: list[PointArray] = []
         self._file: IO[bytes] | None = None
+        self._map: mmap.mmap | None = None
+        self._read_bytes = 0
         self._n_points = 0
 
     def append(self, scan: Scan) -> None:
@@ -187,6 +192,7 @@ class StoredScans(Sequence[Scan]):
         """Itself, ready to be read."""
         if self._file is not None:
             self._file.flush()
+            self._map = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
         return self
 
     @property
@@ -213,11 +219,18 @@ class StoredScans(Sequence[Scan]):
         if not 0 <= position < len(self):
             raise IndexError(f"scan {item} of {len(self)}")
         index, stamp_ns, first, count = self._index[position]
-        if self._file is None:
+        if self._map is None:
             return Scan(index, stamp_ns, self._arrays[position])
-        size = POINT_DTYPE.itemsize
-        stored = os.pread(self._file.fileno(), count * size, first * size)
-        return Scan(index, stamp_ns, np.frombuffer(stored, POINT_DTYPE))
+        self._heed_pages(count * POINT_DTYPE.itemsize)
+        return Scan(index, stamp_ns, np.frombuffer(self._map, POINT_DTYPE, count, first * POINT_DTYPE.itemsize))
+
+    def _heed_pages(self, n_bytes: int) -> None:
+        """Give back what was read long ago: whoever still reads there gets it from the system's cache."""
+        self._read_bytes += n_bytes
+        if self._read_bytes > _MAPPED_BYTES:
+            self._read_bytes = 0
+            if self._map is not None and hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
+                self._map.madvise(mmap.MADV_DONTNEED)
 
     def __iter__(self) -> Iterator[Scan]:
         return (self[i] for i in range(len(self)))

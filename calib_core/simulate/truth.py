@@ -18,7 +18,7 @@ from calib_core.types import FloatArray, Plane
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class TruthPlane(_Model):

@@ -7,17 +7,20 @@
         [ B0' B1' ...       C  ]
 
 The chain is eliminated block by block by Cholesky factors; what remains on the border, C - B' A^-1 B, is the information
-of the shared parameters with the chain marginalised: the calibration's own information matrix.
+of the shared parameters with the chain marginalised: the calibration's own information matrix. A long chain is cut: the
+pieces between the cuts are eliminated first, each with those shared columns alone that it touches, then the cuts' knots,
+which are a short chain of their own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from calib_core.solver.information import ROUND_OFF, covariance
-from calib_core.solver.kernels import eliminate_kernel, substitute_kernel
+from calib_core.solver.kernels import eliminate_kernel, fill_kernel, substitute_kernel, touched_kernel
 from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
 
@@ -71,10 +74,10 @@ class ArrowSolution:
     gradient_shared: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
-#: Of a long product, each of which a thread may take.
-_PARTS = 4
 #: Stands for the information of what is held fixed.
 FROZEN = 1e12
+#: A long chain is cut into pieces of about so many knots.
+_PIECE = 256
 
 
 def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -86,17 +89,39 @@ def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
     return unit * (vectors @ np.where(known, along / np.where(known, values, 1.0), 0.0))
 
 
-def _gram(W: FloatArray) -> FloatArray:
-    """W' W, (S, S), in as many parts whatever the number of cores: the sum's rounding must not depend on it."""
-    edges = np.linspace(0, len(W), _PARTS + 1).astype(int)
-    parts = list(workers().map(lambda k: W[edges[k] : edges[k + 1]].T @ W[edges[k] : edges[k + 1]], range(_PARTS)))
-    return np.asarray(sum(parts[1:], start=parts[0]))
+@dataclass(frozen=True)
+class _Piece:
+    """A piece of the chain eliminated: knots first..last (exclusive), factors L, M, W of solver/kernels.py in scaled units.
+
+    W: (k, n, ..) on the shared columns that these knots touch (`touched`, among the free ones), on the knot before the piece
+    where there is one, and the gradient.   gram: W' W.   onward: (n, n) M of the knot after the piece.
+    """
+
+    first: int
+    last: int
+    L: FloatArray
+    M: FloatArray
+    W: FloatArray
+    touched: IntArray
+    gram: FloatArray
+    onward: FloatArray
+
+    @property
+    def has_before(self) -> bool:
+        """Whether the piece begins behind a cut."""
+        return self.first > 0
 
 
 @dataclass(frozen=True)
 class _Chain:
-    """The chain eliminated: factors L, M and W of solver/kernels.py in units of `scale`, and what is left on the free border."""
+    """The chain eliminated, in units of `scale` (K, n): first the pieces, then the knots `cuts` between them.
 
+    L, M, W: of the cuts, a chain of their own.   free: shared columns that are not frozen; schur, reduced: what is left of
+    the information and the gradient there.
+    """
+
+    pieces: list[_Piece]
+    cuts: IntArray
     L: FloatArray
     M: FloatArray
     W: FloatArray
@@ -107,31 +132,108 @@ class _Chain:
 
 
 def _eliminated(system: ArrowSystem, damping: float) -> _Chain:
-    knots, n, _ = system.diagonal.shape
-    size = system.corner.shape[0]
-    free = np.setdiff1d(np.arange(size), system.frozen)
+    """Piece by piece, which may go on at the same time: where they are cut does not depend on how many do."""
+    knots = len(system.diagonal)
+    free = np.setdiff1d(np.arange(system.corner.shape[0]), system.frozen)
     shared = len(free)
-    every = shared == size
-    diagonal = system.diagonal.copy()
-    corner = system.corner.copy() if every else system.corner[np.ix_(free, free)]
-    gradient_shared = system.gradient_shared if every else system.gradient_shared[free]
-    if damping > 0:
-        index = np.arange(n)
-        diagonal[:, index, index] *= 1.0 + damping
-        corner = corner + np.diag(damping * np.diag(corner))
     # Unit diagonal: positions, angles and velocities differ by many orders of magnitude.
-    scale = 1.0 / np.sqrt(np.maximum(np.einsum("kii->ki", diagonal), 1e-300))
-    diagonal *= scale[:, :, None] * scale[:, None, :]
-    lower = system.lower * (scale[1:, :, None] * scale[:-1, None, :])
-    W = np.empty((knots, n, shared + 1))
-    np.multiply(system.border if every else system.border[:, :, free], scale[:, :, None], out=W[:, :, :shared])
-    np.multiply(system.gradient, scale, out=W[:, :, shared])
-    if not eliminate_kernel(diagonal, lower, W):
+    scale = 1.0 / np.sqrt(np.maximum((1.0 + damping) * np.einsum("kii->ki", system.diagonal), 1e-300))
+    pieces = max(1, round(knots / _PIECE))
+    cuts = (np.arange(1, pieces) * knots) // pieces
+    edges = [-1, *(int(cut) for cut in cuts), knots]
+    tasks = range(pieces)
+
+    def one(k: int) -> _Piece | None:
+        return _eliminated_piece(system, damping, scale, free, edges[k] + 1, edges[k + 1])
+
+    done = [piece for piece in (workers().map(one, tasks) if pieces > 1 else map(one, tasks)) if piece is not None]
+    if len(done) < pieces:
         raise NotPositiveDefinite("the chain of knots is not positive definite")
-    product = _gram(W.reshape(knots * n, shared + 1))
-    schur = corner - product[:shared, :shared]
-    reduced = gradient_shared - product[:shared, shared]
-    return _Chain(diagonal, lower, W, scale, free, 0.5 * (schur + schur.T), reduced)
+    L, E, W, inner = _between(system, damping, scale, free, done, cuts)
+    if not eliminate_kernel(L, E, W):
+        raise NotPositiveDefinite("the chain of knots is not positive definite")
+    flat = W.reshape(-1, shared + 1)
+    inner += flat.T @ flat
+    corner = system.corner[np.ix_(free, free)]
+    if damping > 0:
+        corner = corner + np.diag(damping * np.diag(corner))
+    schur = corner - inner[:shared, :shared]
+    reduced = system.gradient_shared[free] - inner[:shared, shared]
+    return _Chain(done, cuts, L, E, W, scale, free, 0.5 * (schur + schur.T), reduced)
+
+
+def _between(
+    system: ArrowSystem, damping: float, scale: FloatArray, free: IntArray, pieces: Sequence[_Piece], cuts: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """What the pieces leave of the knots between them, D, E, W of a chain, and what they take from the border: W' W."""
+    n, shared = system.diagonal.shape[1], len(free)
+    D, E, W = np.empty((len(cuts), n, n)), np.zeros((max(len(cuts) - 1, 0), n, n)), np.empty((len(cuts), n, shared + 1))
+    for j, cut in enumerate(cuts):
+        fill_kernel(
+            system.diagonal, system.lower, system.border, system.gradient, scale, free, damping, int(cut), False,
+            D[j : j + 1], E[:0], W[j : j + 1],
+        )  # fmt: skip
+    inner = np.zeros((shared + 1, shared + 1))
+    for j, piece in enumerate(pieces):
+        place = np.append(piece.touched, shared)
+        own = np.append(np.arange(len(piece.touched)), piece.W.shape[2] - 1)
+        inner[np.ix_(place, place)] += piece.gram[np.ix_(own, own)]
+        before = slice(len(piece.touched), len(piece.touched) + n)
+        if piece.has_before:
+            D[j - 1] -= piece.gram[before, before]
+            W[j - 1][:, place] -= piece.gram[before][:, own]
+        if j < len(cuts):
+            last = piece.W[-1]
+            D[j] -= piece.onward @ piece.onward.T
+            W[j][:, place] -= piece.onward @ last[:, own]
+            if piece.has_before:
+                E[j - 1] = -(piece.onward @ last[:, before])
+    return D, E, W, inner
+
+
+def _eliminated_piece(
+    system: ArrowSystem, damping: float, scale: FloatArray, free: IntArray, first: int, last: int
+) -> _Piece | None:
+    """Knots first..last (exclusive); None where they are not positive definite."""
+    knots, n, _ = system.diagonal.shape
+    count, has_before = last - first, first > 0
+    # Most shared unknowns are felt everywhere, a node of the biases or a plane by a part of the chain alone.
+    touched = np.flatnonzero(touched_kernel(system.border, free, first, last))
+    L, M = np.empty((count, n, n)), np.empty((max(count - 1, 0), n, n))
+    W = np.empty((count, n, len(touched) + (n if has_before else 0) + 1))
+    fill_kernel(
+        system.diagonal, system.lower, system.border, system.gradient, scale, free[touched], damping, first, has_before,
+        L, M, W,
+    )  # fmt: skip
+    if not eliminate_kernel(L, M, W):
+        return None
+    flat = W.reshape(count * n, -1)
+    onward = np.zeros((n, n))
+    if last < knots:
+        after = system.lower[last - 1] * (scale[last][:, None] * scale[last - 1])
+        onward = np.linalg.solve(np.tril(L[-1]), after.T).T
+    return _Piece(first, last, L, M, W, touched, flat.T @ flat, onward)
+
+
+def _chain_step(chain: _Chain, shared: FloatArray, gradient: float) -> FloatArray:
+    """How the chain follows a step of the free shared columns (F,), and the gradient taken so many times: (K, n)."""
+    at_cuts = -(chain.W @ np.append(shared, gradient))
+    substitute_kernel(chain.L, chain.M, at_cuts)
+    step = np.empty_like(chain.scale)
+    step[chain.cuts] = at_cuts
+
+    def one(k: int) -> None:
+        piece = chain.pieces[k]
+        before = at_cuts[k - 1] if piece.has_before else np.zeros(0)
+        own = -(piece.W @ np.concatenate([shared[piece.touched], before, [gradient]]))
+        if k < len(chain.cuts):
+            own[-1] -= piece.onward.T @ at_cuts[k]
+        substitute_kernel(piece.L, piece.M, own)
+        step[piece.first : piece.last] = own
+
+    tasks = range(len(chain.pieces))
+    list(workers().map(one, tasks) if len(tasks) > 1 else map(one, tasks))
+    return step * chain.scale
 
 
 def unit_responses(system: ArrowSystem, count: int) -> tuple[FloatArray, FloatArray]:
@@ -149,9 +251,7 @@ def unit_responses(system: ArrowSystem, count: int) -> tuple[FloatArray, FloatAr
     for c in np.flatnonzero(asked):
         own = inverse[:, picked[c]]
         border[chain.free, c] = own
-        step = -(chain.W[:, :, :shared] @ own)
-        substitute_kernel(chain.L, chain.M, step)
-        along[:, :, c] = step * chain.scale
+        along[:, :, c] = _chain_step(chain, own, 0.0)
     return along, border
 
 
@@ -162,12 +262,10 @@ def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
     """
     chain = _eliminated(system, damping)
     size, free, shared = system.corner.shape[0], chain.free, len(chain.free)
-    W, schur, reduced = chain.W, chain.schur, chain.reduced
+    schur, reduced = chain.schur, chain.reduced
     gradient_shared = system.gradient_shared[free]
     moved = _shared_step(schur, reduced) if shared else np.zeros(0)
-    step = -(W @ np.append(moved, 1.0))
-    substitute_kernel(chain.L, chain.M, step)
-    step *= chain.scale
+    step = _chain_step(chain, moved, 1.0)
     step_shared, information, remaining = np.zeros(size), np.eye(size) * FROZEN, np.zeros(size)
     step_shared[free] = moved
     remaining[free] = reduced

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 @numba.njit(cache=True, nogil=True)
@@ -77,3 +77,53 @@ def substitute_kernel(L: FloatArray, M: FloatArray, y: FloatArray) -> None:
             for r in range(i + 1, n):
                 value -= L[k, r, i] * y[k, r]
             y[k, i] = value / L[k, i, i]
+
+
+@numba.njit(cache=True, nogil=True)
+def touched_kernel(border: FloatArray, columns: IntArray, first: int, last: int) -> BoolArray:
+    """Which of the columns (F,) of a border (K, n, S) are anything but zero at the knots first..last (exclusive)."""
+    touched = np.zeros(columns.shape[0], np.bool_)
+    for k in range(first, last):
+        for r in range(border.shape[1]):
+            for c in range(columns.shape[0]):
+                touched[c] |= border[k, r, columns[c]] != 0.0
+    return touched
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_kernel(
+    diagonal: FloatArray,
+    lower: FloatArray,
+    border: FloatArray,
+    gradient: FloatArray,
+    scale: FloatArray,
+    columns: IntArray,
+    damping: float,
+    first: int,
+    has_before: bool,
+    D: FloatArray,
+    E: FloatArray,
+    W: FloatArray,
+) -> None:
+    """Fills D (k, n, n), E (k - 1, n, n) and W (k, n, ..) of a piece of a chain from its first knot on, in units of scale (K, n).
+
+    W: the border's columns (F,), the knot before the piece where has_before, the gradient.   damping: grows D's diagonal.
+    """
+    count, n, _ = D.shape
+    shared, width = columns.shape[0], W.shape[2]
+    for i in range(count):
+        k = first + i
+        for r in range(n):
+            own = scale[k, r]
+            for c in range(n):
+                D[i, r, c] = diagonal[k, r, c] * own * scale[k, c]
+            D[i, r, r] *= 1.0 + damping
+            if i > 0:
+                for c in range(n):
+                    E[i - 1, r, c] = lower[k - 1, r, c] * own * scale[k - 1, c]
+            for c in range(shared):
+                W[i, r, c] = border[k, r, columns[c]] * own
+            if has_before:
+                for c in range(n):
+                    W[i, r, shared + c] = lower[k - 1, r, c] * own * scale[k - 1, c] if i == 0 else 0.0
+            W[i, r, width - 1] = gradient[k, r] * own

@@ -16,6 +16,19 @@ MATRIX = '{"kind": "solve", "initial_guess": {"matrix": [[%s, 0, 0, 0]]}}'
 GRAVITY = '{"kind": "solve", "settings": {"gravity": {"magnitude_m_s2": %s}}}'
 
 
+def test_a_report_that_cannot_be_read_costs_the_list_nothing(shared_live):
+    """Oracle: the list, and the one recording's own answer. Mutation: the verdict read without a fallback: 500 for all."""
+    recording_id = shared_live.upload("any.bag")
+    shared_live.wait(lambda: set(shared_live.job_states(recording_id).values()) == {"done"})
+    with shared_live.services._engine.begin() as connection:
+        connection.execute(text("UPDATE recordings SET report_json = '{' WHERE id = :id"), {"id": recording_id})
+    listed = {recording["id"]: recording for recording in shared_live.http.get("/api/recordings").json()}
+    assert (listed[recording_id]["state"], listed[recording_id]["verdict"]) == ("ready", None)
+    answer = shared_live.http.get(f"/api/recordings/{recording_id}")
+    assert (answer.status_code, answer.json()["error"]["code"]) == (200, "recording.unreadable")
+    assert shared_live.http.delete(f"/api/recordings/{recording_id}").status_code == 204
+
+
 @pytest.mark.parametrize("number", ["1e999", "-1e999", "NaN", "Infinity"])
 def test_a_number_that_is_none_is_refused_and_the_list_still_works(shared_live, number):
     """Mutation: models that take infinities keep them as null, and the list of recordings is a 500 from then on."""

@@ -51,7 +51,8 @@ class View:
     """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes.
 
     poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
-    thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.
+    thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.   few: the points
+    of thinned scans, handed on from view to view.
     """
 
     scans: Sequence[Scan]
@@ -63,6 +64,16 @@ class View:
     nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
+    few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
+
+    def points(self, position: int, stride: int) -> PointArray:
+        """Every so many-th point of a scan: taken from the whole once, however often they are asked for."""
+        if stride == 1:
+            return self.scans[position].points
+        last = self.few.get(position)
+        if last is None or last[0] != stride:
+            last = self.few[position] = stride, self.scans[position].points[::stride].copy()
+        return last[1]
 
     def lay_out(self, positions: Sequence[int]) -> None:
         """The slices' poses of many scans in one go: scan by scan, the arrays would be too short to be worth a call."""
@@ -91,7 +102,7 @@ class View:
         key = (*positions, stride, gate.min_cosine)
         if key in self.thinned:
             return self.thinned[key]
-        clouds = [self.scans[i].points[::stride] for i in positions]
+        clouds = [self.points(i, stride) for i in positions]
         points = clouds[0] if len(clouds) == 1 else np.concatenate(clouds)
         e = self.estimate
         errors = self._errors()
@@ -144,7 +155,7 @@ class View:
         first = np.flatnonzero(begins)
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
         group = np.cumsum(begins) - 1
-        laser = np.concatenate([self.lasers_of(self.scans[i].points[::stride]) for i in positions])
+        laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
             group=group, middle=middle,
@@ -200,7 +211,7 @@ class View:
         batches: list[list[int]] = []
         room = 0
         for i in positions:
-            points = len(self.scans[i].points) // stride
+            points = int(self.clocks.scan_points[i]) // stride
             if points > room or not batches:
                 batches.append([])
                 room = _BATCH

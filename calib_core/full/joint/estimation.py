@@ -43,7 +43,10 @@ class LastView:
     def of(self, run: Run, motion: Motion, estimate: Estimate, nuisance: Nuisance) -> View:
         """The scans under an estimate, laid out once however often they are asked for."""
         if self.view is None or self.view.estimate is not estimate:
+            before = self.view
             self.view = view_of(run, motion, estimate, nuisance)
+            if before is not None:
+                self.view.few.update(before.few)
         return self.view
 
 

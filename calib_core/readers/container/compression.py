@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import io
 import sys
 from typing import Protocol
 
@@ -15,10 +16,10 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-__all__ = ["OversizedChunk", "bounded_bz2", "bounded_lz4", "bounded_zstd", "unpack_bounded", "zstd"]
+__all__ = ["OversizedChunk", "bounded_bz2", "bounded_lz4", "bounded_zstd", "unpack_bounded", "unpack_first", "zstd"]
 
 #: Asked of a decompressor at once: what it has not yet been asked for takes no memory.
-_PIECE = 4 << 20
+_PIECE = 1 << 20
 
 
 class OversizedChunk(ValueError):
@@ -35,19 +36,30 @@ class _Decompressor(Protocol):
 
 def unpack_bounded(decompressor: _Decompressor, stored: bytes, most_bytes: int) -> bytes:
     """What the bytes unpack to, at most `most_bytes`, or OversizedChunk."""
-    pieces: list[bytes] = []
-    total = 0
+    unpacked = io.BytesIO()  # grows by an eighth at most, and gives its bytes away without a copy
     source = stored
     while not decompressor.eof:
         piece = decompressor.decompress(source, max_length=_PIECE)
         source = b""
-        total += len(piece)
-        if total > most_bytes:
+        if unpacked.tell() + len(piece) > most_bytes:
             raise OversizedChunk(f"a chunk unpacks to more than {most_bytes / 1e6:.0f} MB")
-        pieces.append(piece)
+        unpacked.write(piece)
         if not piece and decompressor.needs_input:
             raise EOFError("a compressed chunk ends early")
-    return b"".join(pieces)
+    return unpacked.getvalue()
+
+
+def unpack_first(decompressor: _Decompressor, stored: bytes, most_bytes: int) -> bytes:
+    """The first `most_bytes` of what the bytes unpack to, or as much as there is."""
+    unpacked = io.BytesIO()
+    source = stored
+    while not decompressor.eof and unpacked.tell() < most_bytes:
+        piece = decompressor.decompress(source, max_length=min(_PIECE, most_bytes - unpacked.tell()))
+        source = b""
+        unpacked.write(piece)
+        if not piece and decompressor.needs_input:
+            break
+    return unpacked.getvalue()
 
 
 def bounded_bz2(stored: bytes, most_bytes: int = LIMITS.chunk_bytes) -> bytes:

@@ -15,7 +15,7 @@ from zlib import crc32
 
 import lz4.frame  # type: ignore[import-untyped]
 
-from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.compression import unpack_first, zstd
 from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.storage import (
     Damage,
@@ -65,9 +65,9 @@ def _chunk_records(content: bytes, *, cut: bool = False) -> bytes:
     if size > MAX_CHUNK_BYTES or (len(stored) != stored_size and not cut):
         raise ValueError("chunk size")
     if compression == "zstd":
-        records = zstd.ZstdDecompressor().decompress(stored, size + 1)
+        records = unpack_first(zstd.ZstdDecompressor(), stored, size + 1)
     elif compression == "lz4":
-        records = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+        records = unpack_first(lz4.frame.LZ4FrameDecompressor(), stored, size + 1)
     elif compression == "":
         records = stored
     else:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bz2
 import heapq
+import io
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -35,7 +36,7 @@ _CHUNK_MARK = b"\x04\x00\x00\x00op=\x05"
 _SEARCH_BLOCK = 1 << 20
 #: Compressed bytes given to a decompressor at once, and unpacked bytes asked of it at once.
 _PIECE = 1 << 16
-_UNPACKED_PIECE = 4 << 20
+_UNPACKED_PIECE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,22 +110,20 @@ def _decompressed(compression: bytes, stored: bytes) -> bytes:
     """The chunk's records; of a cut or damaged chunk the part before the damage."""
     if compression == b"none":
         return stored
-    out: list[bytes] = []
-    total = 0
+    unpacked = io.BytesIO()
     decompressor = bz2.BZ2Decompressor() if compression == b"bz2" else lz4.frame.LZ4FrameDecompressor()
     pieces = (stored[start : start + _PIECE] for start in range(0, len(stored), _PIECE))
     try:
-        while not decompressor.eof and total <= MAX_CHUNK_BYTES:
+        while not decompressor.eof and unpacked.tell() <= MAX_CHUNK_BYTES:
             # A decompressor that has more to give is asked for it before it gets more.
             given = next(pieces, b"") if decompressor.needs_input else b""
             part = decompressor.decompress(given, max_length=_UNPACKED_PIECE)
-            out.append(part)
-            total += len(part)
+            unpacked.write(part)
             if not given and not part and decompressor.needs_input:
                 break
     except (OSError, RuntimeError, EOFError):
         pass
-    return b"".join(out)
+    return unpacked.getvalue()
 
 
 class Ros1Recovery:
@@ -200,7 +199,8 @@ class Ros1Recovery:
                 return
             fields = _parse_fields(records[at + 4 : data_at - 4])
             (data_size,) = struct.unpack_from("<I", records, data_at - 4)
-            if fields is None or data_at + data_size > len(records):
+            # Without a kind it is no record: zeros, which would be taken for millions of them.
+            if fields is None or b"op" not in fields or data_at + data_size > len(records):
                 return
             op, payload = fields.get(b"op"), records[data_at : data_at + data_size]
             if op == b"\x07":

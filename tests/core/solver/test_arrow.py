@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.solver.arrow import ArrowSystem, NotPositiveDefinite, solve_arrow
+from calib_core.solver import arrow
+from calib_core.solver.arrow import ArrowSystem, NotPositiveDefinite, solve_arrow, unit_responses
 from calib_core.types import FloatArray
 
 
@@ -62,6 +63,33 @@ def test_step_is_the_dense_solution(knots: int, n: int, shared: int, damping: fl
     solution = solve_arrow(system, damping=damping)
     step = np.concatenate([solution.step.ravel(), solution.step_shared])
     np.testing.assert_allclose(step, expected, rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+def test_a_chain_may_be_cut_anywhere(monkeypatch: pytest.MonkeyPatch, damping: float) -> None:
+    """Against the dense solution, with a column that a part of the chain touches and one that is frozen.
+
+    Mutation: leave out what a piece says of the knot before it; let go of the last piece's own columns; forget the knot
+    after a piece on the way back.
+    """
+    system = random_system(8, 31, 3, 5)
+    system.border[:20, :, 3] = system.border[14:, :, 1] = 0.0
+    frozen = replace(system, frozen=(2,))
+    monkeypatch.setattr(arrow, "_PIECE", 6)
+    H, g = dense(system)
+    free = np.delete(np.arange(len(g)), 31 * 3 + 2)
+    expected = np.zeros(len(g))
+    expected[free] = -np.linalg.solve((H + damping * np.diag(np.diag(H)))[np.ix_(free, free)], g[free])
+    solution = solve_arrow(frozen, damping=damping)
+    step = np.concatenate([solution.step.ravel(), solution.step_shared])
+    np.testing.assert_allclose(step, expected, rtol=1e-8, atol=1e-10)
+    if damping == 0.0:
+        along, border = unit_responses(frozen, 3)
+        inverse = np.zeros_like(H)
+        inverse[np.ix_(free, free)] = np.linalg.inv(H[np.ix_(free, free)])
+        columns = 31 * 3 + np.arange(3)
+        got = np.vstack([along.reshape(-1, 3), border])
+        np.testing.assert_allclose(got, inverse[:, columns], rtol=1e-8, atol=1e-10)
 
 
 def test_information_is_the_inverse_of_the_borders_covariance() -> None:
@@ -152,8 +180,9 @@ def test_the_system_is_left_as_it_was() -> None:
 def test_solving_again_starts_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads are made once for the process: a solve in a loop must not make its own.
 
-    Mutation: a ThreadPoolExecutor in `_gram`.
+    Mutation: a ThreadPoolExecutor in `_eliminated`.
     """
+    monkeypatch.setattr(arrow, "_PIECE", 2)
     system = random_system(seed=1, knots=6, n=3, shared=4)
     for _ in range(8):
         solve_arrow(system)
