@@ -15,6 +15,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import Limits
 from calib_core.full.joint.sensors import clock_rate_ppm
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
@@ -50,10 +51,6 @@ class LastView:
         return self.view
 
 
-#: The accelerometer is read anew where its delay has moved by so much: to there the first order is good to a ten-thousandth.
-_DELAY_MOVED_S = 2e-5
-
-
 @dataclass
 class LastReadings:
     """The readings with the accelerometer asked later by one delay, kept for the next step that asks for nearly the same."""
@@ -63,7 +60,7 @@ class LastReadings:
     def at(self, run: Run, readings: UpsampledImu, delay_s: float) -> UpsampledImu:
         """The readings by a delay. readings: by none."""
         last = readings if self.readings is None else self.readings
-        if abs(delay_s - last.accel_delay_s) > _DELAY_MOVED_S:
+        if abs(delay_s - last.accel_delay_s) > CHAIN.delay_moved_s:
             imu = run.recording.imu
             last = upsample(
                 run.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, readings.knots_s, run.hyper, accel_delay_s=delay_s

@@ -13,31 +13,29 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
 from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settling
+from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
-
-#: How far along the estimation is, as a share of its usual time: where the motion is known (and of that, where the coarse
-#: rounds are done), and where a part of the points has settled. For whoever watches; nothing depends on it.
-_MOTION, _SETTLED = 0.6, 0.75
-_COARSE = 0.3
 
 
 def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     """From start values to the fixed point, with every point and all that the recording holds. Raises Refused."""
-    state = estimate_motion(data.portion(0.0, _MOTION), state, schedule)
+    state = estimate_motion(data.portion(0.0, WATCHING.motion_share), state, schedule)
     rules, settling, sampling = schedule.planes, schedule.settling, schedule.sampling
     assert settling is not None
+    motion, rest = WATCHING.motion_share, WATCHING.settled_share
+    known, at_rest = data.portion(motion, motion), data.portion(rest, rest)
     if rules is not None:
         added = add_planes(data, state, state.positions, rules)
-        state = state if added is state else one_round(data.portion(_MOTION, _MOTION), added, rules.settle_in, sampling)
+        state = state if added is state else one_round(known, added, rules.settle_in, sampling)
     state = admit_sensors(data, state)
     if data.sensors.blocks:
-        state = one_round(data.portion(_MOTION, _MOTION), state, schedule.sensors, sampling)
+        state = one_round(known, state, schedule.sensors, sampling)
     if rules is not None:
         state = drop_planes(data, state, rules)
-    state = settle(data.portion(_MOTION, _SETTLED), state, settling, sampling)
+    state = settle(data.portion(motion, rest), state, settling, sampling)
     if rules is not None:
-        state = settle_without_doubtful(data.portion(_SETTLED, _SETTLED), state, rules, settling, sampling)
-    state, problem = alternate(data.portion(_SETTLED, 1.0), state, settling, sampling)
+        state = settle_without_doubtful(at_rest, state, rules, settling, sampling)
+    state, problem = alternate(data.portion(rest, 1.0), state, settling, sampling)
     return finished(data, state, problem)
 
 
@@ -58,9 +56,9 @@ def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> E
     state = with_outlines(data, state)
     rounds = (schedule.motion, *schedule.coarse)
     for k, each in enumerate(rounds):
-        part = data.portion(_COARSE * k / len(rounds), _COARSE * (k + 1) / len(rounds))
+        part = data.portion(WATCHING.coarse_share * k / len(rounds), WATCHING.coarse_share * (k + 1) / len(rounds))
         state = one_round(part, state, each, schedule.sampling)
-    further = propagate(data.portion(_COARSE, 1.0), state, schedule)
+    further = propagate(data.portion(WATCHING.coarse_share, 1.0), state, schedule)
     if further is state:
         for instead in schedule.instead:
             further = one_round(data, further, instead, schedule.sampling)
