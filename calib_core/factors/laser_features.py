@@ -19,7 +19,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.factors.laser_kernels import FEATURES, OF_COLUMN, collapse_features_kernel, correct_kernel
+from calib_core.factors.laser_kernels import (
+    FEATURES,
+    OF_COLUMN,
+    collapse_features_kernel,
+    correct_kernel,
+    features_squares_kernel,
+    gather_features_kernel,
+)
 from calib_core.factors.lidar_plane import Hits
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
@@ -115,14 +122,15 @@ class LaserFactors:
     plane: IntArray
     pair: IntArray
     laser: IntArray
-    cross: FloatArray
-    gram: FloatArray
+    cross: Float32Array
+    gram: Float32Array
 
     @staticmethod
     def empty() -> LaserFactors:
         """None at all."""
         none = np.zeros(0, np.int64)
-        return LaserFactors(none, none, none, none, np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES)))
+        cross, gram = np.zeros((0, FEATURES, 5), np.float32), np.zeros((0, FEATURES, FEATURES), np.float32)
+        return LaserFactors(none, none, none, none, cross, gram)
 
     def within(self, first: int, last: int) -> LaserFactors:
         """Those of knots first..last (exclusive), counted from the first."""
@@ -139,6 +147,20 @@ class LaserFactors:
         )
 
 
+def move_and_sum_features(
+    sums: LaserSums, use: IntArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
+) -> tuple[IntArray, Float32Array, Float32Array]:
+    """Moments with their hits moved, x -> R x + p, and summed over equal keys: keys in order (K,), cross, gram.
+
+    use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
+    """
+    keys, place = np.unique(key, return_inverse=True)
+    cross = np.zeros((len(keys), FEATURES, 5), np.float32)
+    gram = np.zeros((len(keys), FEATURES, FEATURES), np.float32)
+    gather_features_kernel(sums.cross, sums.gram, use, R, p, pose, place, cross, gram)
+    return keys, cross, gram
+
+
 def feature_changes(change: FloatArray) -> FloatArray:
     """(L, 7) what the features' coefficients change by, from the changes of the columns: (L, 8), or (L, 8, ..)."""
     out = np.zeros((len(change), FEATURES, *change.shape[2:]))
@@ -149,7 +171,8 @@ def feature_changes(change: FloatArray) -> FloatArray:
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
     """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 8)."""
-    moved = feature_changes(change)[factors.laser]
-    seen = (factors.cross @ a[factors.pair][..., None])[..., 0]
-    own = (factors.gram @ moved[..., None])[..., 0]
-    return np.asarray(np.einsum("bf,bf->b", moved, 2.0 * seen + own))
+    squares = np.empty(len(factors.laser))
+    features_squares_kernel(
+        factors.pair, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares
+    )
+    return squares

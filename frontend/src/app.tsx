@@ -1,4 +1,5 @@
 import { Route, Routes } from "react-router";
+import { AuditScreen } from "./features/audit/screen";
 import { InspectScreen } from "./features/inspect/screen";
 import { PlanesScreen } from "./features/planes/screen";
 import { RecordingScreen } from "./features/recording/screen";
@@ -19,6 +20,7 @@ export function App() {
           <Route path="/" element={<StartScreen />} />
           <Route path="/r/:recordingId" element={<WorkspaceLayout />}>
             <Route path="recording" element={<RecordingScreen />} />
+            <Route path="audit" element={<AuditScreen />} />
             <Route path="planes" element={<PlanesScreen />} />
             <Route path="solve" element={<SolveScreen />} />
             <Route path="inspect" element={<InspectScreen />} />

@@ -134,6 +134,13 @@ def test_workers_start_without_numpy_so_that_thread_caps_are_in_force():
         assert not tops & {"numpy", "scipy", "fastapi", "viser"}
 
 
+def test_a_server_starts_without_what_only_answers_need():
+    """A server that was killed is to be up again soon: SciPy is a quarter of its start. Mutation: `import scipy` on top."""
+    for path in sources("app"):
+        eager = {name.split(".")[0] for name, lazily in imports_of(path) if not lazily}
+        assert not eager & {"scipy", "open3d", "alembic"}, path
+
+
 def test_every_part_of_the_library_is_in_the_table():
     """Mutation: a new package nobody placed."""
     parts = {core_part(path) for path in sources("calib_core")} - {"__init__"}

@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.full.assess.disagreement import disagreements
 from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import away_m, misfit
-from calib_core.full.joint.state import GRAVITY
+from calib_core.full.joint.state import CALIBRATION, GRAVITY
+from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import travelled
 from calib_core.full.run import Run
+from calib_core.intrinsics import UNKNOWN_IMU
 from calib_core.solver.information import covariance
 
 
@@ -40,7 +43,7 @@ def implausible(ctx: Run, solved: Solved) -> str | None:
     gravity = ctx.settings.gravity
     magnitude = float(np.linalg.norm(solved.estimate.gravity))
     away = abs(magnitude - gravity.magnitude_m_s2)
-    if gravity.std_m_s2 > 0 and away > PLAUSIBLE.gravity_sigmas * max(gravity.std_m_s2, gravity_std(solved)):
+    if gravity.std_m_s2 > 0 and _beyond_gravity(solved, away, gravity.std_m_s2):
         return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
     gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
     accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
@@ -56,6 +59,23 @@ def implausible(ctx: Run, solved: Solved) -> str | None:
             f"does not explain the points; {hint}"
         )
     return None
+
+
+def _beyond_gravity(solved: Solved, away: float, prior_std_m_s2: float) -> bool:
+    """Whether gravity's magnitude is further from its prior than the accelerometer's scale and the recording's own doubts allow.
+
+    A cheap accelerometer reads half a per cent too much, which an IMU taken for ideal hands on to gravity; and where the parts
+    of a recording disagree, its standard deviation is as much too small as theirs.
+    """
+    magnitude = float(np.linalg.norm(solved.estimate.gravity))
+    allowed = max(float(np.hypot(prior_std_m_s2, UNKNOWN_IMU.accelerometer_scale_std * magnitude)), gravity_std(solved))
+    if away <= PLAUSIBLE.gravity_sigmas * allowed:
+        return False
+    assert solved.minimum.solution is not None
+    seven = covariance(solved.minimum.solution.information).of(slice(0, CALIBRATION)) / UNITS / UNITS[:, None]
+    found = disagreements(solved.problem, solved.estimate, seven)
+    wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
+    return away > PLAUSIBLE.gravity_sigmas * max(allowed, wider * gravity_std(solved))
 
 
 def gravity_std(solved: Solved) -> float:

@@ -106,12 +106,13 @@ class View:
             self._corrected(points, errors),
             points["offset_ns"] * 1e-9,
             SlicePoses.joined([self.slice_poses(i) for i in positions]),
-            e.normals,
-            e.offsets_m,
+            np.vstack([e.normals, e.aside_normals]),
+            np.append(e.offsets_m, e.aside_offsets_m),
             gate,
             first_slice=np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds]),
             field_of_view_deg=self.settings.field_of_view_deg,
         )
+        hits.plane[hits.plane >= len(e.normals)] = -1
         if errors is not None and errors.incidence_m:
             hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
         if stride > 1:

@@ -30,12 +30,12 @@ from calib_core.types import FloatArray
 def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
     """How every plane stands under an estimate."""
     bins = problem.bins
-    _, part = problem.planes_seen(estimate)
+    R, p = problem.bin_poses(estimate)
     scatter, points = plane_chi2(problem, estimate)
     weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
     distance_m = problem.sums(estimate) / weight  # as the lasers are known by now, not as when the points were laid out
     at_imu = (bins.scatter[:, 3, :3] / weight[:, None]) @ estimate.R_imu_lidar.T + estimate.p_imu_lidar
-    place_m = np.einsum("bij,bj->bi", part["R"], at_imu) + part["p"]
+    place_m = np.einsum("bij,bj->bi", R, at_imu) + p
     time_s = problem.readings.knots_s[bins.knot]
     out = []
     for j, normal in enumerate(estimate.normals):

@@ -90,14 +90,27 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
         return state
     dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
     say_left_out(data.run, dropped, doubt[~keep])
-    return only_planes(state, keep)
+    return only_planes(state, keep, rules)
 
 
-def only_planes(state: Estimation, keep: BoolArray) -> Estimation:
-    """With some of the planes (P,); points have to be given anew."""
+def only_planes(state: Estimation, keep: BoolArray, rules: PlaneSet) -> Estimation:
+    """With some of the planes (P,), the others put aside; points have to be given anew.
+
+    A wall that is left out still stands where it meets another, and what lies in that edge is not the other's. One that is
+    parallel to a plane that stays, and near it, is the same surface seen twice: put aside, it would claim that one's points.
+    """
     planes = tuple(plane for plane, kept in zip(state.planes, keep, strict=True) if kept)
     e = state.estimate
-    estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
+    alike = e.normals[~keep] @ e.normals[keep].T > np.cos(np.radians(rules.same_normal_deg))
+    near = np.abs(e.offsets_m[~keep][:, None] - e.offsets_m[keep]) < rules.same_surface_m
+    aside = np.flatnonzero(~keep)[~(alike & near).any(axis=1)]
+    estimate = replace(
+        e,
+        normals=e.normals[keep],
+        offsets_m=e.offsets_m[keep],
+        aside_normals=np.vstack([e.aside_normals, e.normals[aside]]),
+        aside_offsets_m=np.append(e.aside_offsets_m, e.offsets_m[aside]),
+    )
     return replace(state, estimate=estimate, planes=planes, observations=None)
 
 

@@ -58,7 +58,8 @@ class Estimate:
     """Everything estimated. gyro_bias, accel_bias: (N, 3) at the nodes. normals: (P, 3), offsets_m: (P,), map frame.
 
     time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].   nuisance: (N,) the sensors' own
-    parameters (nuisance.py), none where they are taken for ideal.
+    parameters (nuisance.py), none where they are taken for ideal.   aside_normals: (A, 3), aside_offsets_m: (A,) planes that
+    are no part of it, but there: where they meet a wall, points near by may be theirs.
     """
 
     states: KnotStates
@@ -71,6 +72,8 @@ class Estimate:
     normals: FloatArray
     offsets_m: FloatArray
     nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    aside_normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    aside_offsets_m: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def seen_from(self, R: FloatArray, p: FloatArray) -> Estimate:
         """The same estimate with another map frame, whose axes and origin lie at R (3, 3), p (3,) of the present one."""
@@ -82,6 +85,8 @@ class Estimate:
             gravity=self.gravity @ R,
             normals=self.normals @ R,
             offsets_m=self.offsets_m + self.normals @ p,
+            aside_normals=self.aside_normals @ R,
+            aside_offsets_m=self.aside_offsets_m + self.aside_normals @ p,
         )
 
 

@@ -91,7 +91,7 @@ _LEAST_POINTS = 50
 
 
 def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:
-    """How many lasers the points name, 0 where they name none, and whether each has an elevation of its own."""
+    """How many lasers the points name, 0 where they name none, and whether each has an elevation of its own, as on a rotor."""
     if not scans:
         return 0, False
     some = [scans[int(i)].points for i in np.unique(np.linspace(0, len(scans) - 1, _SAMPLE).astype(np.int64))]
@@ -115,10 +115,10 @@ def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:
     """The parameters of a recording's own sensors that are unknowns beside the calibration, by settings and presets."""
     if settings.intrinsics == "off":
         return Nuisance()
-    lasers, fixed = count_lasers(recording.scans)
+    lasers, spins = count_lasers(recording.scans)
     lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
-    if not fixed:
-        lidar = replace(lidar, laser_elevation_std_rad=0.0, eccentricity_std_rad=0.0)
+    if not spins:
+        lidar = replace(lidar, eccentricity_std_rad=0.0)
     imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
     wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics
     return choose_nuisance(
