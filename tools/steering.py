@@ -28,6 +28,7 @@ RECORDS = (
     ("prepare", "calib_core/full/prepare/settings.py", "Noise"),
     ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
     ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Lasers"),
     ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
     ("planes", "calib_core/full/planes/settings.py", "Search"),
     ("planes", "calib_core/full/planes/settings.py", "Patches"),
@@ -68,7 +69,7 @@ STEERED = ("calib_core/full", "calib_core/planes")
 #: Named numbers that nobody chose: mathematics, the contract's units, the layout of a matrix.
 FACTS = frozenset({
     "CALIBRATION", "GRAVITY", "BIAS_START", "UNITS", "LIMITS", "STANDING", "_TAPERED", "_NORMAL_MAD", "_DEGREES", "_QUARTILES",
-    "_UNIFORM_STDS", "_GOLDEN", "_UPPER_CENTRE", "_UPPER_44",
+    "_UNIFORM_STDS", "_GOLDEN", "_UPPER_CENTRE", "_UPPER_44", "_ROW_KEY", "_BIN_COLUMNS",
 })  # fmt: skip
 #: Calls whose numbers are shapes, digits or the share of a job that is done.
 _SHAPES = frozenset({"zeros", "empty", "eye", "full", "reshape", "broadcast_to", "round", "tell", "stage", "portion"})

@@ -35,7 +35,7 @@ from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
-from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.register import ScanMotion, evenly_spread
 from calib_core.full.odometry.travelled import travelled
 from calib_core.full.planes.propose import scan_points
 from calib_core.full.prepare.prepare import prepare, require_length
@@ -93,8 +93,7 @@ def sample_scan(scan: Scan, count: int) -> Scan:
     n = len(scan.points)
     if n <= count:
         return scan
-    pick = np.unique((np.arange(count) * 0.6180339887498949 % 1.0 * n).astype(np.int64))
-    return Scan(scan.index, scan.stamp_ns, scan.points[pick])
+    return Scan(scan.index, scan.stamp_ns, scan.points[evenly_spread(n, count)])
 
 
 def forecast(

@@ -23,6 +23,11 @@ from scipy.spatial import cKDTree
 from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, FloatArray
 
+#: A prime beyond all cells of a side: a row and a column are one number.
+_ROW_KEY = 1_000_003
+#: Standard deviation of a normal law over its median absolute deviation.
+_NORMAL_MAD = 1.4826
+
 
 @dataclass(frozen=True, slots=True)
 class SegmentSettings:
@@ -224,7 +229,7 @@ def _refine(
         inliers = free & face_on & (np.abs(distance) < band)
         if inliers.sum() < s.min_points // 2:
             return None
-        sigma = 1.4826 * np.median(np.abs(distance[inliers] - np.median(distance[inliers])))
+        sigma = _NORMAL_MAD * np.median(np.abs(distance[inliers] - np.median(distance[inliers])))
         normal, offset, _ = fit_plane(points[inliers])
         band = np.minimum(tolerance, np.maximum(s.band_sigmas * sigma, s.least_band * tolerance))
     if offset < 0:  # the viewpoint is the origin here: its signed distance is the offset, made positive
@@ -245,7 +250,7 @@ def _is_surface(
     distance = points @ fit.normal + fit.offset_m
     slab = free & (np.abs(distance) < s.slab_bands * tolerance)
     index = np.floor(np.stack([points @ e1, points @ e2], axis=1) / s.cell_m).astype(np.int64)
-    key = index[:, 0] * 1_000_003 + index[:, 1]
+    key = index[:, 0] * _ROW_KEY + index[:, 1]
     mine, mine_count = np.unique(key[slab & near], return_counts=True)
     every, every_count = np.unique(key[slab], return_counts=True)
     if len(mine) < s.fewest_cells:

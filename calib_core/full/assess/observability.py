@@ -16,6 +16,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import WeakDirection
+from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
 _LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
@@ -60,7 +61,7 @@ def assess(
         data = 0.5 * (data + data.T)
     if frozen_offset:
         data[6, :] = data[:, 6] = 0.0
-        data[6, 6] = 1e12
+        data[6, 6] = FROZEN
     open_directions = undetermined(data)
     outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
     data = outside @ data @ outside
@@ -120,7 +121,7 @@ def _amount(vector: FloatArray, spread: float, largest: int) -> str:
     size = abs(float(vector[largest])) * spread
     if largest < 3:
         return f"{size:.2g} deg"
-    if largest < 6:
+    if largest < CALIBRATION - 1:
         return f"{size * 10:.3g} mm"
     return f"{size:.2g} ms"
 

@@ -16,6 +16,8 @@ from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.initialise.time_offset import Turns, least_overlap, masked_correlation, turns_of
 from calib_core.types import FloatArray
 
+_QUARTILES = (25.0, 50.0, 75.0)
+
 
 @dataclass(frozen=True)
 class Agreement:
@@ -71,7 +73,7 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     fast = np.isfinite(own) & (norms > AGREEING.fast_share * np.percentile(norms, AGREEING.top_percent)) & (norms > 0.0)
     if np.count_nonzero(fast) < AGREEING.fewest_spans:
         return Agreement(float(score[k]), lag_s, 1.0, np.inf)
-    low, ratio, high = np.percentile(own[fast] / norms[fast], [25.0, 50.0, 75.0])
+    low, ratio, high = np.percentile(own[fast] / norms[fast], _QUARTILES)
     return Agreement(float(score[k]), lag_s, float(ratio), float(0.5 * (high - low) / max(ratio, 1e-12)))
 
 

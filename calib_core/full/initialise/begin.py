@@ -146,7 +146,7 @@ def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     # A sweep taken as one rigid look is a look from where its middle was.
     middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
-    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, 1e-3)[:, None])
+    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None])
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
     agreed = agreement_of(turns, imu_s, gyro_rad_s)
     if agreed is NO_AGREEMENT:

@@ -40,6 +40,8 @@ class Agreeing:
     fast_share: float = 0.4
     #: With fewer spans nothing is concluded.
     fewest_spans: int = 10
+    #: A rate over a shorter span, between stamps that repeat, is none.
+    shortest_span_s: float = 1e-3
     #: Rates of a good track and the gyroscope correlate by 0.95 and more, those of a lost one by 0.6 at the most; with the
     #: former nothing is looked into, below the latter nothing is believed.
     trusted: float = 0.9

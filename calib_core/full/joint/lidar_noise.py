@@ -14,6 +14,7 @@ from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.association import View
 from calib_core.full.joint.settings import MEASURING
+from calib_core.gp.noise import MAD_TO_STD
 from calib_core.types import FloatArray, IntArray
 
 
@@ -61,7 +62,7 @@ def tapered_variance(d: FloatArray) -> float:
     point more or less must not move the cost of the whole solve. The first guess is the median of the distances.
     """
     square = d**2
-    variance = 1.4826**2 * float(np.median(square))
+    variance = MAD_TO_STD**2 * float(np.median(square))
     for _ in range(MEASURING.passes):
         before = variance
         weight = np.maximum(1.0 - square / max(MEASURING.taper_sigmas**2 * before, 1e-30), 0.0) ** 2

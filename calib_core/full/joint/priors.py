@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Estimate, Layout
 from calib_core.geometry import log
+from calib_core.presets import USUAL_WALK
 from calib_core.types import FloatArray
 
 
@@ -46,10 +47,10 @@ class Priors:
     rows: tuple[PriorRow, ...]
     gravity_m_s2: float
     gravity_std_m_s2: float
-    gyro_bias_std_rad_s: float = 0.2
-    accel_bias_std_m_s2: float = 1.0
-    gyro_walk: float = 1e-5
-    accel_walk: float = 1e-4
+    gyro_bias_std_rad_s: float = CHAIN.gyro_bias_std_rad_s
+    accel_bias_std_m_s2: float = CHAIN.accel_bias_std_m_s2
+    gyro_walk: float = USUAL_WALK[0]
+    accel_walk: float = USUAL_WALK[1]
     held: tuple[Held, ...] = ()
     nuisance_std: FloatArray = field(default_factory=lambda: np.zeros(0))
 

@@ -21,6 +21,9 @@ class Chain:
     plane: float = 1e-4
     #: A prior of gravity that is exact is this wide (1 sigma).
     exact_gravity_m_s2: float = 1e-7
+    #: No IMU that works starts with a larger bias (1 sigma: 11 deg/s, a tenth of gravity).
+    gyro_bias_std_rad_s: float = 0.2
+    accel_bias_std_m_s2: float = 1.0
     #: Every node of the biases is six columns along the whole chain: without a limit memory would grow with the square of a
     #: recording's length, and time faster still. Biases of minutes are as smooth to a longer spacing.
     most_nodes: int = 24

@@ -18,6 +18,9 @@ from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.settings import MAP, TrackSettings
 from calib_core.types import FloatArray, IntArray, Scan
 
+#: (sqrt(5) - 1) / 2: its multiples modulo one are spread as evenly as any sequence's.
+_GOLDEN = 0.6180339887498949
+
 
 @dataclass(frozen=True, slots=True)
 class ScanMotion:
@@ -39,16 +42,14 @@ class ScanMotion:
     std_m: float = 0.0
 
 
+def evenly_spread(n: int, count: int) -> IntArray:
+    """About `count` of n places in order: a golden-ratio stride visits rings and azimuths alike, however packets interleave."""
+    return np.unique((np.arange(count) * _GOLDEN % 1.0 * n).astype(np.int64))
+
+
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
     """Evenly spread points of a scan and their times after its first point: (K, 3) [m], (K,) [s]. Deterministic."""
-    n = len(scan.points)
-    if n > count:
-        # A golden-ratio stride visits rings and azimuths evenly whatever the interleaving of the packets.
-        pick = np.sort((np.arange(count) * 0.6180339887498949 % 1.0 * n).astype(np.int64))
-        pick = pick[np.diff(pick, prepend=-1) > 0]
-        points = scan.points[pick]
-    else:
-        points = scan.points
+    points = scan.points[evenly_spread(len(scan.points), count)] if len(scan.points) > count else scan.points
     return points["xyz"].astype(np.float64), points["offset_ns"] * 1e-9
 
 
@@ -78,8 +79,10 @@ class _Look:
         outside_m: float,
         worth: FloatArray | None,
     ) -> None:
-        n, size = len(points_m), 0 if worth is None else 12
-        upper, self.gradient = np.zeros((size, size)), np.zeros(size)
+        n = len(points_m)
+        upper, self.gradient = (
+            (np.zeros((12, 12)), np.zeros(12)) if worth is not None else (np.zeros((0, 0)), np.zeros(0))
+        )
         self.d, self.plane, self.inside = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
         register_kernel(
             points_m, tau_s, planes.normals, planes.offsets_m, planes.axes, planes.reach,

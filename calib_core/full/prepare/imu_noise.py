@@ -13,6 +13,9 @@ from calib_core.gp.noise import high_frequency_noise
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.types import FloatArray
 
+#: Standard deviations in the width of a uniform law: what cutting to steps makes of anything.
+_UNIFORM_STDS = np.sqrt(12.0)
+
 
 def resolution(values: FloatArray) -> FloatArray:
     """The smallest step a channel's readings take: (C,). 0 where they never change."""
@@ -48,7 +51,7 @@ def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray,
         source = f"{(still.stop - still.start) * period:.1f} s of standstill"
         floors.insert(0, noise_floor(stamps_s[still], quiet, lowest_hz=NOISE.drift_hz))
     floor = np.repeat([NOISE.gyro_floor_rad_s_sqrt_hz, NOISE.accel_floor_m_s2_sqrt_hz], 3) / np.sqrt(period)
-    least = np.maximum(resolution(values) / np.sqrt(12.0), floor)
+    least = np.maximum(resolution(values) / _UNIFORM_STDS, floor)
     std = np.maximum(std, least)
     # One level for the three axes of a triad, the root mean square: a single chip, and three times the data.
     white, least = _of_triads(std * np.sqrt(period)), _of_triads(least * np.sqrt(period))

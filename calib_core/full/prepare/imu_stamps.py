@@ -44,8 +44,9 @@ _AS_STAMPED = "readings are taken as sampled when stamped"
 def _is_uneven(stamps_ns: IntArray) -> bool:
     if len(stamps_ns) < LEAST:
         return False
-    short, middle, long = np.percentile(np.diff(stamps_ns), [5.0, 50.0, 95.0])
-    return bool(long - short > STAMPS.uneven * middle)
+    steps = np.diff(stamps_ns)
+    short, long = np.percentile(steps, [STAMPS.tail_percent, 1e2 - STAMPS.tail_percent])
+    return bool(long - short > STAMPS.uneven * np.median(steps))
 
 
 def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:

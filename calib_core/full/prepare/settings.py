@@ -84,10 +84,26 @@ class Stamps:
 
     #: Jitter below this share of the period is not worth a sentence where nothing follows from it.
     worth_saying: float = 0.02
-    #: Steps whose middle nine tenths differ by more than this share of their median are uneven.
+    #: Steps are uneven that differ by more than this share of their median, without those of either tail.
     uneven: float = 0.2
+    tail_percent: float = 5.0
     #: Readings below this share of all are not worth a mention.
     worth_counting: float = 0.005
 
 
-LENGTH, NOISE, SPECTRUM, STAMPS = Length(), Noise(), Spectrum(), Stamps()
+@dataclass(frozen=True, slots=True)
+class Lasers:
+    """How many lasers there are, from the points themselves."""
+
+    #: Scans that are looked at.
+    scans: int = 5
+    #: More are no lasers but lines of pixels.
+    most: int = 128
+    #: A laser with fewer points tells no elevation.
+    fewest_points: int = 50
+    #: One laser's points vary by less in elevation, without this tail of either side: a cone's, not a rosette's.
+    same_elevation_deg: float = 0.35
+    tail_percent: float = 10.0
+
+
+LENGTH, NOISE, SPECTRUM, STAMPS, LASERS = Length(), Noise(), Spectrum(), Stamps(), Lasers()
