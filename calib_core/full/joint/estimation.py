@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -69,6 +70,10 @@ class LastReadings:
         return last
 
 
+def ignore_state(_name: str, _state: Estimation) -> None:
+    """For runs whose states nobody writes down."""
+
+
 @dataclass(frozen=True)
 class JointData:
     """What stays the same while the joint problem is solved.
@@ -76,6 +81,7 @@ class JointData:
     readings, nodes: over every knot that may come to be estimated.   gauge: the knot whose pose holds the map frame.
     reference: position of the scan in whose frame the map is.   start: what the stages before have found, and
     limits: how far from it an answer may lie.   sensors: what of them is to be unknown.   most_rounds: that may be taken in all.
+    on_state: told the name of each step and the state before it (`replay.py` writes them down).
     """
 
     run: Run
@@ -89,6 +95,7 @@ class JointData:
     sensors: Nuisance = Nuisance()  # noqa: RUF009  frozen
     laid_out: LastView = field(default_factory=LastView)
     asked: LastReadings = field(default_factory=LastReadings)
+    on_state: Callable[[str, Estimation], None] = ignore_state
 
     @property
     def knots(self) -> int:
