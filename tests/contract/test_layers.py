@@ -25,7 +25,7 @@ MAY_IMPORT = {
     "documents": set(),
     "maps": {"geometry", "deskew"},
     "readers": {"maps"},
-    "exporters": set(),
+    "exporters": {"geometry"},
     "simulate": {"geometry"},
     "deskew": {"geometry"},
     "threads": set(),

@@ -25,6 +25,7 @@ from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
+from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
 from calib_core.full.run import Clocks
@@ -35,11 +36,6 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, Lase
 T = TypeVar("T")
 #: Told how many of the scans are done.
 OnScans = Callable[[int], None]
-#: Points that are worth a call of their own.
-_BATCH = 20_000
-#: Returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane than this many
-#: standard deviations of one of them.
-_OFF_SIGMAS = 2.0
 
 
 def _ignore(_: int) -> None:
@@ -215,7 +211,7 @@ class View:
             points = int(self.clocks.scan_points[i]) // stride
             if points > room or not batches:
                 batches.append([])
-                room = _BATCH
+                room = SURVEYING.batch_points
             batches[-1].append(i)
             room -= points
         return self._over(positions, batches, job, on_scans)
@@ -295,10 +291,10 @@ def survey(
     def some(batch: Sequence[int]) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
         hits = view.hits(batch, gate, stride)
         std = noise.distance_std_m(hits.cosine)
-        close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m))
+        close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < SURVEYING.beside_m + gate.extra_m))
         cells = cells_of(hits, view.estimate.normals)
         on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
-        off = hits.d[close] / (_OFF_SIGMAS * std[close] + gate.extra_m)
+        off = hits.d[close] / (SURVEYING.off_sigmas * std[close] + gate.extra_m)
         return hits.plane[close], cells[close], on[close], off
 
     plane, cell, on, off = (

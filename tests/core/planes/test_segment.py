@@ -119,11 +119,15 @@ def test_one_wall_found_twice_becomes_one_and_two_sides_stay_two() -> None:
     normal, offset = (normal, offset) if offset > 0 else (-normal, -offset)
     lean = normal + np.array([0.0, 0.01, 0.0])
     lean /= np.linalg.norm(lean)
-    twice = _merge(wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(lean, offset, ~half, 0.005)])
+    twice = _merge(
+        wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(lean, offset, ~half, 0.005)], SegmentSettings()
+    )
     assert len(twice) == 1
     assert twice[0].inliers.all()
     np.testing.assert_allclose(twice[0].normal, normal, atol=1e-9)
-    back = _merge(wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(-normal, -offset, ~half, 0.005)])
+    back = _merge(
+        wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(-normal, -offset, ~half, 0.005)], SegmentSettings()
+    )
     assert len(back) == 2
 
 
