@@ -128,15 +128,18 @@ def moments_kernel(
     f, y = np.empty(FEATURES), np.empty(5)
     errors, sine, cosine = range_offset_m.shape[0], np.sin(elevation_rad), np.cos(elevation_rad)
     lasers = of_cluster.shape[0] // max((group.max() + 1) * n_planes, 1) if group.shape[0] > 0 else 0
+    x0: float
+    x1: float
+    x2: float
     for i in range(xyz.shape[0]):
         which = laser[i] if told_apart else 0
-        x0, x1, x2 = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
+        x0, x1, x2 = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         if which < errors:
             x0, x1, x2 = correct_point(
                 x0, x1, x2, range_offset_m[which], range_scale[which], sine[which], cosine[which], azimuth_rad[which],
                 eccentricity_rad,
             )  # fmt: skip
-            x0, x1, x2 = float(np.float32(x0)), float(np.float32(x1)), float(np.float32(x2))
+            x0, x1, x2 = np.float64(np.float32(x0)), np.float64(np.float32(x1)), np.float64(np.float32(x2))
         offset_s = offset_ns[i] * 1e-9
         k = int(offset_s / slice_s)
         if not usable[k] or not looked_at(x0, x1, x2, min_azimuth_cosine):
