@@ -168,11 +168,11 @@ JSON = {"Content-Type": "application/json"}
 
 def workers(victim: Victim) -> Sequence[int]:
     """The processes of jobs that a server runs."""
-    found = []
+    found: list[int] = []
     for task in Path(f"/proc/{victim.process.pid}/task").iterdir():
         with suppress(OSError):
             children = (task / "children").read_text(encoding="ascii").split()
-            found += [int(one) for one in children if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+            found += [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
     return found
 
 

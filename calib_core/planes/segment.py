@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calib_core.geometry import plane_axes
+from calib_core.planes.kernels import support_kernel
 from calib_core.types import BoolArray, FloatArray
 
 #: A prime beyond all cells of a side: a row and a column are one number.
@@ -204,10 +205,7 @@ def _best_hypothesis(
         return None
     normal, a = normal[good] / area[good, None], a[good]
     offset = -np.einsum("ij,ij->i", normal, a)
-    along = normal @ cloud.T
-    distance = np.abs(along + offset[:, None])
-    score = ((distance < tol) & (np.abs(along) > s.min_incidence * rho)).sum(axis=1)
-    best = int(np.argmax(score))
+    best = int(np.argmax(support_kernel(cloud, tol, s.min_incidence * rho, normal, offset)))
     return normal[best], float(offset[best])
 
 
