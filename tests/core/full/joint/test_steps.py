@@ -62,7 +62,7 @@ def test_shares_of_the_progress_go_on_from_one_another() -> None:
 def test_the_last_step_from_a_file_ends_where_it_did_from_memory(half: Half, tmp_path: Path) -> None:
     """Settling and all points again, from what was written down before: the same end, bit for bit.
 
-    Mutation: leave the support or the priors' held directions out of the file.
+    Mutation: write lengths with fewer digits than they have.
     """
     schedule = replace(FULL, planes=None)
     data = replace(half.data, on_state=lambda name, known: save_estimation(known, tmp_path / name))
