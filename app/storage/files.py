@@ -22,6 +22,7 @@ from app.settings import AppSettings
 from app.storage.lock import sole_use
 from app.storage.partial import PartialFile
 from app.storage.records import RecordingRecord
+from app.storage.sizes import tree_size
 from calib_core import api
 
 #: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
@@ -59,6 +60,7 @@ class DataFolder:
     def __init__(self, settings: AppSettings) -> None:
         self.root = settings.data_dir
         self._min_free_bytes = settings.min_free_bytes
+        self._quota_bytes = settings.quota_bytes
         self._held = ExitStack()
 
     def prepare(self) -> None:
@@ -162,6 +164,18 @@ class DataFolder:
                 "upload.disk_full",
                 f"{incoming_bytes / 1e9:.2f} GB more do not fit: the data directory's disk has {max(free, 0) / 1e9:.2f} GB "
                 f"to give and keeps {self._min_free_bytes / 1e9:.2f} GB free; delete recordings, or take a larger disk.",
+            )
+
+    def check_quota(self, incoming_bytes: int, *, promised_bytes: int = 0) -> None:
+        """Raise DiskFull unless so many more bytes leave the data directory within its quota, where it has one."""
+        if self._quota_bytes is None:
+            return
+        left = self._quota_bytes - tree_size(self.root) - promised_bytes
+        if incoming_bytes > left:
+            raise DiskFull(
+                "upload.quota",
+                f"{incoming_bytes / 1e9:.2f} GB more do not fit: of the {self._quota_bytes / 1e9:.2f} GB that this server "
+                f"may take {max(left, 0) / 1e9:.2f} GB are left; delete recordings.",
             )
 
     def remove_recording(self, recording_id: str, job_ids: list[str]) -> None:

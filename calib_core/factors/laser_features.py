@@ -19,8 +19,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.factors.laser_kernels import FEATURES, OF_COLUMN, collapse_features_kernel, correct_kernel
-from calib_core.factors.lidar_plane import Hits
+from calib_core.factors.laser_kernels import (
+    FEATURES,
+    OF_COLUMN,
+    collapse_features_kernel,
+    correct_kernel,
+    features_squares_kernel,
+    gather_features_kernel,
+)
+from calib_core.factors.lidar_plane import Hits, SlicePoses
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 
@@ -60,6 +67,15 @@ class LaserSums:
     gram: Float32Array
 
     @staticmethod
+    def filled(cross: FloatArray, gram: FloatArray, count: IntArray, n_planes: int, lasers: int) -> LaserSums:
+        """Those of a table (groups x planes x lasers, ..) that hold points. count: of each."""
+        some = np.flatnonzero(count)
+        pair, of = np.divmod(some, lasers)
+        return LaserSums(
+            pair // n_planes, pair % n_planes, of, cross[some].astype(np.float32), gram[some].astype(np.float32)
+        )
+
+    @staticmethod
     def joined(parts: Sequence[LaserSums]) -> LaserSums:
         """Those of several scans in a row; groups are counted in each."""
         return LaserSums(
@@ -84,9 +100,8 @@ def collapse_features(
 ) -> LaserSums:
     """The kept points' moments. laser: (N,).   group: (S,) of each slice.   middle: (G,) slice in the middle of each group."""
     n_planes = len(normals)
-    R, p = hits.poses.R, hits.poses.p
-    back = np.swapaxes(R[middle], 1, 2)[group]
-    n_lidar = normals @ R
+    n_lidar = normals @ hits.poses.R
+    R, p = steps_to_middles(hits.poses, group, middle)
     cells = len(middle) * n_planes * lasers
     cross, gram, count = (
         np.zeros((cells, FEATURES, 5)),
@@ -95,13 +110,15 @@ def collapse_features(
     )
     collapse_features_kernel(
         keep, hits.plane, hits.slice_index, hits.x_hit, hits.d, hits.cosine, weight, laser, n_lidar, group,
-        back @ R, (back @ (p - p[middle][group])[..., None])[..., 0], lasers, cross, gram, count,
+        R, p, lasers, cross, gram, count,
     )  # fmt: skip
-    filled = np.flatnonzero(count)
-    pair, of = np.divmod(filled, lasers)
-    return LaserSums(
-        pair // n_planes, pair % n_planes, of, cross[filled].astype(np.float32), gram[filled].astype(np.float32)
-    )
+    return LaserSums.filled(cross, gram, count, n_planes, lasers)
+
+
+def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tuple[FloatArray, FloatArray]:
+    """R (S, 3, 3), p (S, 3) that take each slice's hits to the middle of its group. group: (S,).   middle: (G,) slices."""
+    back = np.swapaxes(poses.R[middle], 1, 2)[group]
+    return back @ poses.R, (back @ (poses.p - poses.p[middle][group])[..., None])[..., 0]
 
 
 @dataclass(frozen=True)
@@ -115,14 +132,15 @@ class LaserFactors:
     plane: IntArray
     pair: IntArray
     laser: IntArray
-    cross: FloatArray
-    gram: FloatArray
+    cross: Float32Array
+    gram: Float32Array
 
     @staticmethod
     def empty() -> LaserFactors:
         """None at all."""
         none = np.zeros(0, np.int64)
-        return LaserFactors(none, none, none, none, np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES)))
+        cross, gram = np.zeros((0, FEATURES, 5), np.float32), np.zeros((0, FEATURES, FEATURES), np.float32)
+        return LaserFactors(none, none, none, none, cross, gram)
 
     def within(self, first: int, last: int) -> LaserFactors:
         """Those of knots first..last (exclusive), counted from the first."""
@@ -139,6 +157,20 @@ class LaserFactors:
         )
 
 
+def move_and_sum_features(
+    sums: LaserSums, use: IntArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
+) -> tuple[IntArray, Float32Array, Float32Array]:
+    """Moments with their hits moved, x -> R x + p, and summed over equal keys: keys in order (K,), cross, gram.
+
+    use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
+    """
+    keys, place = np.unique(key, return_inverse=True)
+    cross = np.zeros((len(keys), FEATURES, 5), np.float32)
+    gram = np.zeros((len(keys), FEATURES, FEATURES), np.float32)
+    gather_features_kernel(sums.cross, sums.gram, use, R, p, pose, place, cross, gram)
+    return keys, cross, gram
+
+
 def feature_changes(change: FloatArray) -> FloatArray:
     """(L, 7) what the features' coefficients change by, from the changes of the columns: (L, 8), or (L, 8, ..)."""
     out = np.zeros((len(change), FEATURES, *change.shape[2:]))
@@ -149,7 +181,8 @@ def feature_changes(change: FloatArray) -> FloatArray:
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
     """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 8)."""
-    moved = feature_changes(change)[factors.laser]
-    seen = (factors.cross @ a[factors.pair][..., None])[..., 0]
-    own = (factors.gram @ moved[..., None])[..., 0]
-    return np.asarray(np.einsum("bf,bf->b", moved, 2.0 * seen + own))
+    squares = np.empty(len(factors.laser))
+    features_squares_kernel(
+        factors.pair, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares
+    )
+    return squares

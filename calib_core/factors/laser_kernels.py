@@ -17,6 +17,37 @@ OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6])
 
 
 @numba.njit(cache=True, nogil=True)
+def correct_point(
+    x: float,
+    y: float,
+    z: float,
+    range_offset_m: float,
+    range_scale: float,
+    sine: float,
+    cosine: float,
+    azimuth_rad: float,
+    eccentricity_rad: FloatArray,
+) -> tuple[float, float, float]:
+    """Where a point of a laser with these errors lies without them. sine, cosine: of its elevation's error."""
+    level2 = x * x + y * y
+    r = np.sqrt(level2 + z * z)
+    if r < 1e-3:
+        return x, y, z
+    factor = (r - range_offset_m) / ((1.0 + range_scale) * r)
+    level = np.sqrt(level2)
+    along = 1.0 if level < 1e-9 else (level * cosine - z * sine) / level
+    turned = azimuth_rad
+    if level > 1e-9:
+        turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
+    aside, ahead = np.sin(turned), np.cos(turned)
+    return (
+        (x * ahead - y * aside) * along * factor,
+        (x * aside + y * ahead) * along * factor,
+        (z * cosine + level * sine) * factor,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
 def correct_kernel(
     xyz: Float32Array,
     laser: LaserArray,
@@ -34,23 +65,53 @@ def correct_kernel(
     lasers = range_offset_m.shape[0]
     sine, cosine = np.sin(elevation_rad), np.cos(elevation_rad)
     for i in range(xyz.shape[0]):
-        x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         j = laser[i]
-        level2 = x * x + y * y
-        r = np.sqrt(level2 + z * z)
-        if j < 0 or j >= lasers or r < 1e-3:
-            out[i, 0], out[i, 1], out[i, 2] = x, y, z
+        if j < 0 or j >= lasers:
+            out[i, 0], out[i, 1], out[i, 2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
             continue
-        factor = (r - range_offset_m[j]) / ((1.0 + range_scale[j]) * r)
-        level = np.sqrt(level2)
-        along = 1.0 if level < 1e-9 else (level * cosine[j] - z * sine[j]) / level
-        turned = azimuth_rad[j]
-        if level > 1e-9:
-            turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
-        aside, ahead = np.sin(turned), np.cos(turned)
-        out[i, 0] = (x * ahead - y * aside) * along * factor
-        out[i, 1] = (x * aside + y * ahead) * along * factor
-        out[i, 2] = (z * cosine[j] + level * sine[j]) * factor
+        out[i, 0], out[i, 1], out[i, 2] = correct_point(
+            np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), range_offset_m[j], range_scale[j],
+            sine[j], cosine[j], azimuth_rad[j], eccentricity_rad,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def add_features(
+    x_hit: FloatArray,
+    d: float,
+    cosine: float,
+    weight: float,
+    n_lidar: FloatArray,
+    R: FloatArray,
+    p: FloatArray,
+    cross: FloatArray,
+    gram: FloatArray,
+    f: FloatArray,
+    y: FloatArray,
+) -> None:
+    """Adds weight f y' to cross (7, 5) and weight f f' to gram (7, 7) of one hit. f (7,), y (5,): room to work."""
+    x0, x1, x2 = x_hit[0], x_hit[1], x_hit[2]
+    level = np.sqrt(x0 * x0 + x1 * x1)
+    rise = 0.0 if level < 1e-9 else -x2 / level
+    seen = -cosine
+    f[0] = seen
+    f[1] = rise * (n_lidar[0] * x0 + n_lidar[1] * x1) + level * n_lidar[2]
+    f[2] = n_lidar[1] * x0 - n_lidar[0] * x1
+    f[3] = seen * np.sqrt(level * level + x2 * x2)
+    f[4] = 1.0 - seen
+    f[5], f[6] = 0.0, 0.0
+    if level > 1e-9:
+        f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
+    for c in range(3):
+        y[c] = R[c, 0] * x0 + R[c, 1] * x1 + R[c, 2] * x2 + p[c]
+    y[3] = 1.0
+    y[4] = d
+    for m in range(FEATURES):
+        w = weight * f[m]
+        for c in range(5):
+            cross[m, c] += w * y[c]
+        for c in range(FEATURES):
+            gram[m, c] += w * f[c]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -79,34 +140,67 @@ def collapse_features_kernel(
     """
     n_planes = n_lidar.shape[1]
     f, y = np.empty(FEATURES), np.empty(5)
-    y[3] = 1.0
     for i in range(keep.shape[0]):
         if not keep[i] or laser[i] >= lasers:
             continue
         s, j = slice_index[i], plane[i]
-        x0, x1, x2 = x_hit[i, 0], x_hit[i, 1], x_hit[i, 2]
-        level = np.sqrt(x0 * x0 + x1 * x1)
-        rise = 0.0 if level < 1e-9 else -x2 / level
-        seen = -cosine[i]
-        f[0] = seen
-        f[1] = rise * (n_lidar[s, j, 0] * x0 + n_lidar[s, j, 1] * x1) + level * n_lidar[s, j, 2]
-        f[2] = n_lidar[s, j, 1] * x0 - n_lidar[s, j, 0] * x1
-        f[3] = seen * np.sqrt(level * level + x2 * x2)
-        f[4] = 1.0 - seen
-        f[5], f[6] = 0.0, 0.0
-        if level > 1e-9:
-            f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
-        for c in range(3):
-            y[c] = R[s, c, 0] * x0 + R[s, c, 1] * x1 + R[s, c, 2] * x2 + p[s, c]
-        y[4] = d[i]
         b = (group[s] * n_planes + j) * lasers + laser[i]
-        for m in range(FEATURES):
-            w = weight[i] * f[m]
-            for c in range(5):
-                cross[b, m, c] += w * y[c]
-            for c in range(FEATURES):
-                gram[b, m, c] += w * f[c]
+        add_features(x_hit[i], d[i], cosine[i], weight[i], n_lidar[s, j], R[s], p[s], cross[b], gram[b], f, y)
         count[b] += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def gather_features_kernel(
+    cross: Float32Array,
+    gram: Float32Array,
+    use: IntArray,
+    R: FloatArray,
+    p: FloatArray,
+    pose: IntArray,
+    place: IntArray,
+    total_cross: Float32Array,
+    total_gram: Float32Array,
+) -> None:
+    """Adds moments (B, 7, 5), (B, 7, 7) to those at their places, with their hits moved by x -> R x + p of their pose.
+
+    use: (U,) which of them, pose, place: (U,) each one's pose and place.   R: (T, 3, 3), p: (T, 3).
+    """
+    for u in range(use.shape[0]):
+        b, t, k = use[u], pose[u], place[u]
+        for f in range(FEATURES):
+            x0, x1, x2, one = cross[b, f, 0], cross[b, f, 1], cross[b, f, 2], cross[b, f, 3]
+            for c in range(3):
+                total_cross[k, f, c] += R[t, c, 0] * x0 + R[t, c, 1] * x1 + R[t, c, 2] * x2 + p[t, c] * one
+            total_cross[k, f, 3] += one
+            total_cross[k, f, 4] += cross[b, f, 4]
+            for e in range(FEATURES):
+                total_gram[k, f, e] += gram[b, f, e]
+
+
+@numba.njit(cache=True, nogil=True)
+def features_squares_kernel(
+    pair: IntArray,
+    laser: IntArray,
+    a: FloatArray,
+    cross: Float32Array,
+    gram: Float32Array,
+    change: FloatArray,
+    squares: FloatArray,
+) -> None:
+    """Fills squares (B,) with what changed coefficients add to the sum of squares of each cluster. change: (L, 7)."""
+    for b in range(pair.shape[0]):
+        q, j = pair[b], laser[b]
+        total = 0.0
+        for f in range(FEATURES):
+            moved = change[j, f]
+            if moved != 0.0:
+                value = 0.0
+                for c in range(5):
+                    value += 2.0 * cross[b, f, c] * a[q, c]
+                for e in range(FEATURES):
+                    value += gram[b, f, e] * change[j, e]
+                total += moved * value
+        squares[b] = total
 
 
 @numba.njit(cache=True, nogil=True)
@@ -117,8 +211,8 @@ def add_features_kernel(
     laser: IntArray,
     J: FloatArray,
     a: FloatArray,
-    cross: FloatArray,
-    gram: FloatArray,
+    cross: Float32Array,
+    gram: Float32Array,
     column_of: IntArray,
     change: FloatArray,
     planes_start: int,
@@ -134,46 +228,48 @@ def add_features_kernel(
     gram: (B, 7, 7).   column_of: (L, 8) shared columns, -1 for none.   change: (L, 7) of the features' coefficients since
     the clusters were made.   gradient: (K, 9).
     """
-    shared = J.shape[2] - 9
+    width = J.shape[2]
+    shared = width - 9
+    size = corner.shape[0]
     place = np.empty(shared, np.int64)
-    moved = np.empty(FEATURES)
-    pull = np.empty(4)
+    by_knot, pull = np.empty(width), np.empty(width)
+    mixed = np.zeros((size, size))
+    for c in range(7):
+        place[c] = c
+    if shared > 10:
+        place[10] = clock_column
     for b in range(pair.shape[0]):
         q, j = pair[b], laser[b]
         k = knot[q]
-        for c in range(7):
-            place[c] = c
         for c in range(3):
             place[7 + c] = planes_start + 3 * plane[q] + c
-        if shared > 10:
-            place[10] = clock_column
+        pull[:] = 0.0
         for f in range(FEATURES):
-            moved[f] = change[j, f]
-        for m in range(4):
-            pull[m] = 0.0
-            for f in range(FEATURES):
-                pull[m] += cross[b, f, m] * moved[f]
-        for m in range(4):
-            for i in range(9):
-                gradient[k, i] += J[q, m, i] * pull[m]
-            for c in range(shared):
-                gradient_shared[place[c]] += J[q, m, 9 + c] * pull[m]
-        for c in range(COLUMNS):
-            column, f = column_of[j, c], OF_COLUMN[c]
-            if column < 0:
-                continue
-            for m in range(5):
-                gradient_shared[column] += cross[b, f, m] * a[q, m]
+            w0, w1, w2, w3 = cross[b, f, 0], cross[b, f, 1], cross[b, f, 2], cross[b, f, 3]
+            moved = change[j, f]
+            for i in range(width):
+                by_knot[i] = J[q, 0, i] * w0 + J[q, 1, i] * w1 + J[q, 2, i] * w2 + J[q, 3, i] * w3
+                pull[i] += moved * by_knot[i]
+            force = w0 * a[q, 0] + w1 * a[q, 1] + w2 * a[q, 2] + w3 * a[q, 3] + cross[b, f, 4] * a[q, 4]
             for e in range(FEATURES):
-                gradient_shared[column] += gram[b, f, e] * moved[e]
-            for m in range(4):
-                value = cross[b, f, m]
+                force += gram[b, f, e] * change[j, e]
+            for c in range(COLUMNS):
+                column = column_of[j, c]
+                if OF_COLUMN[c] != f or column < 0:
+                    continue
+                gradient_shared[column] += force
                 for i in range(9):
-                    border[k, i, column] += J[q, m, i] * value
+                    border[k, i, column] += by_knot[i]
                 for e in range(shared):
-                    corner[column, place[e]] += J[q, m, 9 + e] * value
-                    corner[place[e], column] += J[q, m, 9 + e] * value
-            for e in range(COLUMNS):
-                other = column_of[j, e]
-                if other >= 0:
-                    corner[column, other] += gram[b, f, OF_COLUMN[e]]
+                    mixed[column, place[e]] += by_knot[9 + e]
+                for e in range(COLUMNS):
+                    other = column_of[j, e]
+                    if other >= 0:
+                        corner[column, other] += gram[b, f, OF_COLUMN[e]]
+        for i in range(9):
+            gradient[k, i] += pull[i]
+        for e in range(shared):
+            gradient_shared[place[e]] += pull[9 + e]
+    for r in range(size):
+        for c in range(size):
+            corner[r, c] += mixed[r, c] + mixed[c, r]

@@ -20,6 +20,13 @@ from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray
 
 CELL_M = 0.2
+#: A cell's mean is off where it is beyond so many times what is usual on its plane, and beyond so many standard deviations of
+#: chance: what stands before the rim of a wall fills the rest of the cell with returns from there.
+_OFF_TIMES, _OFF_SIGMAS = 4.0, 4.0
+#: In the units of `off` (1: too far for any mean) what walls do anyway: an eighth of a return's standard deviation.
+_USUAL_OFF = 0.0625
+#: Of one return in these units: half.
+_RETURN_STD = 0.5
 #: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.
 HALF_CELLS = 500
 
@@ -122,11 +129,24 @@ class ExtentSurvey:
             on, beside = self.on[plane][box].astype(np.int64), self.beside[plane][box]
             seen = on >= least if within is None else (on >= least) & within[plane][box]
             flat = seen & (on >= share * (on + beside)) & (np.abs(self.off[plane][box]) <= on)
+            flat &= ~_off_the_others(self.off[plane][box], on, flat)
             if flat.any():
                 inside[plane][box] = _without_islands(flat, on, island)
         inside[:, [0, -1], :] = False
         inside[:, :, [0, -1]] = False
         return PlaneExtents(self.normals, inside)
+
+
+def _off_the_others(off: Float32Array, on: IntArray, flat: BoolArray) -> BoolArray:
+    """The cells whose mean is beyond both chance and what the plane's other flat cells do, (rows, columns)."""
+    if not flat.any():
+        return flat
+    count = np.maximum(on, 1)
+    mean = np.abs(off) / count
+    order = np.argsort(mean[flat])
+    weight = np.cumsum(on[flat][order])
+    usual = 1.4826 * float(mean[flat][order][np.searchsorted(weight, 0.5 * weight[-1])])
+    return np.asarray(mean > _OFF_TIMES * max(usual, _USUAL_OFF) + _OFF_SIGMAS * _RETURN_STD / np.sqrt(count))
 
 
 def _without_islands(inside: BoolArray, on: IntArray, share: float) -> BoolArray:

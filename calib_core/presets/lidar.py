@@ -34,8 +34,9 @@ _EARLY_ANALOGUE = _prior(0.012, 0.0015, 0.003, incidence_m=0.004)
 _DIGITAL = _prior(0.004, 0.0002, 0.0005, all_m=0.006)
 #: Angles measured for each unit and read from it by the driver.
 _CORRECTED = _prior(0.005, 0.0004, 0.001)
-#: Few lasers that share their optics; the HAP's sheet gives 3 cm of systematic error at 20 m.
-_ROSETTE = _prior(0.003, 0.0005, 0.0005)
+#: Few lasers behind common prisms, each with an analogue receiver, taken as a spinning lidar's: the Avia's sheet gives 0.05 deg
+#: of angular precision, the HAP's 3 cm of systematic error at 20 m.
+_ROSETTE = _prior(0.008, 0.0009, 0.002)
 
 _UNCONFIRMED = "its lasers' own errors unconfirmed"
 

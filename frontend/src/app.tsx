@@ -7,6 +7,7 @@ import { ResultScreen } from "./features/result/screen";
 import { SolveScreen } from "./features/solve/screen";
 import { DropZone } from "./features/start/dropzone";
 import { StartScreen } from "./features/start/screen";
+import { StorageScreen } from "./features/storage/screen";
 import { WorkspaceLayout } from "./features/workspace/layout";
 import { NotFound } from "./features/workspace/notfound";
 import { Boundary } from "./ui/boundary";
@@ -26,6 +27,7 @@ export function App() {
             <Route path="inspect" element={<InspectScreen />} />
             <Route path="result" element={<ResultScreen />} />
           </Route>
+          <Route path="/storage" element={<StorageScreen />} />
           <Route path="*" element={<NotFound />} />
         </Routes>
       </DropZone>

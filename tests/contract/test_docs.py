@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.steering import PAGE, RECORDS, numbers, with_table
+from tools.steering import PAGE, RECORDS, loose, loose_in, numbers, with_table
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("docs/how-it-works.md", "docs/architecture.md", "calib_core/CONVENTIONS.md")
@@ -28,6 +28,38 @@ def test_every_number_has_its_reason() -> None:
     found = list(numbers())
     assert {(n.stage, n.record) for n in found} == {(stage, record) for stage, _, record in RECORDS}
     assert [f"{n.record}.{n.name}" for n in found if not n.reason] == []
+
+
+def test_no_number_steers_from_outside_the_records() -> None:
+    """Mutations: `len(x) < 10` in a stage; `_ENOUGH = 0.6` above it; a record taken off RECORDS."""
+    assert list(loose()) == []
+
+
+def test_loose_numbers_are_seen_and_structure_is_not() -> None:
+    """Mutations: let comparisons through as coefficients are; count the fields of any class, or every call's numbers."""
+    steering = (
+        "_ENOUGH = 0.6",
+        "few = len(x) < 10",
+        "y = max(x, 8)",
+        "y = 4.7 * x",
+        "for k in range(20): pass",
+        "y = f(x, 0.02)",
+        "def f(x, least=12): pass",
+        "y = np.radians(20.0)",
+        "class Other:\n    field_m: float = 0.25",
+    )
+    structure = (
+        "y = 0.5 * x[5:7] / 2.0",
+        "y = np.zeros((5, 9))",
+        "y = 1e3 * x",
+        "y = t**3 / 6",
+        "y = f'{x:.4f} {7 * x}'",
+        "y = np.maximum(x, 1e-12)",
+        "class Known:\n    field_m: float = 0.25",
+        "UNITS = (0.01, 8)",
+    )
+    assert [len(loose_in(source, {"Known"})) for source in steering] == [1] * len(steering)
+    assert [loose_in(source, {"Known"}) for source in structure] == [[]] * len(structure)
 
 
 @pytest.mark.parametrize("page", PAGES)

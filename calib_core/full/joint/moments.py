@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.factors.laser_features import LaserFactors, LaserSums
+from calib_core.factors.laser_features import LaserFactors, LaserSums, move_and_sum_features
 from calib_core.factors.lidar_plane import move_and_sum
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.state import Bins, Estimate
@@ -82,7 +82,7 @@ class Micro:
 def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     """Micro-bins moved to their nearest knots under the current motion and summed: one bin a knot and plane."""
     # One pose a slice, shared by the planes seen in it.
-    time_s, of_slice = np.unique(micro.time_s, return_inverse=True)
+    time_s, of_slice = _instants(micro.time_s)
     imu_s = time_s - estimate.time_offset_s
     # With lasers told apart, slices stay with the knots that their lasers' moments were put together for.
     knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
@@ -113,28 +113,31 @@ def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_of
 
     time_offset_s: with which slices were put together to knots.
     """
-    time_s, of_group = np.unique(micro.time_s, return_inverse=True)
+    time_s, of_group = _instants(micro.time_s)
     imu_s = time_s - estimate.time_offset_s
     knot = motion.nearest_knot(time_s - time_offset_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     back = np.swapaxes(knots.R[knot], 1, 2)
-    move = np.zeros((len(time_s), 5, 5))
-    move[:, :3, :3] = back @ poses.R
-    move[:, :3, 3] = (back @ (poses.p - knots.p[knot])[..., None])[..., 0]
-    move[:, 3, 3] = move[:, 4, 4] = 1.0
     use = np.flatnonzero(poses.usable[of_group])
+    if len(use) == 0:
+        return LaserFactors.empty()
     of_group, sums = of_group[use], micro.sums
     n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
-    keys, place = np.unique(
-        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use], return_inverse=True
+    keys, cross, gram = move_and_sum_features(
+        sums,
+        use,
+        back @ poses.R,
+        (back @ (poses.p - knots.p[knot])[..., None])[..., 0],
+        of_group,
+        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use],
     )
-    moved = sums.cross[use] @ np.swapaxes(move[of_group], 1, 2)
-    if len(keys) == 0:
-        return LaserFactors.empty()
-    order = np.argsort(place, kind="stable")
-    first = np.searchsorted(place[order], np.arange(len(keys)))
-    cross = np.add.reduceat(moved[order], first, axis=0)
-    gram = np.add.reduceat(sums.gram[use][order].astype(np.float64), first, axis=0)
-    pairs, pair = np.unique(keys // lasers, return_inverse=True)
-    return LaserFactors(pairs // n_planes, pairs % n_planes, pair, keys % lasers, cross, gram)
+    begins = np.append(True, np.diff(keys // lasers) != 0)
+    pairs = keys[begins] // lasers
+    return LaserFactors(pairs // n_planes, pairs % n_planes, np.cumsum(begins) - 1, keys % lasers, cross, gram)
+
+
+def _instants(time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+    """The instants of bins in a row (B,), each once for those next to one another, and which of them each bin is of."""
+    begins = np.append(True, time_s[1:] != time_s[:-1])[: len(time_s)]
+    return time_s[begins], np.cumsum(begins) - 1

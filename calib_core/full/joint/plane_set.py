@@ -14,7 +14,7 @@ from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import present_view, problem_of
 from calib_core.full.joint.schedule import PlaneSet
 from calib_core.full.joint.state import Estimate
-from calib_core.full.planes.standing import LEAST_M
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
@@ -83,21 +83,34 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     if settled:
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
         badness = np.maximum(badness, wandering / rules.worst_wandering)
-    doubt = plane_doubts(problem, state.estimate, LEAST_M if settled else rules.rough_m)
+    doubt = plane_doubts(problem, state.estimate, JUDGEMENT.least_m if settled else rules.rough_m)
     badness = np.maximum(badness, doubt.max(axis=1))
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:
         return state
     dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
     say_left_out(data.run, dropped, doubt[~keep])
-    return only_planes(state, keep)
+    return only_planes(state, keep, rules)
 
 
-def only_planes(state: Estimation, keep: BoolArray) -> Estimation:
-    """With some of the planes (P,); points have to be given anew."""
+def only_planes(state: Estimation, keep: BoolArray, rules: PlaneSet) -> Estimation:
+    """With some of the planes (P,), the others put aside; points have to be given anew.
+
+    A wall that is left out still stands where it meets another, and what lies in that edge is not the other's. One that is
+    parallel to a plane that stays, and near it, is the same surface seen twice: put aside, it would claim that one's points.
+    """
     planes = tuple(plane for plane, kept in zip(state.planes, keep, strict=True) if kept)
     e = state.estimate
-    estimate = replace(e, normals=e.normals[keep], offsets_m=e.offsets_m[keep])
+    alike = e.normals[~keep] @ e.normals[keep].T > np.cos(np.radians(rules.same_normal_deg))
+    near = np.abs(e.offsets_m[~keep][:, None] - e.offsets_m[keep]) < rules.same_surface_m
+    aside = np.flatnonzero(~keep)[~(alike & near).any(axis=1)]
+    estimate = replace(
+        e,
+        normals=e.normals[keep],
+        offsets_m=e.offsets_m[keep],
+        aside_normals=np.vstack([e.aside_normals, e.normals[aside]]),
+        aside_offsets_m=np.append(e.aside_offsets_m, e.offsets_m[aside]),
+    )
     return replace(state, estimate=estimate, planes=planes, observations=None)
 
 

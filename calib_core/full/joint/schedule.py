@@ -132,6 +132,8 @@ class PlaneSet:
     #: A find that faces the same way as a known plane, and lies so near, is that plane: doors lie before their walls.
     same_normal_deg: float = 8.0
     same_place_m: float = 0.25
+    #: A plane that is left out and faces the same way as one that stays is that one seen again, if it lies so near.
+    same_surface_m: float = 0.5
     #: What joins has to fill a share of what was searched, be so broad and so flat.
     least_share: float = 0.03
     least_points: int = 300

@@ -8,16 +8,12 @@ import numpy as np
 
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.laser_features import LaserFactors
+from calib_core.full.joint.settings import CHAIN
 from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7
 GRAVITY = slice(7, 10)
 BIAS_START = 10
-
-
-#: Every node is six columns along the whole chain of knots: without a limit, the memory of a solve would grow with the
-#: square of a recording's length, and its time faster still. Biases of minutes are as smooth to a longer spacing.
-MOST_NODES = 24
 
 
 @dataclass(frozen=True)
@@ -33,9 +29,9 @@ class BiasNodes:
         """Nodes at about the spacing over the knots, in a long recording further apart; a single one where it is None."""
         start, end = float(knots_s[0]), float(knots_s[-1])
         middle = 0.5 * (knots_s[:-1] + knots_s[1:])
-        if spacing_s is None or end - start < 1.5 * spacing_s:
+        if spacing_s is None or end - start < CHAIN.one_node * spacing_s:
             return BiasNodes(np.array([start]), np.zeros(len(middle), np.int64), np.zeros(len(middle)))
-        count = min(int(np.ceil((end - start) / spacing_s)) + 1, MOST_NODES)
+        count = min(int(np.ceil((end - start) / spacing_s)) + 1, CHAIN.most_nodes)
         times = np.linspace(start, end, count)
         node = np.clip(np.searchsorted(times, middle, side="right") - 1, 0, count - 2)
         return BiasNodes(times, node, (middle - times[node]) / (times[node + 1] - times[node]))
@@ -62,7 +58,8 @@ class Estimate:
     """Everything estimated. gyro_bias, accel_bias: (N, 3) at the nodes. normals: (P, 3), offsets_m: (P,), map frame.
 
     time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].   nuisance: (N,) the sensors' own
-    parameters (nuisance.py), none where they are taken for ideal.
+    parameters (nuisance.py), none where they are taken for ideal.   aside_normals: (A, 3), aside_offsets_m: (A,) planes that
+    are no part of it, but there: where they meet a wall, points near by may be theirs.
     """
 
     states: KnotStates
@@ -75,6 +72,8 @@ class Estimate:
     normals: FloatArray
     offsets_m: FloatArray
     nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    aside_normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    aside_offsets_m: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def seen_from(self, R: FloatArray, p: FloatArray) -> Estimate:
         """The same estimate with another map frame, whose axes and origin lie at R (3, 3), p (3,) of the present one."""
@@ -86,6 +85,8 @@ class Estimate:
             gravity=self.gravity @ R,
             normals=self.normals @ R,
             offsets_m=self.offsets_m + self.normals @ p,
+            aside_normals=self.aside_normals @ R,
+            aside_offsets_m=self.aside_offsets_m + self.aside_normals @ p,
         )
 
 

@@ -204,13 +204,15 @@ def spread_kernel(
     reach: BoolArray,
     cell_m: float,
     near_m: float,
+    near_per_m: float,
+    widen_cells: float,
     eye: FloatArray,
     passes: int,
 ) -> None:
     """Lets planes reach on: a point near a plane, in a cell that it reaches, adds that cell's neighbours; in `passes` rounds.
 
     x_map: (N, 3) map.   eye: (3,) from where they were seen.   reach: (P, W, W), changed.   A point speaks for the plane
-    nearest to it alone. Far away rings are wide apart: one more cell every 20 cells of range.
+    nearest to it alone. Far away rings are wide apart: one more cell every `widen_cells` cells of range.
     """
     width = reach.shape[1]
     n = x_map.shape[0]
@@ -221,8 +223,8 @@ def spread_kernel(
     for i in range(n):
         x, y, z = x_map[i, 0], x_map[i, 1], x_map[i, 2]
         away = np.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2 + (z - eye[2]) ** 2)
-        near[i] = 1 + int(away / (20.0 * cell_m))
-        owner[i] = _owner(x_map[i], normals, offsets, eye, near_m + 0.003 * away)
+        near[i] = 1 + int(away / (widen_cells * cell_m))
+        owner[i] = _owner(x_map[i], normals, offsets, eye, near_m + near_per_m * away)
         j = owner[i]
         if j >= 0:
             row[i] = cell_of(axes[j, 0, 0] * x + axes[j, 0, 1] * y + axes[j, 0, 2] * z, cell_m, width)

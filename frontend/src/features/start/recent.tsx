@@ -17,7 +17,14 @@ import css from "./start.module.css";
 export function RecentRecordings({ onOpen }: { onOpen: (id: string) => void }) {
   const recordings = useQuery({ ...recordingsQuery, refetchInterval: 10_000 });
   return (
-    <Panel title="Recordings">
+    <Panel
+      title="Recordings"
+      tools={
+        <Link to="/storage" className="dim small">
+          Storage
+        </Link>
+      }
+    >
       {recordings.isPending ? (
         [0, 1, 2].map((i) => <Skeleton key={i} height={46} mb={10} />)
       ) : recordings.isError ? (
