@@ -105,7 +105,9 @@ def _sources() -> list[Path]:
 
 
 def _prose(source: str) -> list[str]:
-    """Docstrings and comments."""
+    """Docstrings and comments, of a source that may name a file."""
+    if not re.search(r"\.(?:py|md)\b", source):
+        return []
     kinds = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
     told = [ast.get_docstring(node) or "" for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)]
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
