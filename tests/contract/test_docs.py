@@ -18,6 +18,7 @@ PAGES = (
     "docs/architecture.md",
     "docs/contract.md",
     "docs/formats.md",
+    "tests/README.md",
     "calib_core/CONVENTIONS.md",
 )
 #: Files of other programs that are spoken of.
@@ -80,6 +81,15 @@ def test_every_file_that_a_page_names_is_there(page: str) -> None:
     named = set(re.findall(r"`([\w./-]+\.(?:py|md|csv|json))", text)) - {"planes.json", "/api/openapi.json"}
     missing = [name for name in sorted(named) if not any((ROOT / folder / name).is_file() for folder in FOLDERS)]
     assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_page_and_picture_that_is_linked_is_there(page: str) -> None:
+    """Mutation: a picture renamed."""
+    path = ROOT / page
+    linked = re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8"))
+    assert [name for name in linked if not (path.parent / name).is_file()] == []
+    assert linked or page != "docs/how-it-works.md"
 
 
 def test_every_file_that_a_docstring_or_a_comment_names_is_there() -> None:
