@@ -10,13 +10,14 @@ Which planes count in the solve is another question: a person's choice neither h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
 from calib_core.full.initialise.start import GyroTurns, LidarTrack, RotationStart, Turns, fit_lags, rotation_start
+from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.planes.propose import propose_planes
@@ -28,6 +29,11 @@ NO_PLANES_TEXT = "no plane was found in any scan; record in front of walls and f
 #: Rates of a good track and the gyroscope correlate by 0.95 and more, those of a lost one by 0.6 at the most; with the
 #: former nothing is looked into, below the latter nothing is believed.
 TRUSTED, BELIEVED = 0.9, 0.6
+#: How alike the turns of pairs of scans and the gyroscope's have to be on three axes. Sines of one or two tempos on each
+#: axis are alike to 0.8 by chance, at one lag of many.
+ALIKE = 0.9
+#: A pair's turn is told no better than this, however many points tell it: its planes are those of one scan.
+_PAIR_STD_RAD = 0.003
 #: Of a rotation between two streams of turns: what it leaves over what there is. Noise alone leaves one.
 _FITS = 0.6
 #: A track this whole is not worth another.
@@ -138,9 +144,6 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     again = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
     if trusted and again.worth(ctx) < _BETTER * first.worth(ctx):
         return first, own
-    ctx.say(
-        "info", "track.aided", "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
-    )
     return again, agreed
 
 
@@ -151,19 +154,26 @@ def lidar_track(ctx: Run, followed: Followed) -> LidarTrack:
 
 
 def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
-    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree."""
+    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree.
+
+    Where three axes tell more of their agreement than the sizes do, it is that of the axes.
+    """
     ctx.stage("track", 0.0, "turning from scan to scan")
     pairs = pair_turns(ctx.recording.scans, seed=ctx.settings.random_seed)
     # A sweep taken as one rigid look is a look from where its middle was.
     middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
-    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, 1e-3)[:, None])
+    worth = 1.0 / (pairs.std_rad**2 + _PAIR_STD_RAD**2)
+    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, 1e-3)[:, None], worth)
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
+    starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
     agreed = agreement_of(turns, imu_s, gyro_rad_s)
-    if agreed is NO_AGREEMENT:
-        return [], agreed
-    lags = [(agreed.lag_s, agreed.correlation)]
-    return fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags), agreed
+    if starts and starts[0].correlation > ALIKE:
+        agreed = replace(
+            agreed, correlation=max(agreed.correlation, starts[0].correlation), lag_s=starts[0].time_offset_s
+        )
+    return starts, agreed
 
 
 def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:

@@ -102,11 +102,15 @@ class Start:
 
 @dataclass(frozen=True)
 class Turns:
-    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second."""
+    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second.
+
+    worth: (N,) what each counts for beside the others, None for all alike.
+    """
 
     start_s: FloatArray
     end_s: FloatArray
     rate_rad_s: FloatArray
+    worth: FloatArray | None = None
 
 
 def turns_of(track: LidarTrack) -> list[Turns]:
@@ -239,7 +243,8 @@ def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: f
     if use.sum() < 10:
         return None
     a, b = turns.rate_rad_s[use], imu[use]
-    weight = np.ones(len(a))
+    worth = np.ones(len(a)) if turns.worth is None else turns.worth[use] / turns.worth[use].mean()
+    weight = worth
     R, bias, singular = np.eye(3), np.zeros(3), np.zeros(3)
     residual = np.zeros_like(a)
     for _ in range(4):
@@ -250,7 +255,7 @@ def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: f
         residual = b - a @ R.T - bias
         size = np.linalg.norm(residual, axis=1)
         scale = 3.0 * max(float(np.median(size)), 1e-4)
-        weight = 1.0 / (1.0 + (size / scale) ** 2) ** 2
+        weight = worth / (1.0 + (size / scale) ** 2) ** 2
     spread = float(np.sqrt(np.average(np.sum((b - b.mean(axis=0)) ** 2, axis=1), weights=weight)))
     noise = float(np.sqrt(np.average(np.sum(residual**2, axis=1), weights=weight)))
     # The second singular value measures turning about a second axis; below the fit's own noise it settles nothing.
