@@ -128,6 +128,9 @@ def moments_kernel(
     f, y = np.empty(FEATURES), np.empty(5)
     errors, sine, cosine = range_offset_m.shape[0], np.sin(elevation_rad), np.cos(elevation_rad)
     lasers = of_cluster.shape[0] // max((group.max() + 1) * n_planes, 1) if group.shape[0] > 0 else 0
+    x0: float
+    x1: float
+    x2: float
     for i in range(xyz.shape[0]):
         which = laser[i] if told_apart else 0
         x0, x1, x2 = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
