@@ -31,7 +31,8 @@ from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, Truth, generate
 from calib_core.simulate.motions import PAPER_FAST
-from calib_core.simulate.sensors import VLP_16, Spinning
+from calib_core.simulate.patterns import Spinning
+from calib_core.simulate.sensors import VLP_16
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
