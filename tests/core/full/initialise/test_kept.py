@@ -96,9 +96,10 @@ def test_only_what_comes_after_may_have_changed(run: Run, following: Following, 
     later = CalibrateSettings(intrinsics="off", max_rounds=9, priors=(Prior(axis="tx", value=0.0, std=1.0),))
     follow_or_recall(replace(run, settings=later), None, tmp_path)
     assert following.times == 1
-    follow_or_recall(replace(run, settings=CalibrateSettings(random_seed=1)), None, tmp_path)
+    other = replace(run, settings=CalibrateSettings(random_seed=1))
+    follow_or_recall(other, None, tmp_path)
     assert following.times == 2
-    shorter = replace(run, clocks=replace(run.clocks, scan_s=run.clocks.scan_s[:-1]))
+    shorter = replace(other, clocks=replace(run.clocks, scan_s=run.clocks.scan_s[:-1]))
     follow_or_recall(shorter, None, tmp_path)
     follow_or_recall(shorter, None, tmp_path)
     assert following.times == 3
