@@ -10,16 +10,17 @@ Which planes count in the solve is another question: a person's choice neither h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
-from calib_core.full.initialise.settings import AGREEING
+from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
@@ -127,9 +128,6 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     again = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
     if trusted and again.worth(ctx) < AGREEING.better * first.worth(ctx):
         return first, own
-    ctx.say(
-        "info", "track.aided", "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
-    )
     return again, agreed
 
 
@@ -140,19 +138,27 @@ def lidar_track(ctx: Run, followed: Followed) -> LidarTrack:
 
 
 def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
-    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree."""
+    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree.
+
+    Where three axes tell more of their agreement than the sizes do, it is that of the axes.
+    """
     ctx.stage("track", 0.0, "turning from scan to scan")
     pairs = pair_turns(ctx.recording.scans, seed=ctx.settings.random_seed)
     # A sweep taken as one rigid look is a look from where its middle was.
     middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
-    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None])
+    worth = 1.0 / (pairs.std_rad**2 + VECTORS.pair_std_rad**2)
+    rate_rad_s = pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None]
+    turns = Turns(start_s, end_s, rate_rad_s, worth)
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
+    starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
     agreed = agreement_of(turns, imu_s, gyro_rad_s)
-    if agreed is NO_AGREEMENT:
-        return [], agreed
-    lags = [(agreed.lag_s, agreed.correlation)]
-    return fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags), agreed
+    if starts and starts[0].correlation > VECTORS.alike:
+        agreed = replace(
+            agreed, correlation=max(agreed.correlation, starts[0].correlation), lag_s=starts[0].time_offset_s
+        )
+    return starts, agreed
 
 
 def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:

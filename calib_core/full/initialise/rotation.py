@@ -68,7 +68,8 @@ def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: f
     if use.sum() < ROTATING.fewest_turns:
         return None
     a, b = turns.rate_rad_s[use], imu[use]
-    weight = np.ones(len(a))
+    worth = np.ones(len(a)) if turns.worth is None else turns.worth[use] / turns.worth[use].mean()
+    weight = worth
     R, bias, singular = np.eye(3), np.zeros(3), np.zeros(3)
     residual = np.zeros_like(a)
     for _ in range(ROTATING.passes):
@@ -79,7 +80,7 @@ def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: f
         residual = b - a @ R.T - bias
         size = np.linalg.norm(residual, axis=1)
         scale = ROTATING.outlier_times * max(float(np.median(size)), ROTATING.least_residual_rad_s)
-        weight = 1.0 / (1.0 + (size / scale) ** 2) ** 2
+        weight = worth / (1.0 + (size / scale) ** 2) ** 2
     spread = float(np.sqrt(np.average(np.sum((b - b.mean(axis=0)) ** 2, axis=1), weights=weight)))
     noise = float(np.sqrt(np.average(np.sum(residual**2, axis=1), weights=weight)))
     # The second singular value measures turning about a second axis; below the fit's own noise it settles nothing.

@@ -31,6 +31,28 @@ class Lags:
 
 
 @dataclass(frozen=True, slots=True)
+class Vectors:
+    """At which lags the turns of pairs of scans are compared with the gyroscope's, on all three axes."""
+
+    #: Lags that are tried lie this far apart: a quarter of the quickest swing of a hand would be five times as much.
+    step_s: float = 0.02
+    #: Lags closer to one another than this are one; so many best ones go on.
+    apart_s: float = 0.1
+    candidates: int = 6
+    #: Compared at once: memory, not the answer.
+    lags_at_once: int = 200
+    #: Rates are cut off above this percentile.
+    top_percent: float = 95.0
+    #: At a lag with fewer turns in common, or with less than this share of them, nothing is compared.
+    fewest_turns: int = 20
+    least_share: float = 0.5
+    #: How alike the turns have to be. Sines of one or two tempos on each axis are alike to 0.8 by chance, at one lag of many.
+    alike: float = 0.9
+    #: A pair's turn is told no better than this, however many points tell it: its planes are those of one scan.
+    pair_std_rad: float = 0.003
+
+
+@dataclass(frozen=True, slots=True)
 class Agreeing:
     """Whether the track's turning is the gyroscope's."""
 
@@ -153,4 +175,5 @@ class Upright:
     worth_a_turn: float = 0.5
 
 
-LAGS, AGREEING, ROTATING, LINEAR, SIGNS, UPRIGHT = Lags(), Agreeing(), Rotating(), Linear(), Signs(), Upright()
+LAGS, VECTORS, AGREEING, ROTATING = Lags(), Vectors(), Agreeing(), Rotating()
+LINEAR, SIGNS, UPRIGHT = Linear(), Signs(), Upright()

@@ -21,11 +21,15 @@ from calib_core.types import FloatArray
 
 @dataclass(frozen=True)
 class Turns:
-    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second."""
+    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second.
+
+    worth: (N,) what each counts for beside the others, None for all alike.
+    """
 
     start_s: FloatArray
     end_s: FloatArray
     rate_rad_s: FloatArray
+    worth: FloatArray | None = None
 
 
 def turns_of(track: LidarTrack) -> list[Turns]:

@@ -22,26 +22,31 @@ from calib_core.types import FloatArray, IntArray, Scan
 
 @dataclass(frozen=True)
 class PairTurns:
-    """Turns between neighbouring scans. first: (N,) position of the former of each pair. rotvec_rad: (N, 3), its axes."""
+    """Turns between neighbouring scans. first: (N,) position of the former of each pair. rotvec_rad: (N, 3), its axes.
+
+    std_rad: (N,) 1 sigma about the axis that its planes tell least.
+    """
 
     first: IntArray
     rotvec_rad: FloatArray
+    std_rad: FloatArray
 
 
 def pair_turns(scans: Sequence[Scan], *, seed: int = 0) -> PairTurns:
     """The turns of every other pair of scans, of the middle of a long recording only."""
-    first, turns = [], []
+    first, turns, stds = [], [], []
     begin = max(0, (len(scans) - 2 * PAIRS.pairs) // 2)
     for position in range(begin, min(begin + 2 * PAIRS.pairs, len(scans) - 1), 2):
         turn = _turn(scans[position], scans[position + 1], position, seed)
         if turn is not None:
             first.append(position)
-            turns.append(turn)
-    return PairTurns(np.array(first, dtype=np.int64), np.array(turns, dtype=np.float64).reshape(-1, 3))
+            turns.append(log(turn.R))
+            stds.append(turn.std_rad)
+    return PairTurns(np.array(first, dtype=np.int64), np.array(turns, dtype=np.float64).reshape(-1, 3), np.array(stds))
 
 
-def _turn(one: Scan, other: Scan, position: int, seed: int) -> FloatArray | None:
-    """(3,) the turn from one scan to the other, None where two planes at least do not tell it."""
+def _turn(one: Scan, other: Scan, position: int, seed: int) -> ScanMotion | None:
+    """The other scan as seen from the one, None where two planes at least do not tell the turn between them."""
     points, _ = sample_points(one, PAIRS.points)
     fits = segment_planes(points, seed=seed, settings=PAIRS.segments)
     if len(fits) < 2:
@@ -59,4 +64,4 @@ def _turn(one: Scan, other: Scan, position: int, seed: int) -> FloatArray | None
         points, np.zeros_like(tau), known, start, tie=tie, settings=s, position=position + 1, scales_m=s.wide_scales_m
     ).motion
     told = motion.std_rad < PAIRS.told_rad and motion.share > PAIRS.told_share
-    return log(motion.R) if told else None
+    return motion if told else None

@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import detrend, windows
 from scipy.special import gammainc, gammaincinv
 
 from calib_core.full.prepare.settings import SPECTRUM
+from calib_core.full.prepare.tapers import slepian_tapers, without_line
 from calib_core.types import BoolArray, FloatArray
 
 
@@ -87,13 +87,13 @@ def _evenly(stamps_s: FloatArray, values: FloatArray, period: float) -> FloatArr
 
 def _spectrum(even: FloatArray, size: int, period: float) -> _Spectrum:
     """Of readings (N, C) one period apart, in segments of so many that overlap by three quarters."""
-    tapers = np.asarray(windows.dpss(size, SPECTRUM.half_bandwidths, SPECTRUM.tapers))
+    tapers = slepian_tapers(size, SPECTRUM.half_bandwidths, SPECTRUM.tapers)
     count = 1 + int(np.ceil(SPECTRUM.overlap * (len(even) / size - 1.0)))
     starts = np.linspace(0, len(even) - size, count).astype(int)
     total = np.zeros((size // 2 + 1, even.shape[1]))
     looked_at = np.zeros(len(even))
     for start in starts:
-        piece = detrend(even[start : start + size], axis=0)
+        piece = without_line(even[start : start + size])
         total += np.mean(np.abs(np.fft.rfft(tapers[:, :, None] * piece, axis=1)) ** 2, axis=0)
         looked_at[start : start + size] += np.sum(tapers**2, axis=0)
     # Two numbers, sine and cosine, for each taper; those of segments that overlap tell partly the same.

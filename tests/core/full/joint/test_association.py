@@ -107,11 +107,11 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
         nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
         values = np.random.default_rng(0).normal(size=nuisance.size) * nuisance.prior_std
         e = replace(
-            view.estimate, nuisance=values, normals=view.estimate.normals[:-1], offsets_m=view.estimate.offsets_m[:-1],
-            aside_normals=view.estimate.normals[-1:], aside_offsets_m=view.estimate.offsets_m[-1:],
+            view.estimate, nuisance=values, normals=view.estimate.normals[1:], offsets_m=view.estimate.offsets_m[1:],
+            aside_normals=view.estimate.normals[:1], aside_offsets_m=view.estimate.offsets_m[:1],
         )  # fmt: skip
         view = replace(view, nuisance=nuisance, estimate=e, poses={})
-        support = replace(support, normals=support.normals[:-1], inside=support.inside[:-1])
+        support = replace(support, normals=support.normals[1:], inside=support.inside[1:])
     twin = replace(view, settings=CalibrateSettings(points_per_plane_per_scan=10**9, field_of_view_deg=100.0))
     view = replace(view, settings=CalibrateSettings(field_of_view_deg=100.0))
     for extents in (None, support):
