@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from bench.rooms import Row, read
+from bench.room_rows import Row, read
 from bench.statistics import FREEDOM
 from bench.store import RESULTS
 

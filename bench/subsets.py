@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.rigs import cluttered, draw, true_planes
-from bench.rooms import Made, Row, solve
+from bench.room_rows import Row
+from bench.rooms import Made, solve
 from bench.runs import PARAMETERS
 from bench.store import RESULTS
 from bench.tables import append_row, read_rows
