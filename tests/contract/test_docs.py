@@ -10,7 +10,7 @@ import pytest
 from tools.steering import PAGE, RECORDS, numbers, with_table
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("docs/how-it-works.md", "docs/architecture.md", "calib_core/CONVENTIONS.md")
+PAGES = ("docs/how-it-works.md", "docs/architecture.md", "docs/security.md", "calib_core/CONVENTIONS.md")
 #: Where a page's bare file names may be.
 FOLDERS = ("", "calib_core", "calib_core/full", *(f"calib_core/full/{room}" for room in (
     "prepare", "planes", "odometry", "initialise", "joint", "assess"
