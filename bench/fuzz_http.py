@@ -89,7 +89,10 @@ class StillLauncher:
 
 @dataclass
 class Findings:
-    """What came back. statuses: how often each.   asked: how many things, some of which were thought better of.   faults: requests that must not be answered so."""
+    """What came back. statuses: how often each.   faults: requests that must not be answered so.
+
+    asked: how many things, some of which were thought better of.
+    """
 
     statuses: Counter[int] = field(default_factory=Counter)
     asked: int = 0
