@@ -39,7 +39,7 @@ run: system-run client $(STAMPS)/kernels
 test: system-test client modules $(STAMPS)/test $(STAMPS)/kernels
 	$(NPM) run test
 	browser=$$($(BIN)/python tools/browser.py) && \
-	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto
+	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto --durations=30
 
 check: system-run client modules $(STAMPS)/test
 	$(BIN)/ruff check .

@@ -52,9 +52,8 @@ def test_what_a_recording_takes_is_told_by_what_it_is(keeping):
 
 def test_a_quota_counts_what_is_there_and_what_was_promised(tmp_path):
     """Oracle: the quota. Mutations: only files that have arrived are counted; the quota looked at after the upload."""
-    with serving(
-        tmp_path, launcher=StillLauncher(), quota_bytes=2**24
-    ) as live:  # the reserve takes eight of the sixteen MB
+    # Eight of these sixteen MB are held back for hard times.
+    with serving(tmp_path, launcher=StillLauncher(), quota_bytes=2**24) as live:
         assert announced(live, 2**24).json()["error"]["code"] == "upload.quota"
         first = announced(live, 5 * 2**20)
         assert first.status_code == 201

@@ -9,7 +9,6 @@ How a bin of points at knot k sees plane j, and what moves that: factors/planes_
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,11 +21,16 @@ from calib_core.factors.planes_seen import planes_seen_kernel
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
+
+#: Columns of a bin's derivative: nine of its knot, the seven, three of its plane; the clocks' rate comes beside them.
+_BIN_COLUMNS = 19
 
 
 @dataclass(frozen=True)
@@ -87,10 +91,9 @@ class JointProblem:
             gradient=np.zeros_like(system.gradient),
             gradient_shared=np.zeros_like(system.gradient_shared),
         )
-        with ThreadPoolExecutor(1) as pool:
-            links = pool.submit(self._add_links, system, estimate, layout)
-            self._add_bins(own, estimate, layout)
-            links.result()
+        links = workers().submit(self._add_links, system, estimate, layout)
+        self._add_bins(own, estimate, layout)
+        links.result()
         system.diagonal += own.diagonal
         system.gradient += own.gradient
         system.gradient_shared += own.gradient_shared
@@ -101,19 +104,17 @@ class JointProblem:
         system.cost += 0.5 * float(residual @ residual)
         # The map frame is free to move as a whole: the gauge knot's pose stays where it is. Velocity that nothing
         # constrains (a knot between two silences) stays put as well.
-        index = np.arange(9 if self.hold_velocity else 6)
+        every, pose, vel = np.arange(9), np.arange(6), np.arange(6, 9)
+        held = every if self.hold_velocity else pose
         if self.hold_velocity or not self.planes_hold_frame:
-            system.diagonal[self.gauge_knot, index, index] += 1e8
+            system.diagonal[self.gauge_knot, held, held] += CHAIN.gauge
         else:
             # Planes that were not all in view leave the chain free to shift: held to a metre, m/s and rad it stays in place.
-            every = np.arange(9)
-            system.diagonal[self.gauge_knot, every, every] += 1.0
-        vel = np.arange(6, 9)
-        system.diagonal[:, vel, vel] += 1e-6
-        pose = np.arange(6)
-        system.diagonal[:, pose, pose] += 1e-6
+            system.diagonal[self.gauge_knot, every, every] += CHAIN.loose_gauge
+        system.diagonal[:, vel, vel] += CHAIN.knot
+        system.diagonal[:, pose, pose] += CHAIN.knot
         planes = np.arange(layout.every_plane().start, layout.every_plane().stop)
-        system.corner[planes, planes] += 1e-4  # a plane that no point sees stays where it is
+        system.corner[planes, planes] += CHAIN.plane  # a plane that no point sees stays where it is
         system.frozen = self.frozen
         return system
 
@@ -228,17 +229,21 @@ class JointProblem:
 
     def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         """A of every bin (B, 5) and the Jacobian of its first four (B, 4, 19), or 20 with the clocks' rate."""
-        return self._seen(estimate, self.bins.knot, self.bins.plane, 20 if self.sensors.clock_place >= 0 else 19)
+        return self._seen(estimate, self.bins.knot, self.bins.plane, self._columns)
 
     def lasers_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         """The same of every pair of a knot and a plane that the lasers' moments are of."""
         lasers = self.bins.lasers
-        return self._seen(estimate, lasers.knot, lasers.plane, 20 if self.sensors.clock_place >= 0 else 19)
+        return self._seen(estimate, lasers.knot, lasers.plane, self._columns)
+
+    @property
+    def _columns(self) -> int:
+        return _BIN_COLUMNS + (self.sensors.clock_place >= 0)
 
     def _seen(self, estimate: Estimate, knot: IntArray, plane: IntArray, columns: int) -> tuple[FloatArray, FloatArray]:
         e = estimate
         a, J = np.empty((len(knot), 5)), np.empty((len(knot) if columns else 0, 4, columns))
-        lever_s = self._clock_lever_s(e, knot) if columns == 20 else np.zeros(0)
+        lever_s = self._clock_lever_s(e, knot) if columns > _BIN_COLUMNS else np.zeros(0)
         planes_seen_kernel(
             knot, plane, e.states.R, e.states.p, e.states.v, self._rates(e), self._later_s(e, knot),
             e.R_imu_lidar, e.p_imu_lidar, e.normals, e.offsets_m, plane_axes(e.normals), lever_s, a, J,

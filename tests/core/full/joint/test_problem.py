@@ -12,7 +12,8 @@ from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.full.joint.begin import bias_nodes
 from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
+from calib_core.full.joint.settings import CHAIN
+from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
@@ -292,8 +293,8 @@ def test_bias_nodes_interpolate() -> None:
     np.testing.assert_allclose(nodes.at_links(values), np.outer(middles, [1.0, -2.0, 0.5]), atol=1e-12)
     np.testing.assert_allclose(nodes.at_knots(values)[1:-1], np.outer(knots[1:-1], [1.0, -2.0, 0.5]), atol=1e-12)
     hour = BiasNodes.spread(np.arange(0.0, 3600.0, 0.5), 3.0)
-    assert len(hour.times_s) == MOST_NODES
-    np.testing.assert_allclose(np.diff(hour.times_s), 3599.5 / (MOST_NODES - 1))
+    assert len(hour.times_s) == CHAIN.most_nodes
+    np.testing.assert_allclose(np.diff(hour.times_s), 3599.5 / (CHAIN.most_nodes - 1))
     for spacing in (None, 8.0):
         single = BiasNodes.spread(knots, spacing)
         np.testing.assert_array_equal(single.at_knots(np.array([[1.0, 2.0, 3.0]])), np.tile([1.0, 2.0, 3.0], (101, 1)))
