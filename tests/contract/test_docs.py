@@ -18,6 +18,7 @@ PAGES = (
     "docs/architecture.md",
     "docs/contract.md",
     "docs/formats.md",
+    "docs/security.md",
     "tests/README.md",
     "calib_core/CONVENTIONS.md",
 )
