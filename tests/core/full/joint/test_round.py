@@ -13,7 +13,7 @@ import pytest
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
 from calib_core.factors.lidar_plane import Gate
-from calib_core.full.joint.round import associate, coarse_stride, descend, gate_of, problem_of
+from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of, problem_of
 from calib_core.full.joint.schedule import Sampling
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Scan
@@ -70,8 +70,18 @@ def test_the_thinning_reads_no_scan_again(half: Half) -> None:
     run = replace(half.data.run, recording=replace(half.data.run.recording, scans=Unreadable()))
     sampling = Sampling(points=24_000, points_per_scan=(100, 4000))
     counts = [len(scans[i].points) for i in half.state.positions]
-    expected = int(np.median(counts) // (24_000 / len(counts)))
+    expected = across_lasers(int(np.median(counts) // (24_000 / len(counts))))
     assert coarse_stride(replace(half.data, run=run), half.state, sampling) == expected > 1
+
+
+@pytest.mark.parametrize("lasers", [16, 32, 40, 64, 80, 128])
+def test_thinned_points_are_of_every_laser(lasers: int) -> None:
+    """And as many of them as were asked for, to a half. Mutation: the stride as it comes: four of sixteen lasers."""
+    laser = np.arange(3 * 4000 * lasers) % lasers
+    for asked in range(1, 40):
+        stride = across_lasers(asked)
+        assert set(laser[::stride]) == set(range(lasers))
+        assert abs(stride - asked) <= max(1, asked / 2)
 
 
 def test_hits_near_two_planes_are_told_by_the_noise_within_bounds(half: Half) -> None:
