@@ -13,12 +13,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib_core.errors import SettingsError
+from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
 from calib_core.result import CalibrationResult
 from calib_core.settings import ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane
 
-#: A rotation typed to three digits is still meant as a rotation; more than this is a mistake.
-ROTATION_TOLERANCE = 1e-2
 #: An outline's corners lie in their plane, but for digits left out.
 OUTLINE_OFF_PLANE_M = 0.05
 #: Sine of a corner that is none: the middle of a straight side.
@@ -154,7 +153,7 @@ def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:
     from scipy.spatial.transform import Rotation
 
     if transform.matrix is not None:
-        return _nearest_rotation(_matrix(transform.matrix, path)[:3, :3], path)
+        return _rotation_of(_matrix(transform.matrix, path)[:3, :3], path)
     if transform.quaternion_xyzw is not None:
         quat_xyzw = np.array(transform.quaternion_xyzw)
         if not abs(float(np.linalg.norm(quat_xyzw)) - 1.0) < ROTATION_TOLERANCE:
@@ -185,11 +184,9 @@ def _matrix(rows: list[list[float]], path: Path) -> FloatArray:
     return np.array(rows, dtype=np.float64)
 
 
-def _nearest_rotation(matrix: FloatArray, path: Path) -> FloatArray:
-    """The rotation nearest to a matrix that is one up to the digits it was written with."""
-    left, _, right = np.linalg.svd(matrix)
-    rotation: FloatArray = left @ right
-    if np.linalg.det(rotation) < 0 or np.abs(rotation - matrix).max() > ROTATION_TOLERANCE:
+def _rotation_of(matrix: FloatArray, path: Path) -> FloatArray:
+    rotation = rotation_meant(matrix)
+    if rotation is None:
         raise SettingsError(
             f"Expected a rotation in T_imu_lidar in {path}, but its columns are not orthonormal and right-handed; "
             "correct the matrix."

@@ -21,8 +21,9 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.audit.pose import FORMS, TOLERANCE, GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.audit.pose import FORMS, GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.errors import InputError
+from calib_core.geometry import ROTATION_TOLERANCE
 from calib_core.types import FloatArray
 
 Direction = Literal["imu_lidar", "lidar_imu"]
@@ -164,7 +165,7 @@ def _matrix_of(numbers: list[float]) -> FloatArray:
         case 7 | 8:
             position, quat_xyzw = values[-7:-4], values[-4:]
             length = float(np.linalg.norm(quat_xyzw))
-            if not abs(length - 1.0) < TOLERANCE:
+            if not abs(length - 1.0) < ROTATION_TOLERANCE:
                 raise unfit(f"the last four numbers are no unit quaternion, their length is {length:.4g}")
             return transform_of(np.asarray(Rotation.from_quat(quat_xyzw).as_matrix()), position)
         case found:

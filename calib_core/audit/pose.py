@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.geometry import rotation_meant
 from calib_core.types import FloatArray
 
-#: A rotation typed to three digits is still meant as a rotation; more than this is a mistake.
-TOLERANCE = 1e-2
 FORMS = (
     "a result of unsweep, a URDF, a FAST-LIO or LIO-SAM YAML, a matrix of 4 rows of 4 numbers, or x y z and a quaternion "
     "x y z w"
@@ -38,7 +37,7 @@ def unfit(reason: str) -> InputError:
 def transform_of(rotation: FloatArray, position_m: FloatArray) -> FloatArray:
     """(4, 4) of a matrix (3, 3) that is a rotation up to the digits it was written with, and a place (3,)."""
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = nearest_rotation(rotation), position_m
+    matrix[:3, :3], matrix[:3, 3] = _rotation(rotation), position_m
     return matrix
 
 
@@ -50,10 +49,8 @@ def inverse(matrix: FloatArray) -> FloatArray:
     return back
 
 
-def nearest_rotation(matrix: FloatArray) -> FloatArray:
-    """The rotation nearest to a matrix (3, 3); raises InputError where none is within the tolerance."""
-    left, _, right = np.linalg.svd(matrix)
-    rotation: FloatArray = left @ right
-    if np.linalg.det(rotation) < 0 or np.abs(rotation - matrix).max() > TOLERANCE:
+def _rotation(matrix: FloatArray) -> FloatArray:
+    rotation = rotation_meant(matrix)
+    if rotation is None:
         raise unfit("the matrix's columns are not orthonormal and right-handed")
     return rotation

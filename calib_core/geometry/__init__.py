@@ -3,6 +3,7 @@
 from calib_core.geometry.axes import plane_axes
 from calib_core.geometry.forms import euler_xyz_deg, quaternion_xyzw, roll_pitch_yaw_rad, transform_matrix
 from calib_core.geometry.so3 import (
+    ROTATION_TOLERANCE,
     cross,
     exp,
     hat,
@@ -11,9 +12,11 @@ from calib_core.geometry.so3 import (
     nearest_rotation,
     right_jacobian,
     right_jacobian_inverse,
+    rotation_meant,
 )
 
 __all__ = [
+    "ROTATION_TOLERANCE",
     "cross",
     "euler_xyz_deg",
     "exp",
@@ -26,5 +29,6 @@ __all__ = [
     "right_jacobian",
     "right_jacobian_inverse",
     "roll_pitch_yaw_rad",
+    "rotation_meant",
     "transform_matrix",
 ]

@@ -19,6 +19,9 @@ import numpy as np
 
 from calib_core.types import FloatArray
 
+#: A rotation typed to three digits is still meant as a rotation; more than this is a mistake.
+ROTATION_TOLERANCE = 1e-2
+
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
@@ -159,3 +162,9 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
     """The rotation closest to a matrix in the Frobenius norm (orthogonal Procrustes). matrix: (3, 3)."""
     u, _, vt = np.linalg.svd(matrix)
     return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+
+
+def rotation_meant(matrix: FloatArray) -> FloatArray | None:
+    """The rotation that a matrix (3, 3) is up to the digits it was written with; None for one that is further off."""
+    rotation = nearest_rotation(matrix)
+    return rotation if np.abs(rotation - matrix).max() <= ROTATION_TOLERANCE else None
