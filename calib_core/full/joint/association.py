@@ -26,7 +26,7 @@ from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
 from calib_core.full.joint.state import Estimate
-from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
+from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import workers
@@ -119,6 +119,9 @@ class View:
         hits.plane[hits.plane >= len(e.normals)] = -1
         if errors is not None and errors.incidence_m:
             hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
+        if self.nuisance.surface is not None:
+            # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
+            hits.d[:] -= self.nuisance.surface.heights_m(hits, self.nuisance.values(e.nuisance, SURFACE))
         if stride > 1:
             self.thinned[key] = hits
         return hits
@@ -145,7 +148,7 @@ class View:
         self, positions: Sequence[int], hits: Hits, keep: BoolArray, weight: FloatArray, stride: int
     ) -> LaserMicro | None:
         """The kept points' moments for the lidar's own parameters; None where none of these is in play."""
-        if not any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS)):
+        if not any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS, SURFACE)):
             return None
         # Slices go together that go to one knot, as they do when they are gathered.
         counts = [self._slices(i) for i in positions]
@@ -157,9 +160,11 @@ class View:
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
         group = np.cumsum(begins) - 1
         laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
+        surface = self.nuisance.surface
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
-            group=group, middle=middle,
+            group=group, middle=middle, patch=None if surface is None else surface.of(hits),
+            patches=self.nuisance.patches + 1,
         )  # fmt: skip
         scan = np.repeat(np.asarray(positions, np.int64), counts)[middle][sums.group]
         return LaserMicro(centre_s[middle][sums.group], scan, sums)

@@ -14,6 +14,7 @@ from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
 from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settling
 from calib_core.full.joint.settle import alternate, settle
+from calib_core.full.joint.surface import admit_surface
 
 #: How far along the estimation is, as a share of its usual time: where the motion is known (and of that, where the coarse
 #: rounds are done), and where a part of the points has settled. For whoever watches; nothing depends on it.
@@ -37,6 +38,9 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule) -> 
     state = settle(data.portion(_MOTION, _SETTLED), state, settling, sampling)
     if rules is not None:
         state = settle_without_doubtful(data.portion(_SETTLED, _SETTLED), state, rules, settling, sampling)
+    uneven = admit_surface(data, state, schedule.surfaces, sampling)
+    if uneven is not state:
+        state = settle(data.portion(_SETTLED, _SETTLED), uneven, settling, sampling)
     state, problem = alternate(data.portion(_SETTLED, 1.0), state, settling, sampling)
     return finished(data, state, problem)
 
