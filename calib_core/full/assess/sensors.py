@@ -9,6 +9,7 @@ import numpy as np
 
 from calib_core.full.assess.considered import Considered, parameter_std
 from calib_core.full.joint.estimation import Solved
+from calib_core.full.prepare.nuisance import sensor_block
 from calib_core.intrinsics import UNITS
 from calib_core.result import Intrinsic
 
@@ -56,7 +57,7 @@ def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFind
                     {
                         "block": each.block,
                         "name": name,
-                        "unit": UNITS[each.block],
+                        "unit": UNITS[sensor_block(each)],
                         "value": float(value),
                         "std": float(own_std),
                         "prior_std": float(prior),

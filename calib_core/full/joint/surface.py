@@ -57,8 +57,8 @@ def patch_sums(
         keep, weight = select(hits, state.lidar_noise, gate, state.support)
         patch, weight = patches.of(hits)[keep], weight[keep]
         return (
-            np.bincount(patch, weight, patches.count + 1)[:-1],
-            np.bincount(patch, weight * hits.d[keep], patches.count + 1)[:-1],
+            np.bincount(patch, weight, patches.count + 1)[:-1].astype(np.float64),
+            np.bincount(patch, weight * hits.d[keep], patches.count + 1)[:-1].astype(np.float64),
         )
 
     parts = view.over_batches(state.positions, stride, some)

@@ -108,6 +108,13 @@ class Nuisance:
         return max((len(self.values(self.prior_std, block)) for block in LASER_BLOCKS), default=0)
 
 
+def sensor_block(of: NuisanceBlock) -> Block:
+    """The sensors' own block that this is: not the room's."""
+    if of.block == SURFACE:
+        raise ValueError("a surface is no sensor's")
+    return of.block
+
+
 #: Of the sample that lasers are counted in; and what the elevation of one laser's points may vary by in a sweep.
 _SAMPLE = 5
 _MOST_LASERS = 128

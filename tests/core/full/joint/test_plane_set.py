@@ -105,11 +105,13 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
 def test_a_wall_that_is_left_out_still_stands_in_its_edges() -> None:
     """Put aside, in whatever frame comes next; but not the same surface seen twice, which would claim the other's points.
 
-    Mutations: nothing put aside, all put aside, the frame's change left out.
+    Mutations: nothing put aside, all put aside, clutter put aside, the frame's change left out.
     """
     normals = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.9998, 0.02, 0.0], [0.0, 0.0, 1.0]])
     state = state_of(normals, np.array([1.0, 2.0, 1.1, 0.5]), *(MapPlane(name) for name in "abcd"))
-    left = only_planes(state, np.array([True, True, False, False]), PlaneSet())
+    keep, every = np.array([True, True, False, False]), np.ones(4, bool)
+    assert only_planes(state, keep, ~every, PlaneSet()).estimate.aside_offsets_m.size == 0
+    left = only_planes(state, keep, every, PlaneSet())
     np.testing.assert_array_equal(left.estimate.aside_normals, normals[3:])
     np.testing.assert_array_equal(left.estimate.aside_offsets_m, [0.5])
     moved = left.estimate.seen_from(np.eye(3), np.array([0.0, 0.0, 0.25]))
