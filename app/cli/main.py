@@ -1,7 +1,7 @@
 """The command line `unsweep`: words in, a command run, every error turned into an exit code and one sentence.
 
 Exit codes: 0 done; 1 an audited extrinsic is off; 2 the call or the input is at fault; 3 the recording cannot give the
-answer; 4 a defect; 130 interrupted. On 2, 3 and 4 the last line on stderr is one sentence (contract.md, Command line).
+answer; 4 a defect; 130 interrupted. On 2, 3 and 4 the last line on stderr is one sentence (docs/contract.md).
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pydantic import TypeAdapter, ValidationError
 
 from app.jobs.orders import StoredRequest
@@ -44,3 +46,15 @@ def outcome_of(record: JobRecord) -> Outcome | None:
         return None if record.outcome_json is None else _OUTCOME.validate_json(record.outcome_json)
     except ValidationError:
         return None
+
+
+def telling(records: Sequence[JobRecord]) -> JobRecord | None:
+    """The job that says where a recording stands, of its jobs newest first.
+
+    The newest; but an audit judges somebody else's extrinsic, so it does not stand before a solve that is the newest of
+    the others.
+    """
+    own = next((record for record in records if record.kind != "audit"), None)
+    if own is not None and own.kind == "solve":
+        return own
+    return records[0] if records else None

@@ -25,7 +25,7 @@ from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
 from app.events import JobMoved, JobSaid, JobStepped, QueueMoved
 from app.jobs.client import ASKING
 from app.jobs.journal import Journal, number_of
-from app.jobs.kept import error_of, outcome_of, request_of
+from app.jobs.kept import error_of, outcome_of, request_of, telling
 from app.jobs.launch import Launcher, RunningJob
 from app.jobs.log import JobLogs
 from app.jobs.machine import FINAL, IllegalTransition, Signal, may_start, sentence_of, transition
@@ -115,9 +115,9 @@ class JobService:
         return [self.wire(record) for record in self._store.of_recording(recording_id)]
 
     def latest(self, recording_id: str) -> Job | None:
-        """The recording's newest job."""
-        records = self._store.of_recording(recording_id)
-        return self.wire(records[0]) if records else None
+        """The job that says where the recording stands."""
+        record = telling(self._store.of_recording(recording_id))
+        return None if record is None else self.wire(record)
 
     def records_of(self, recording_id: str) -> list[JobRecord]:
         """The recording's jobs as kept, newest first."""

@@ -168,6 +168,7 @@ class RecordingService:
         with self._announcing:
             promised = sum(max(0, r.size_bytes - self.received_bytes(r)) for r in self._arriving(datetime.now(UTC)))
             self._files.check_room(size_bytes, promised_bytes=promised)
+            self._files.check_quota(size_bytes, promised_bytes=promised)
             record = self._new(
                 display_name(name), "upload", source=f"source{suffix}", size_bytes=size_bytes, state="receiving"
             )

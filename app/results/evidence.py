@@ -13,7 +13,7 @@ from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
 from app.schemas.evidence import Binned, Evidence, Picture, Step
 from calib_core import api
-from calib_core.events import IterationEvent, OnEvent
+from calib_core.events import Event, IterationEvent, OnEvent
 from calib_core.result import CalibrationResult
 from calib_core.types import BoolArray, FloatArray, PointArray, Recording, Scan, Trajectory
 
@@ -40,12 +40,12 @@ class StepListener:
         self.steps: list[Step] = []
         self._on_event = on_event
 
-    def __call__(self, event: object) -> None:
+    def __call__(self, event: Event) -> None:
         """Called by the solve. event: any of its events."""
         if isinstance(event, IterationEvent):
             names = Step.model_fields
             self.steps.append(Step.model_validate({name: getattr(event, name) for name in names}))
-        self._on_event(event)  # type: ignore[arg-type]
+        self._on_event(event)
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from scipy.spatial.transform import Rotation
-
 from app.errors import BadRequest
 from app.schemas.view import OldExtrinsic
 from calib_core import api
@@ -16,6 +14,8 @@ Direction = Literal["imu_lidar", "lidar_imu"]
 
 def parse_extrinsic(text: str, direction: Direction) -> OldExtrinsic:
     """The extrinsic as T_imu_lidar. direction: of bare numbers, imu_lidar takes lidar coordinates to the IMU's."""
+    from scipy.spatial.transform import Rotation
+
     try:
         given = api.parse_extrinsic(text, direction=direction)
     except InputError as error:

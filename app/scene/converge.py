@@ -8,7 +8,6 @@ the recording.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.planes import palette
 from app.results.thickness import nearest_plane, rigid_map_points
@@ -66,6 +65,8 @@ def build_converging(
 
 def motion_of(sweep: SweepMotion) -> Trajectory:
     """The lidar's motion through one sweep, constant twist between the instants that are told."""
+    from scipy.spatial.transform import Rotation
+
     return Trajectory(
         epoch_ns=sweep.stamp_ns,
         times_s=np.array(sweep.offset_s, dtype=np.float64),

@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.results.thickness import GATE_M, nearest_plane, outlines_of, spread
 from app.scene.build import Solved, thinned_scan
@@ -30,6 +29,8 @@ BLUR_POINTS = 1500
 
 def nudged(trajectory: Trajectory, T_imu_lidar: FloatArray, nudge: Nudge) -> Trajectory:
     """The lidar's motion if the answer were off by the nudge.   T_imu_lidar: (4, 4)."""
+    from scipy.spatial.transform import Rotation
+
     turn = Rotation.from_rotvec(np.radians([nudge.rx_deg, nudge.ry_deg, nudge.rz_deg])).as_matrix()
     T_wrong = np.eye(4)
     T_wrong[:3, :3] = T_imu_lidar[:3, :3] @ turn
@@ -39,6 +40,8 @@ def nudged(trajectory: Trajectory, T_imu_lidar: FloatArray, nudge: Nudge) -> Tra
 
 def with_old(solved: Solved, old: OldExtrinsic) -> Trajectory:
     """The lidar's motion if the old extrinsic were true; without a time offset of its own it borrows the answer's."""
+    from scipy.spatial.transform import Rotation
+
     T_old = np.eye(4)
     T_old[:3, :3] = Rotation.from_quat(old.quaternion_xyzw).as_matrix()
     T_old[:3, 3] = old.translation_m

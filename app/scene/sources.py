@@ -8,6 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Generic, TypeVar
 from zipfile import BadZipFile
 
@@ -100,7 +101,7 @@ class SceneSources:
             if not (self._files.job(job.id) / "trajectory.npz").is_file():
                 continue
             with suppress(OSError, ValueError, KeyError, BadZipFile):  # damaged on the disk: as if it had no answer
-                return SolvedJob(job.id, self._solved.get(job.id, lambda job=job: self._load(job)))  # type: ignore[misc]
+                return SolvedJob(job.id, self._solved.get(job.id, partial(self._load, job)))
         return None
 
     def _load(self, job: JobRecord) -> Solved:

@@ -9,7 +9,6 @@ lever arm and clock are known; the solved trajectory takes over in the inspectio
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from calib_core.types import Float32Array, FloatArray, ImuData, Recording, Scan
 
@@ -48,6 +47,8 @@ def straighten(scan: Scan, imu: ImuData, *, T_imu_lidar: FloatArray, time_offset
 
 def _sweep_rotations(scan: Scan, imu: ImuData, time_offset_s: float) -> FloatArray | None:
     """(SLICES, 3, 3): R(t_0)^T R(t) at the slices' middles; None where the IMU does not cover the sweep."""
+    from scipy.spatial.transform import Rotation, Slerp
+
     start_ns = scan.stamp_ns - round(time_offset_s * 1e9)
     end_s = float(scan.points["offset_ns"].max()) * 1e-9 if len(scan.points) else 0.0
     t_s = (imu.stamps_ns - start_ns) * 1e-9

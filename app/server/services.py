@@ -25,6 +25,7 @@ from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.recordings.folder import RecordingsFolder
+from app.recordings.keeping import Keeping
 from app.recordings.service import RecordingService
 from app.results.service import ResultService
 from app.scene.compose import Composer
@@ -89,6 +90,7 @@ class Services:
             looks_of=self.planes.looks,
         )
         self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, bus, settings=settings)
+        self.keeping = Keeping(recording_store, self.files, self.jobs, self.recordings, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
         composer = Composer(
@@ -108,6 +110,7 @@ class Services:
         self.recordings.resume(datetime.now(UTC))
         self._launcher.prepare()
         self.scenes.start()
+        self.keeping.start()
 
     def end_streams(self) -> None:
         """Let everybody who listens come to an end, so that the server can stop at once."""
@@ -117,6 +120,7 @@ class Services:
 
     def close(self) -> None:
         """Stop jobs and scenes, close the store."""
+        self.keeping.close()
         self.end_streams()
         self.jobs.close()
         self._launcher.close()

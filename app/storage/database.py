@@ -1,14 +1,12 @@
-"""The store: SQLite in the data directory (WAL), or any database SQLAlchemy reaches by URL; tables and migrations.
+"""The store: SQLite in the data directory (WAL), or any database SQLAlchemy reaches by URL, and its tables.
 
-A fresh database gets the newest tables at once. An older one is brought up by the steps of MIGRATIONS, in order,
-each in its own transaction. A newer one is refused: an old program must not write into it.
+A fresh database gets the newest tables at once. An older one is brought up by the steps that upgrade.py finds, all in
+one transaction. A newer one is refused: an old program must not write into it.
 """
 
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sqlalchemy import (
@@ -28,7 +26,6 @@ from sqlalchemy import (
     insert,
     inspect,
     select,
-    text,
     update,
 )
 from sqlalchemy.engine.interfaces import DBAPIConnection, ExceptionContext
@@ -36,6 +33,7 @@ from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from app.errors import DiskFull, Unavailable
+from app.storage.upgrade import HEAD, upgrade
 
 
 class UtcTime(TypeDecorator[datetime]):
@@ -103,26 +101,10 @@ DOCUMENTS = Table(
 SCHEMA_VERSION = Table("schema_version", METADATA, Column("version", Integer, primary_key=True))
 
 
-@dataclass(frozen=True, slots=True)
-class Migration:
-    """SQL that brings a database from `version - 1` to `version`."""
-
-    version: int
-    statements: Sequence[str]
-
-
-#: Version 1 is the first release. 2: jobs have an order of their own, which no clock can turn around.
-MIGRATIONS: tuple[Migration, ...] = (
-    Migration(
-        2,
-        (
-            "ALTER TABLE jobs ADD COLUMN sequence INTEGER NOT NULL DEFAULT 0",
-            """UPDATE jobs SET sequence = (SELECT COUNT(*) FROM jobs AS earlier WHERE earlier.created_at < jobs.created_at
-            OR (earlier.created_at = jobs.created_at AND earlier.id <= jobs.id))""",
-        ),
-    ),
-)
-NEWEST_VERSION = 2
+#: What Alembic notes, in its own table.
+REVISION = Table("alembic_version", METADATA, Column("version_num", String(32), primary_key=True))
+#: The number of stores that Alembic keeps. Up to 2 it was all there was; programs of that time refuse a larger one.
+NUMBER = 3
 
 
 def open_database(url: str) -> Engine:
@@ -147,7 +129,7 @@ def open_database(url: str) -> Engine:
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "handle_error", _tell_full_disk)
     try:
-        migrate(engine, MIGRATIONS, newest=NEWEST_VERSION)
+        bring_up(engine)
     except SQLAlchemyError as error:
         raise Unavailable(
             "store.unusable",
@@ -156,26 +138,24 @@ def open_database(url: str) -> Engine:
     return engine
 
 
-def migrate(engine: Engine, migrations: Sequence[Migration], *, newest: int) -> None:
-    """Bring the database to `newest`, or refuse one that is newer."""
+def bring_up(engine: Engine) -> None:
+    """Make the tables, or bring those of an earlier version up, all or nothing; a newer store is refused."""
     with engine.begin() as connection:
-        if not inspect(connection).has_table(SCHEMA_VERSION.name):
+        tables = set(inspect(connection).get_table_names())
+        if SCHEMA_VERSION.name not in tables:
             METADATA.create_all(connection)
-            connection.execute(insert(SCHEMA_VERSION).values(version=newest))
+            connection.execute(insert(SCHEMA_VERSION).values(version=NUMBER))
+            connection.execute(insert(REVISION).values(version_num=HEAD))
             return
-        found = connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
-    if found > newest:
-        raise Unavailable(
-            "store.newer",
-            f"The record store has version {found}, this program knows up to {newest}: "
-            "use the newer program, or another data directory.",
-        )
-    for step in migrations:
-        if step.version > found:
-            with engine.begin() as connection:
-                for statement in step.statements:
-                    connection.execute(text(statement))
-                connection.execute(update(SCHEMA_VERSION).values(version=step.version))
+        # Writing first: SQLite then has the changes of tables that follow in the same transaction, too.
+        connection.execute(update(SCHEMA_VERSION).values(version=SCHEMA_VERSION.c.version))
+        if REVISION.name not in tables:
+            REVISION.create(connection)
+            number = connection.execute(select(SCHEMA_VERSION.c.version)).scalar_one()
+            connection.execute(insert(REVISION).values(version_num=f"{number:04d}"))
+        found = connection.execute(select(REVISION.c.version_num)).scalar_one()
+        if found != HEAD:
+            upgrade(connection, found)
 
 
 def touch_database(engine: Engine) -> None:

@@ -14,15 +14,18 @@ import os
 import shutil
 import tempfile
 from collections.abc import Collection
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from app.errors import BadRequest, DiskFull, NotFound, Unavailable
 from app.settings import AppSettings
+from app.storage.atomic import write_text
 from app.storage.lock import sole_use
 from app.storage.partial import PartialFile
 from app.storage.records import RecordingRecord
+from app.storage.sizes import tree_size
 from calib_core import api
+from calib_core.errors import InputError
 
 #: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
 SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
@@ -31,6 +34,8 @@ SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
 #: Room for the store's transactions when the disk is full: a deletion writes a few pages of 4 KiB.
 RESERVE_BYTES = 8 * 2**20
 RESERVE_NAME = "reserve"
+#: Where the data directory was made, which the keys of its arrays are made of.
+PLACE_NAME = "place"
 
 
 def suffix_of(name: str) -> str:
@@ -59,6 +64,7 @@ class DataFolder:
     def __init__(self, settings: AppSettings) -> None:
         self.root = settings.data_dir
         self._min_free_bytes = settings.min_free_bytes
+        self._quota_bytes = settings.quota_bytes
         self._held = ExitStack()
 
     def prepare(self) -> None:
@@ -72,11 +78,19 @@ class DataFolder:
                 f"The data directory {self.root} cannot be made ({error.strerror}): name another with --data-dir.",
             ) from error
         self._held.enter_context(sole_use(self.root))
+        self._note_place()
         self.keep_reserve()
 
     def release(self) -> None:
         """Let another server use the folders."""
         self._held.close()
+
+    def _note_place(self) -> None:
+        """Write down, once, where the data directory is; on a full disk the next start does it."""
+        place = self.root / PLACE_NAME
+        if not place.exists():
+            with suppress(InputError):
+                write_text(place, str(self.root))
 
     def keep_reserve(self) -> None:
         """Hold back some room, or give it away where there is none left: deleting and failing need a few pages too.
@@ -147,8 +161,19 @@ class DataFolder:
                 "recording.source_missing",
                 f"The recording {record.name} is no longer at {source}: put it back, or delete the entry.",
             ) from error
-        inputs = f"1|{source}|{stat.st_size}|{stat.st_mtime_ns}|{record.read_settings_json}"
+        inputs = f"1|{self._named(record)}|{stat.st_size}|{stat.st_mtime_ns}|{record.read_settings_json}"
         return hashlib.sha256(inputs.encode()).hexdigest()[:32]
+
+    def _named(self, record: RecordingRecord) -> Path:
+        """The source as it was called where the data directory was made: a copy elsewhere has the same keys."""
+        if record.origin == "folder":
+            return Path(record.source)
+        place = self.root / PLACE_NAME
+        try:
+            made_at = Path(place.read_text(encoding="utf-8"))
+        except OSError:
+            made_at = self.root
+        return made_at / "recordings" / record.id / record.source
 
     def job(self, job_id: str) -> Path:
         """The job's folder."""
@@ -162,6 +187,18 @@ class DataFolder:
                 "upload.disk_full",
                 f"{incoming_bytes / 1e9:.2f} GB more do not fit: the data directory's disk has {max(free, 0) / 1e9:.2f} GB "
                 f"to give and keeps {self._min_free_bytes / 1e9:.2f} GB free; delete recordings, or take a larger disk.",
+            )
+
+    def check_quota(self, incoming_bytes: int, *, promised_bytes: int = 0) -> None:
+        """Raise DiskFull unless so many more bytes leave the data directory within its quota, where it has one."""
+        if self._quota_bytes is None:
+            return
+        left = self._quota_bytes - tree_size(self.root) - promised_bytes
+        if incoming_bytes > left:
+            raise DiskFull(
+                "upload.quota",
+                f"{incoming_bytes / 1e9:.2f} GB more do not fit: of the {self._quota_bytes / 1e9:.2f} GB that this server "
+                f"may take {max(left, 0) / 1e9:.2f} GB are left; delete recordings.",
             )
 
     def remove_recording(self, recording_id: str, job_ids: list[str]) -> None:

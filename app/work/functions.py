@@ -111,6 +111,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         order.request.settings,
         planes=None if order.request.planes is None else [_plane(plane) for plane in order.request.planes],
         initial_guess=_guess(order.request.initial_guess),
+        kept_in=order.cache / "track",
         on_event=on_event,
         should_cancel=should_cancel,
     )

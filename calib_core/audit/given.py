@@ -74,10 +74,11 @@ def _json_of(text: str) -> object:
 
 def _from_document(document: dict[str, object]) -> GivenExtrinsic:
     transform, offset_s, offset_ns = (document.get(key) for key in ("T_imu_lidar", "time_offset_s", "time_offset_ns"))
-    if offset_s is not None and not _finite(offset_s):
+    seconds = None if offset_s is None else _number(offset_s)
+    if offset_s is not None and seconds is None:
         raise unfit("its time_offset_s is no number")
     if isinstance(offset_ns, bool) or not isinstance(offset_ns, int):
-        offset_ns = None if offset_s is None else round(float(offset_s) * 1e9)  # type: ignore[arg-type]
+        offset_ns = None if seconds is None else round(seconds * 1e9)
     matrix = _transform_of_document(transform)
     return GivenExtrinsic(matrix, offset_ns, "JSON of unsweep, T_imu_lidar", _covariance_of(document))
 
@@ -114,15 +115,19 @@ def _flat(rows: list[object]) -> list[float]:
     for row in rows:
         if isinstance(row, list):
             numbers += _flat(row)
-        elif _finite(row):
-            numbers.append(float(row))  # type: ignore[arg-type]
-        else:
+            continue
+        number = _number(row)
+        if number is None:
             raise unfit(f"{str(row)[:20]!r} is no number")
+        numbers.append(number)
     return numbers
 
 
-def _finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _number(value: object) -> float | None:
+    """A finite number, or None."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return float(value)
 
 
 def _numbers_of(text: str) -> list[float]:

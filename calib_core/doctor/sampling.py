@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from calib_core.full.forecast import SAMPLED_POINTS, sample_scan
+from calib_core.full.forecast import FORECASTING, sample_scan
 from calib_core.types import IntArray, Recording, Scan
 
 #: A forecast looks at no more than this: a longer recording only knows the same better.
@@ -45,7 +45,7 @@ class SampledScans:
 
     def add(self, scan: Scan) -> None:
         """Take a scan, in order; its index is its position."""
-        count = _DENSE_POINTS if len(self.scans) in self._dense else SAMPLED_POINTS
+        count = _DENSE_POINTS if len(self.scans) in self._dense else FORECASTING.sampled_points
         self.scans.append(sample_scan(scan, count))
         self.points.append(len(scan.points))
 

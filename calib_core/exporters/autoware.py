@@ -6,7 +6,8 @@ T_lidar_imu; with the lidar elsewhere, T_kit_imu = T_kit_lidar T_lidar_imu.
 
 from __future__ import annotations
 
-from calib_core.exporters.extrinsic import Extrinsic, decimal, roll_pitch_yaw_rad
+from calib_core.exporters.extrinsic import Extrinsic, decimal
+from calib_core.geometry import roll_pitch_yaw_rad
 
 _KEYS = ("x", "y", "z", "roll", "pitch", "yaw")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from math import atan2, hypot, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -214,18 +214,6 @@ def quat_xyzw(R: FloatArray) -> FloatArray:
     quat: FloatArray = products[largest] / (2.0 * sqrt(squares[largest]))
     quat /= np.linalg.norm(quat)
     return -quat if quat[3] < 0 else quat
-
-
-def roll_pitch_yaw_rad(R: FloatArray) -> tuple[float, float, float]:
-    """The angles with R = Rz(yaw) Ry(pitch) Rx(roll).   R: (3, 3). Looking straight up or down, yaw is 0."""
-    cosine = hypot(float(R[0, 0]), float(R[1, 0]))
-    if cosine < 1e-9:
-        return atan2(-float(R[1, 2]), float(R[1, 1])), atan2(-float(R[2, 0]), cosine), 0.0
-    return (
-        atan2(float(R[2, 1]), float(R[2, 2])),
-        atan2(-float(R[2, 0]), cosine),
-        atan2(float(R[1, 0]), float(R[0, 0])),
-    )
 
 
 def _place(point_m: FloatArray) -> str:

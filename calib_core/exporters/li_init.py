@@ -6,7 +6,8 @@ from math import degrees
 
 import numpy as np
 
-from calib_core.exporters.extrinsic import Extrinsic, decimal, decimals, exact_seconds, roll_pitch_yaw_rad
+from calib_core.exporters.extrinsic import Extrinsic, decimal, decimals, exact_seconds
+from calib_core.geometry import roll_pitch_yaw_rad
 
 
 def li_init(extrinsic: Extrinsic) -> str:

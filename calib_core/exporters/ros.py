@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from calib_core.exporters.extrinsic import Extrinsic, decimal, decimals, quat_xyzw, roll_pitch_yaw_rad
+from calib_core.exporters.extrinsic import Extrinsic, decimal, decimals, quat_xyzw
+from calib_core.geometry import roll_pitch_yaw_rad
 
 
 def tf2_ros1(extrinsic: Extrinsic) -> str:

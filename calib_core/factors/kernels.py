@@ -18,6 +18,64 @@ GRAZING = 0.25
 RAMP = 0.25
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def looked_at(x: float, y: float, z: float, min_azimuth_cosine: float) -> bool:
+    """Whether a point is a return, and within the field of view. min_azimuth_cosine: -2 for all."""
+    if x * x + y * y + z * z < 1e-6:
+        return False
+    return min_azimuth_cosine <= -1.5 or x >= min_azimuth_cosine * np.sqrt(x * x + y * y)
+
+
+@numba.njit(cache=True, nogil=True)
+def meet(
+    x: float,
+    y: float,
+    z: float,
+    t: float,
+    n_lidar: FloatArray,
+    w_lidar: FloatArray,
+    omega: FloatArray,
+    v: FloatArray,
+    min_cosine: float,
+    D: FloatArray,
+    along: FloatArray,
+    hit: FloatArray,
+) -> int:
+    """The plane that a ray most plausibly ended on, -1 for none, and what is said of it: hit (6,) x_hit, d, cosine, beside.
+
+    t: after the middle of its slice, whose planes n_lidar (P, 3), w_lidar (P,) and rates omega, v (3,) are.   D, along:
+    (P,) room to work.   Range errors D / cosine are compared without dividing.
+    """
+    n_planes = n_lidar.shape[0]
+    tx = x + t * (omega[1] * z - omega[2] * y)
+    ty = y + t * (omega[2] * x - omega[0] * z)
+    tz = z + t * (omega[0] * y - omega[1] * x)
+    r = np.sqrt(x * x + y * y + z * z)
+    best = -1
+    for j in range(n_planes):
+        nx, ny, nz = n_lidar[j, 0], n_lidar[j, 1], n_lidar[j, 2]
+        along[j] = nx * tx + ny * ty + nz * tz
+        D[j] = along[j] + t * (nx * v[0] + ny * v[1] + nz * v[2]) + w_lidar[j]
+        if along[j] < -min_cosine * r and (best < 0 or abs(D[j]) * along[best] > abs(D[best]) * along[j]):
+            best = j
+    if best < 0:
+        return best
+    error = D[best] / along[best]
+    hit[0] = tx + t * v[0] - error * tx
+    hit[1] = ty + t * v[1] - error * ty
+    hit[2] = tz + t * v[2] - error * tz
+    hit[3] = D[best]
+    hit[4] = along[best] / r
+    gap, slant = np.inf, 1.0
+    for j in range(n_planes):
+        if j != best:
+            other, across = abs(D[j] - error * along[j]), max(abs(along[j]), GRAZING * r)
+            if other * slant < gap * across:
+                gap, slant = other, across
+    hit[5] = gap * r / slant
+    return best
+
+
 @numba.njit(cache=True, nogil=True)
 def hits_kernel(
     xyz: Float32Array,
@@ -46,48 +104,22 @@ def hits_kernel(
     cosine, -2 for all.
     """
     n_planes = n_lidar.shape[1]
-    D = np.empty(n_planes)
-    C = np.empty(n_planes)
+    D, along, hit = np.empty(n_planes), np.empty(n_planes), np.empty(6)
     for i in range(xyz.shape[0]):
         x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         local = int(offset_s[i] / slice_s)
         k = first_slice[i] + local
         plane[i] = -1
         slice_index[i] = k
-        r2 = x * x + y * y + z * z
-        if r2 < 1e-6 or not usable[k]:
-            continue
-        if min_azimuth_cosine > -1.5 and x < min_azimuth_cosine * np.sqrt(x * x + y * y):
+        if not usable[k] or not looked_at(x, y, z, min_azimuth_cosine):
             continue
         t = offset_s[i] - (local + 0.5) * slice_s
-        wx, wy, wz = omega[k, 0], omega[k, 1], omega[k, 2]
-        tx = x + t * (wy * z - wz * y)
-        ty = y + t * (wz * x - wx * z)
-        tz = z + t * (wx * y - wy * x)
-        r = np.sqrt(r2)
-        best = -1
-        error = np.inf
-        for j in range(n_planes):
-            nx, ny, nz = n_lidar[k, j, 0], n_lidar[k, j, 1], n_lidar[k, j, 2]
-            along = nx * tx + ny * ty + nz * tz
-            C[j] = along / r
-            D[j] = along + t * (nx * v[k, 0] + ny * v[k, 1] + nz * v[k, 2]) + w_lidar[k, j]
-            if C[j] < -min_cosine and abs(D[j] / C[j]) < abs(error):
-                error = D[j] / C[j]
-                best = j
+        best = meet(x, y, z, t, n_lidar[k], w_lidar[k], omega[k], v[k], min_cosine, D, along, hit)
         if best < 0:
             continue
         plane[i] = best
-        d[i] = D[best]
-        cosine[i] = C[best]
-        x_hit[i, 0] = tx + t * v[k, 0] - error * tx / r
-        x_hit[i, 1] = ty + t * v[k, 1] - error * ty / r
-        x_hit[i, 2] = tz + t * v[k, 2] - error * tz / r
-        nearest = np.inf
-        for j in range(n_planes):
-            if j != best:
-                nearest = min(nearest, abs(D[j] - error * C[j]) / max(abs(C[j]), GRAZING))
-        beside[i] = nearest
+        x_hit[i, 0], x_hit[i, 1], x_hit[i, 2] = hit[0], hit[1], hit[2]
+        d[i], cosine[i], beside[i] = hit[3], hit[4], hit[5]
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -153,6 +185,18 @@ def count_kernel(
 
 
 @numba.njit(cache=True, nogil=True)
+def lies_within(
+    x_hit: FloatArray, u: FloatArray, origin: FloatArray, cell_m: float, half: int, inside: BoolArray
+) -> bool:
+    """Whether a hit lies in one of its plane's cells (rows, columns). u: (2, 3), origin: (2,) as in cells_kernel."""
+    row, column = origin[0], origin[1]
+    for b in range(3):
+        row += u[0, b] * x_hit[b]
+        column += u[1, b] * x_hit[b]
+    return inside[cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
+
+
+@numba.njit(cache=True, nogil=True)
 def within_kernel(
     plane: IntArray,
     slice_index: IntArray,
@@ -169,11 +213,34 @@ def within_kernel(
         if not keep[i]:
             continue
         j, k = plane[i], slice_index[i]
-        row, column = origin[k, j, 0], origin[k, j, 1]
-        for b in range(3):
-            row += u[k, j, 0, b] * x_hit[i, b]
-            column += u[k, j, 1, b] * x_hit[i, b]
-        keep[i] = inside[j, cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
+        keep[i] = lies_within(x_hit[i], u[k, j], origin[k, j], cell_m, half, inside[j])
+
+
+@numba.njit(cache=True, nogil=True)
+def weight_of(
+    d: float,
+    cosine: float,
+    ambiguous_m: float,
+    extra_m: float,
+    range_std_m: float,
+    surface_std_m: float,
+    sigmas: float,
+    margin_m: float,
+    robust_sigmas: float,
+    extra_stds: float,
+) -> float:
+    """Weight [1/m^2] of a hit, below zero where it does not count. extra_m: room in its plane's gate, below zero for none."""
+    variance = (range_std_m * cosine) ** 2 + surface_std_m**2
+    std = np.sqrt(variance)
+    room = sigmas * std + extra_m - abs(d)
+    clear = ambiguous_m - (1.0 - RAMP) * margin_m
+    if extra_m < 0.0 or not room > 0.0 or not clear > 0.0:
+        return -1.0
+    shortfall = max(1.0 - (d / (robust_sigmas * std + extra_m)) ** 2, 0.0)
+    edge = min(room / (RAMP * std), 1.0)
+    if margin_m > 0.0:
+        edge *= min(clear / (RAMP * margin_m), 1.0)
+    return edge * shortfall**2 / (variance + (extra_m / extra_stds) ** 2)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -199,19 +266,35 @@ def select_kernel(
         weight[i] = 0.0
         if j < 0:
             continue
-        extra = extra_of_plane_m[j]
-        variance = (range_std_m * cosine[i]) ** 2 + surface_std_m**2
-        std = np.sqrt(variance)
-        room = sigmas * std + extra - abs(d[i])
-        clear = ambiguous_m[i] - (1.0 - RAMP) * margin_m
-        if extra < 0.0 or not room > 0.0 or not clear > 0.0:
-            continue
-        keep[i] = True
-        shortfall = max(1.0 - (d[i] / (robust_sigmas * std + extra)) ** 2, 0.0)
-        edge = min(room / (RAMP * std), 1.0)
-        if margin_m > 0.0:
-            edge *= min(clear / (RAMP * margin_m), 1.0)
-        weight[i] = edge * shortfall**2 / (variance + (extra / extra_stds) ** 2)
+        worth = weight_of(
+            d[i], cosine[i], ambiguous_m[i], extra_of_plane_m[j], range_std_m, surface_std_m, sigmas, margin_m,
+            robust_sigmas, extra_stds,
+        )  # fmt: skip
+        if worth >= 0.0:
+            keep[i] = True
+            weight[i] = worth
+
+
+@numba.njit(cache=True, nogil=True)
+def add_moments(x_hit: FloatArray, d: float, weight: float, scatter: FloatArray) -> None:
+    """Adds weight y y', y = [x_hit, 1, d], upper triangle row by row, to scatter (15,)."""
+    x, y, z = x_hit[0], x_hit[1], x_hit[2]
+    wx, wy, wz = weight * x, weight * y, weight * z
+    scatter[0] += wx * x
+    scatter[1] += wx * y
+    scatter[2] += wx * z
+    scatter[3] += wx
+    scatter[4] += wx * d
+    scatter[5] += wy * y
+    scatter[6] += wy * z
+    scatter[7] += wy
+    scatter[8] += wy * d
+    scatter[9] += wz * z
+    scatter[10] += wz
+    scatter[11] += wz * d
+    scatter[12] += weight
+    scatter[13] += weight * d
+    scatter[14] += weight * d * d
 
 
 @numba.njit(cache=True, nogil=True)
@@ -227,19 +310,11 @@ def collapse_kernel(
     count: IntArray,
 ) -> None:
     """Adds weight y y', y = [x_hit, 1, d], upper triangle row by row, to scatter[(slice, plane)] (S P, 15), and counts."""
-    y = np.empty(5)
-    y[3] = 1.0
     for i in range(keep.shape[0]):
-        if not keep[i]:
-            continue
-        y[0], y[1], y[2], y[4] = x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], d[i]
-        b = slice_index[i] * n_planes + plane[i]
-        place = 0
-        for row in range(5):
-            for column in range(row, 5):
-                scatter[b, place] += weight[i] * y[row] * y[column]
-                place += 1
-        count[b] += 1
+        if keep[i]:
+            b = slice_index[i] * n_planes + plane[i]
+            add_moments(x_hit[i], d[i], weight[i], scatter[b])
+            count[b] += 1
 
 
 @numba.njit(cache=True, nogil=True)

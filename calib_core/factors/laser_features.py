@@ -28,7 +28,7 @@ from calib_core.factors.laser_kernels import (
     features_squares_kernel,
     gather_features_kernel,
 )
-from calib_core.factors.lidar_plane import Hits
+from calib_core.factors.lidar_plane import Hits, SlicePoses
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 
@@ -68,6 +68,15 @@ class LaserSums:
     gram: Float32Array
 
     @staticmethod
+    def filled(cross: FloatArray, gram: FloatArray, count: IntArray, n_planes: int, lasers: int) -> LaserSums:
+        """Those of a table (groups x planes x lasers, ..) that hold points. count: of each."""
+        some = np.flatnonzero(count)
+        pair, of = np.divmod(some, lasers)
+        return LaserSums(
+            pair // n_planes, pair % n_planes, of, cross[some].astype(np.float32), gram[some].astype(np.float32)
+        )
+
+    @staticmethod
     def joined(parts: Sequence[LaserSums]) -> LaserSums:
         """Those of several scans in a row; groups are counted in each."""
         return LaserSums(
@@ -98,9 +107,8 @@ def collapse_features(
     and "laser" counts patch * lasers + laser.
     """
     n_planes = len(normals)
-    R, p = hits.poses.R, hits.poses.p
-    back = np.swapaxes(R[middle], 1, 2)[group]
-    n_lidar = normals @ R
+    n_lidar = normals @ hits.poses.R
+    R, p = steps_to_middles(hits.poses, group, middle)
     cells, cluster, keys = len(middle) * n_planes * lasers, np.zeros(0, np.int64), None
     if patch is not None:
         unit = (group[hits.slice_index] * n_planes + hits.plane) * patches + patch
@@ -114,14 +122,18 @@ def collapse_features(
     )
     collapse_features_kernel(
         keep, hits.plane, hits.slice_index, hits.x_hit, hits.d, hits.cosine, weight, laser, n_lidar, group,
-        back @ R, (back @ (p - p[middle][group])[..., None])[..., 0], lasers, cross, gram, count,
-        cluster,
+        R, p, lasers, cross, gram, count, cluster,
     )  # fmt: skip
-    filled = np.flatnonzero(count)
-    pair, of = np.divmod(filled if keys is None else keys[filled], lasers if keys is None else patches * lasers)
-    return LaserSums(
-        pair // n_planes, pair % n_planes, of, cross[filled].astype(np.float32), gram[filled].astype(np.float32)
-    )
+    if keys is None:
+        return LaserSums.filled(cross, gram, count, n_planes, lasers)
+    pair, of = np.divmod(keys, patches * lasers)
+    return LaserSums(pair // n_planes, pair % n_planes, of, cross.astype(np.float32), gram.astype(np.float32))
+
+
+def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tuple[FloatArray, FloatArray]:
+    """R (S, 3, 3), p (S, 3) that take each slice's hits to the middle of its group. group: (S,).   middle: (G,) slices."""
+    back = np.swapaxes(poses.R[middle], 1, 2)[group]
+    return back @ poses.R, (back @ (poses.p - poses.p[middle][group])[..., None])[..., 0]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,37 @@ OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6])
 
 
 @numba.njit(cache=True, nogil=True)
+def correct_point(
+    x: float,
+    y: float,
+    z: float,
+    range_offset_m: float,
+    range_scale: float,
+    sine: float,
+    cosine: float,
+    azimuth_rad: float,
+    eccentricity_rad: FloatArray,
+) -> tuple[float, float, float]:
+    """Where a point of a laser with these errors lies without them. sine, cosine: of its elevation's error."""
+    level2 = x * x + y * y
+    r = np.sqrt(level2 + z * z)
+    if r < 1e-3:
+        return x, y, z
+    factor = (r - range_offset_m) / ((1.0 + range_scale) * r)
+    level = np.sqrt(level2)
+    along = 1.0 if level < 1e-9 else (level * cosine - z * sine) / level
+    turned = azimuth_rad
+    if level > 1e-9:
+        turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
+    aside, ahead = np.sin(turned), np.cos(turned)
+    return (
+        (x * ahead - y * aside) * along * factor,
+        (x * aside + y * ahead) * along * factor,
+        (z * cosine + level * sine) * factor,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
 def correct_kernel(
     xyz: Float32Array,
     laser: LaserArray,
@@ -36,23 +67,53 @@ def correct_kernel(
     lasers = range_offset_m.shape[0]
     sine, cosine = np.sin(elevation_rad), np.cos(elevation_rad)
     for i in range(xyz.shape[0]):
-        x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
         j = laser[i]
-        level2 = x * x + y * y
-        r = np.sqrt(level2 + z * z)
-        if j < 0 or j >= lasers or r < 1e-3:
-            out[i, 0], out[i, 1], out[i, 2] = x, y, z
+        if j < 0 or j >= lasers:
+            out[i, 0], out[i, 1], out[i, 2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
             continue
-        factor = (r - range_offset_m[j]) / ((1.0 + range_scale[j]) * r)
-        level = np.sqrt(level2)
-        along = 1.0 if level < 1e-9 else (level * cosine[j] - z * sine[j]) / level
-        turned = azimuth_rad[j]
-        if level > 1e-9:
-            turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
-        aside, ahead = np.sin(turned), np.cos(turned)
-        out[i, 0] = (x * ahead - y * aside) * along * factor
-        out[i, 1] = (x * aside + y * ahead) * along * factor
-        out[i, 2] = (z * cosine[j] + level * sine[j]) * factor
+        out[i, 0], out[i, 1], out[i, 2] = correct_point(
+            np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), range_offset_m[j], range_scale[j],
+            sine[j], cosine[j], azimuth_rad[j], eccentricity_rad,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def add_features(
+    x_hit: FloatArray,
+    d: float,
+    cosine: float,
+    weight: float,
+    n_lidar: FloatArray,
+    R: FloatArray,
+    p: FloatArray,
+    cross: FloatArray,
+    gram: FloatArray,
+    f: FloatArray,
+    y: FloatArray,
+) -> None:
+    """Adds weight f y' to cross (7, 5) and weight f f' to gram (7, 7) of one hit. f (7,), y (5,): room to work."""
+    x0, x1, x2 = x_hit[0], x_hit[1], x_hit[2]
+    level = np.sqrt(x0 * x0 + x1 * x1)
+    rise = 0.0 if level < 1e-9 else -x2 / level
+    seen = -cosine
+    f[0] = seen
+    f[1] = rise * (n_lidar[0] * x0 + n_lidar[1] * x1) + level * n_lidar[2]
+    f[2] = n_lidar[1] * x0 - n_lidar[0] * x1
+    f[3] = seen * np.sqrt(level * level + x2 * x2)
+    f[4] = 1.0 - seen
+    f[5], f[6] = 0.0, 0.0
+    if level > 1e-9:
+        f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
+    for c in range(3):
+        y[c] = R[c, 0] * x0 + R[c, 1] * x1 + R[c, 2] * x2 + p[c]
+    y[3] = 1.0
+    y[4] = d
+    for m in range(FEATURES):
+        w = weight * f[m]
+        for c in range(5):
+            cross[m, c] += w * y[c]
+        for c in range(FEATURES):
+            gram[m, c] += w * f[c]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -83,33 +144,12 @@ def collapse_features_kernel(
     """
     n_planes = n_lidar.shape[1]
     f, y = np.empty(FEATURES), np.empty(5)
-    y[3] = 1.0
     for i in range(keep.shape[0]):
         if not keep[i] or laser[i] >= lasers:
             continue
         s, j = slice_index[i], plane[i]
         b = cluster[i] if cluster.shape[0] > 0 else (group[s] * n_planes + j) * lasers + laser[i]
-        x0, x1, x2 = x_hit[i, 0], x_hit[i, 1], x_hit[i, 2]
-        level = np.sqrt(x0 * x0 + x1 * x1)
-        rise = 0.0 if level < 1e-9 else -x2 / level
-        seen = -cosine[i]
-        f[0] = seen
-        f[1] = rise * (n_lidar[s, j, 0] * x0 + n_lidar[s, j, 1] * x1) + level * n_lidar[s, j, 2]
-        f[2] = n_lidar[s, j, 1] * x0 - n_lidar[s, j, 0] * x1
-        f[3] = seen * np.sqrt(level * level + x2 * x2)
-        f[4] = 1.0 - seen
-        f[5], f[6] = 0.0, 0.0
-        if level > 1e-9:
-            f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
-        for c in range(3):
-            y[c] = R[s, c, 0] * x0 + R[s, c, 1] * x1 + R[s, c, 2] * x2 + p[s, c]
-        y[4] = d[i]
-        for m in range(FEATURES):
-            w = weight[i] * f[m]
-            for c in range(5):
-                cross[b, m, c] += w * y[c]
-            for c in range(FEATURES):
-                gram[b, m, c] += w * f[c]
+        add_features(x_hit[i], d[i], cosine[i], weight[i], n_lidar[s, j], R[s], p[s], cross[b], gram[b], f, y)
         count[b] += 1
 
 

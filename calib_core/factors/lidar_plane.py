@@ -37,7 +37,7 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
 #: A gate's extra width in standard deviations of what it makes room for.
-_GATE_STDS = 4.0
+GATE_STDS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +160,13 @@ def find_hits(
 
 def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
     """Row and column of every hit in its plane's grid, (N, 2), -1 where there is no plane. extents_normals: (P, 3)."""
-    u, origin = plane_grids(hits.poses, extents_normals)
+    u, origin = grids(hits.poses, extents_normals)
     cell = np.empty((len(hits.plane), 2), np.int64)
     cells_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, cell)
     return cell
 
 
-def plane_grids(poses: SlicePoses, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+def grids(poses: SlicePoses, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The planes' in-plane axes seen from the lidar (S, P, 2, 3), and its in-plane coordinates (S, P, 2)."""
     planes, slices = len(normals), len(poses.p)
     axes = plane_axes(normals).reshape(2 * planes, 3)
@@ -184,10 +184,10 @@ def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | No
     # it, would otherwise outweigh a wall.
     select_kernel(
         hits.plane, hits.d, hits.cosine, hits.ambiguous_m, extra, noise.range_std_m, noise.surface_std_m,
-        gate.sigmas, gate.margin_m, gate.robust_sigmas, _GATE_STDS, keep, weight,
+        gate.sigmas, gate.margin_m, gate.robust_sigmas, GATE_STDS, keep, weight,
     )  # fmt: skip
     if extents is not None:
-        u, origin = plane_grids(hits.poses, extents.normals)
+        u, origin = grids(hits.poses, extents.normals)
         within_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, extents.inside, keep)
     return keep, weight
 

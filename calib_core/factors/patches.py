@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import Hits, cells_of, plane_grids
+from calib_core.factors.lidar_plane import Hits, cells_of, grids
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.types import FloatArray, IntArray
 
@@ -59,7 +59,7 @@ class SurfacePatches:
         """
         seen = np.flatnonzero(hits.plane >= 0)
         plane, index = hits.plane[seen], hits.slice_index[seen]
-        axes, origin = plane_grids(hits.poses, self.normals)
+        axes, origin = grids(hits.poses, self.normals)
         place = origin[index, plane] + (axes[index, plane] @ hits.x_hit[seen][..., None])[..., 0]
         place = (place / CELL_M + HALF_CELLS) / self.width - 0.5
         first = np.floor(place).astype(np.int64)

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible, standing_still
 from calib_core.full.assess.verdict import answer, weigh
-from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
+from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.doubt import weigh_chosen
@@ -28,10 +29,12 @@ from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
 
 
-def calibrate_full(run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None) -> Answer:
+def calibrate_full(
+    run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, kept_in: Path | None = None
+) -> Answer:
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
-    found.   guess: what is known beforehand, None for nothing."""
-    followed = follow_planes(run, planes)
+    found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
+    followed = follow_or_recall(run, planes, kept_in)
     _require_motion(run, followed)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     counted = followed if planes is None else replace(followed, planes=list(planes))

@@ -35,31 +35,38 @@ from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
-from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.register import ScanMotion, evenly_spread
+from calib_core.full.odometry.travelled import travelled
 from calib_core.full.planes.propose import scan_points
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
-from calib_core.geometry import log
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
 from calib_core.types import FloatArray, PlaneProposals, Recording, Scan
 
-#: Points of a scan that stand for all of them: fifteen thousand a second say where the lidar is.
-SAMPLED_POINTS = 1500
-#: A solve's knots for each of ours. What the readings say of a calibration builds up over tenths of a second.
-_COARSER = 2
-#: Less motion than this over the whole recording is standing still, as the solve has it.
-_LEAST_TURN_RAD = np.radians(1.0)
-_LEAST_MOVE_M = 0.05
-_FEW_SCANS = 8
 NO_PLANES = PlaneProposals(
     (), np.zeros((0, 3), np.float32), np.zeros(0, np.int16), np.zeros(0, np.float32), (0,), static=False
 )
-#: No more than this is gone after beyond what was tracked: what follows is taken to say as much a second.
-_CARRIED_S = 20.0
-#: Room in the gate while the lidar's noise is learnt.
-_LEARNING_M = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Forecasting:
+    """What makes a forecast cheaper than a solve."""
+
+    #: Points of a scan that stand for all of them: fifteen thousand a second say where the lidar is.
+    sampled_points: int = 1500
+    #: A solve's knots for each of ours. What the readings say of a calibration builds up over tenths of a second.
+    coarser: int = 2
+    #: Scans that are looked at for planes before a reference is searched for: where none shows one, the search is long.
+    scans: int = 8
+    #: No more than this is gone after beyond what was tracked: what follows is taken to say as much a second.
+    propagated_s: float = 20.0
+    #: Room in the gate while the lidar's noise is learnt.
+    learning_m: float = 0.02
+
+
+FORECASTING = Forecasting()
 
 
 @dataclass(frozen=True)
@@ -86,8 +93,7 @@ def sample_scan(scan: Scan, count: int) -> Scan:
     n = len(scan.points)
     if n <= count:
         return scan
-    pick = np.unique((np.arange(count) * 0.6180339887498949 % 1.0 * n).astype(np.int64))
-    return Scan(scan.index, scan.stamp_ns, scan.points[pick])
+    return Scan(scan.index, scan.stamp_ns, scan.points[evenly_spread(n, count)])
 
 
 def forecast(
@@ -127,7 +133,7 @@ def forecast(
 
 def _shows_planes(scans: Sequence[Scan]) -> bool:
     """Whether any of a few scans, spread over all, shows a plane: where none does, the search for a reference is long."""
-    spread = np.unique(np.linspace(0, len(scans) - 1, _FEW_SCANS).astype(np.int64))
+    spread = np.unique(np.linspace(0, len(scans) - 1, FORECASTING.scans).astype(np.int64))
     return any(segment_planes(scan_points(scans[int(position)])) for position in spread)
 
 
@@ -166,19 +172,14 @@ def _look(
 
 def _require_motion(motions: Sequence[ScanMotion]) -> None:
     """Raises Refused where the lidar stands still throughout."""
-    first = motions[0]
-    turn = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
-    move = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
-    if turn < _LEAST_TURN_RAD and move < _LEAST_MOVE_M:
-        raise Refused(
-            "motion.none",
-            f"the lidar stood still: it turned {np.degrees(turn):.2f} deg and moved {move * 1e3:.0f} mm in the whole recording",
-        )
+    way = travelled(motions)
+    if way.stood:
+        raise Refused("motion.none", f"the lidar stood still: {way}")
 
 
 def _thinned(run: Run, points_per_scan: FloatArray) -> tuple[Run, FloatArray]:
     """The run with a sample of every scan's points, and how many points of a scan each stands for: (M,)."""
-    sampled = [sample_scan(scan, SAMPLED_POINTS) for scan in run.recording.scans]
+    sampled = [sample_scan(scan, FORECASTING.sampled_points) for scan in run.recording.scans]
     kept = np.array([len(scan.points) for scan in sampled], dtype=np.int64)
     clocks = replace(run.clocks, scan_points=kept)
     run = replace(run, recording=replace(run.recording, scans=sampled), clocks=clocks)
@@ -190,13 +191,21 @@ def _smoothed(
 ) -> tuple[JointData, Estimation, float]:
     """The motion on a coarse chain of knots, with the calibration at its start values; and the share that it stands for."""
     data, state, looked = begin(
-        run, followed, lidar, start, None, FORECAST, every=_COARSER, most_s=_CARRIED_S, beyond=0
+        run,
+        followed,
+        lidar,
+        start,
+        None,
+        FORECAST,
+        every=FORECASTING.coarser,
+        most_s=FORECASTING.propagated_s,
+        beyond=0,
     )
     state = estimate_motion(data, state, FORECAST)
     assert FORECAST.propagation is not None
     if state.knots > data.knots - FORECAST.propagation.least_rest_s / data.readings.spacing_s:
         share *= looked
-    learning = Gate(extra_m=_LEARNING_M)
+    learning = Gate(extra_m=FORECASTING.learning_m)
     state = measure(data, survey(data, state, learning, FORECAST.sampling), learning, FORECAST.sampling)
     # A gate that is wider than the noise would count its width as noise.
     return data, associate(data, admit_sensors(data, state), Gate(), stride=1), share

@@ -1,7 +1,7 @@
 """Rotations and rigid transforms; knows NumPy only."""
 
 from calib_core.geometry.axes import plane_axes
-from calib_core.geometry.forms import euler_xyz_deg, quaternion_xyzw, transform_matrix
+from calib_core.geometry.forms import euler_xyz_deg, quaternion_xyzw, roll_pitch_yaw_rad, transform_matrix
 from calib_core.geometry.so3 import (
     cross,
     exp,
@@ -25,5 +25,6 @@ __all__ = [
     "quaternion_xyzw",
     "right_jacobian",
     "right_jacobian_inverse",
+    "roll_pitch_yaw_rad",
     "transform_matrix",
 ]

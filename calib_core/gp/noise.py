@@ -15,7 +15,7 @@ from calib_core.types import FloatArray
 #: Order of the difference. Each more costs a little efficiency and divides what leaks of motion by about ten at 100 Hz.
 _ORDER = 6
 #: The standard deviation of a normal variable per unit of its median absolute value.
-_MAD_TO_STD = 1.482602218505602
+MAD_TO_STD = 1.482602218505602
 
 
 def high_frequency_noise(stamps_s: FloatArray, values: FloatArray) -> FloatArray:
@@ -39,4 +39,4 @@ def high_frequency_noise(stamps_s: FloatArray, values: FloatArray) -> FloatArray
     coefficients /= np.linalg.norm(coefficients, axis=1, keepdims=True)
     differences = np.einsum("nk,nkc->nc", coefficients, values[stack[kept]])
     typical: FloatArray = np.median(np.abs(differences), axis=0)
-    return _MAD_TO_STD * typical
+    return MAD_TO_STD * typical

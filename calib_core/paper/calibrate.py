@@ -2,9 +2,9 @@
 
     II-E   planes of every scan, tracked from the first             front_end.py, planes/
     eq. 13 rough scan poses, and start values from them             scan_pose.py, initial.py
-    II-C   IMU readings upsampled by GPs, one window per scan       imu/upsample.py, gp/
-    eq. 3  preintegration to every point and to the next scan       imu/preintegration.py
-    eq. 2  cost of lidar factors (7-10) and IMU factors (11)        problem.py, factors/
+    II-C   IMU readings upsampled by GPs, one window per scan       upsample.py, gp/
+    eq. 3  preintegration to every point and to the next scan       preintegration.py
+    eq. 2  cost of lidar factors (7-10) and IMU factors (11)        problem.py, lidar_factor.py, imu_factor.py
     III-A  first round with unit covariances, then rounds with propagated noise, balanced by eq. 14
 
 What the paper leaves open, or where its letter is left:

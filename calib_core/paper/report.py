@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calib_core.events import IterationEvent, PlaneResidual
+from calib_core.geometry import euler_xyz_deg
 from calib_core.paper.preintegration import ScanPreintegration
 from calib_core.paper.problem import PaperState, covariance_of_calibration
 from calib_core.paper.records import FrontEnd, PlaneFitQuality
@@ -39,14 +39,13 @@ def iteration_event(
     std = np.sqrt(np.diag(covariance_of_calibration(solve_arrow(system, damping=1e-9))))
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = state.shared.R_imu_lidar, state.shared.p_imu_lidar
-    yaw, pitch, roll = Rotation.from_matrix(state.shared.R_imu_lidar).as_euler("ZYX", degrees=True)
     return IterationEvent(
         iteration=number[0],
         round=number[1],
         cost=system.cost,
         matrix=matrix.tolist(),
         translation_m=state.shared.p_imu_lidar.tolist(),
-        euler_xyz_deg=[float(roll), float(pitch), float(yaw)],
+        euler_xyz_deg=euler_xyz_deg(state.shared.R_imu_lidar),
         time_offset_s=time_offset_s,
         rotation_std_deg=np.degrees(std[:3]).tolist(),
         translation_std_m=std[3:6].tolist(),

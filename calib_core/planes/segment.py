@@ -21,26 +21,66 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calib_core.geometry import plane_axes
+from calib_core.planes.kernels import support_kernel
 from calib_core.types import BoolArray, FloatArray
+
+#: A prime beyond all cells of a side: a row and a column are one number.
+_ROW_KEY = 1_000_003
+#: Standard deviation of a normal law over its median absolute deviation.
+_NORMAL_MAD = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentSettings:
-    """Thresholds of the segmentation; lengths in metres. The inlier distance grows with range (`per_range`)."""
+    """Thresholds of the segmentation."""
 
+    #: A point this near, and so much more a metre away, lies on a plane: twice a lidar's noise, and the bend of a sweep.
     distance_m: float = 0.06
     distance_per_range: float = 0.002
+    #: Planes that are drawn: one of a hundredth of the points is drawn among its neighbours with all but certainty.
     hypotheses: int = 700
+    #: A room has six; more say nothing new.
     max_planes: int = 12
+    #: The least of a plane: points, and their share of all.
     min_points: int = 150
     min_share: float = 0.006
+    #: Its points spread by so much (1 sigma) in the narrower direction: a lone ring does not.
     min_breadth_m: float = 0.12
+    #: Cosine of incidence (3.4 deg) from which a point is seen face on: below, a plane collects whole rings.
     min_incidence: float = 0.06
+    #: A plane's points lie in cells where it holds more than this share of the slab around it,
     dominance: float = 0.6
+    #: more than this share of them.
+    dominated_share: float = 0.6
+    #: Points among which a plane is drawn and scored.
     subsample: int = 4000
+    #: The other two points are drawn among so many nearest of the first, but not the nearest quarter; fewer are no cloud.
+    neighbours: int = 120
+    fewest_neighbours: int = 10
+    #: Sine of the narrowest angle at the first point: what is nearly a line has no normal.
+    least_sine: float = 0.2
+    #: Refits: the band shrinks to so many robust sigmas, but not below this share of the tolerance.
+    refits: int = 8
+    band_sigmas: float = 3.0
+    least_band: float = 0.3
+    #: Rougher than so many times the typical plane is clutter, unless by less than what the motion of a sweep bends.
     roughness: float = 2.0
+    bend_m: float = 0.012
+    #: Planes seen at a slant look smoother by the cosine of incidence, at most by this.
+    least_cosine: float = 0.5
+    #: A surface's residual is less than this share of its band: a cut through fog fills the band evenly.
     narrowness: float = 0.5
+    #: The slab is so many bands thick, counted in cells of this width; a surface fills so many cells at least.
+    slab_bands: float = 5.0
+    cell_m: float = 0.3
+    fewest_cells: int = 6
+    #: A cut through fog holds a fifth of its slab, a surface more than this.
     slab_share: float = 0.45
+    #: Fits that fail one after the other until nothing more is looked for.
+    failures: int = 3
+    #: Planes with the same equation are one.
+    same_deg: float = 3.0
+    same_m: float = 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +131,7 @@ def segment_planes(
     least = max(s.min_points, int(s.min_share * len(points)))
     fits: list[PlaneFit] = []
     failures = 0
-    while len(fits) < s.max_planes and failures < 3 and free.sum() >= least:
+    while len(fits) < s.max_planes and failures < s.failures and free.sum() >= least:
         candidate = _best_hypothesis(points, ranges, tolerance, free, rng, s)
         if candidate is None:
             break
@@ -107,12 +147,12 @@ def segment_planes(
         else:
             failures += 1
         free &= ~near
-    smooth = _without_rough(points, _merge(points, fits), s.roughness)
+    smooth = _without_rough(points, _merge(points, fits, s), s)
     moved = [PlaneFit(f.normal, f.offset_m - float(f.normal @ view), f.inliers, f.rms_m) for f in smooth]
     return sorted(moved, key=lambda f: -int(f.inliers.sum()))
 
 
-def _without_rough(points: FloatArray, fits: list[PlaneFit], roughness: float) -> list[PlaneFit]:
+def _without_rough(points: FloatArray, fits: list[PlaneFit], s: SegmentSettings) -> list[PlaneFit]:
     """The fits without those much rougher than the best carried: the noise is the sensor's, more than that is clutter.
 
     Range noise shows across a plane by the cosine of incidence: a floor seen at a slant looks smoother than a wall.
@@ -120,11 +160,10 @@ def _without_rough(points: FloatArray, fits: list[PlaneFit], roughness: float) -
     if not fits:
         return []
     weight = np.array([float(f.inliers.sum()) for f in fits])
-    noise = np.array([f.rms_m / max(_incidence(points[f.inliers], f.normal), 0.5) for f in fits])
+    noise = np.array([f.rms_m / max(_incidence(points[f.inliers], f.normal), s.least_cosine) for f in fits])
     order = np.argsort(noise)
     typical = noise[order][np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())]
-    # The last term is what the motion of a sweep bends, which no sensor noise excuses in a clean recording.
-    limit = max(roughness * typical, typical + 0.012)
+    limit = max(s.roughness * typical, typical + s.bend_m)
     return [f for f, n in zip(fits, noise, strict=True) if n <= limit]
 
 
@@ -146,8 +185,8 @@ def _best_hypothesis(
     pool = np.flatnonzero(free)
     pick = pool if len(pool) <= s.subsample else np.sort(rng.choice(pool, s.subsample, replace=False))
     cloud, tol, rho = points[pick], tolerance[pick], ranges[pick]
-    neighbours = min(len(pick), 120)
-    if neighbours < 10:
+    neighbours = min(len(pick), s.neighbours)
+    if neighbours < s.fewest_neighbours:
         return None
     first = rng.integers(len(pick), size=s.hypotheses)
     tree = cKDTree(cloud)
@@ -161,15 +200,12 @@ def _best_hypothesis(
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
     spread = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
-    good = area > 0.2 * np.maximum(spread, 1e-12)
+    good = area > s.least_sine * np.maximum(spread, 1e-12)
     if not good.any():
         return None
     normal, a = normal[good] / area[good, None], a[good]
     offset = -np.einsum("ij,ij->i", normal, a)
-    along = normal @ cloud.T
-    distance = np.abs(along + offset[:, None])
-    score = ((distance < tol) & (np.abs(along) > s.min_incidence * rho)).sum(axis=1)
-    best = int(np.argmax(score))
+    best = int(np.argmax(support_kernel(cloud, tol, s.min_incidence * rho, normal, offset)))
     return normal[best], float(offset[best])
 
 
@@ -185,15 +221,15 @@ def _refine(
     normal, offset = start
     band = tolerance
     inliers = np.zeros(len(points), dtype=bool)
-    for _ in range(8):
+    for _ in range(s.refits):
         distance = points @ normal + offset
         face_on = np.abs(points @ normal) > s.min_incidence * ranges
         inliers = free & face_on & (np.abs(distance) < band)
         if inliers.sum() < s.min_points // 2:
             return None
-        sigma = 1.4826 * np.median(np.abs(distance[inliers] - np.median(distance[inliers])))
+        sigma = _NORMAL_MAD * np.median(np.abs(distance[inliers] - np.median(distance[inliers])))
         normal, offset, _ = fit_plane(points[inliers])
-        band = np.minimum(tolerance, np.maximum(3.0 * sigma, 0.3 * tolerance))
+        band = np.minimum(tolerance, np.maximum(s.band_sigmas * sigma, s.least_band * tolerance))
     if offset < 0:  # the viewpoint is the origin here: its signed distance is the offset, made positive
         normal, offset = -normal, -offset
     residual = points[inliers] @ normal + offset
@@ -209,14 +245,13 @@ def _is_surface(
     if std[1] < s.min_breadth_m:
         return False
     e1, e2 = plane_axes(fit.normal)
-    cell = 0.3
     distance = points @ fit.normal + fit.offset_m
-    slab = free & (np.abs(distance) < 5.0 * tolerance)
-    index = np.floor(np.stack([points @ e1, points @ e2], axis=1) / cell).astype(np.int64)
-    key = index[:, 0] * 1_000_003 + index[:, 1]
+    slab = free & (np.abs(distance) < s.slab_bands * tolerance)
+    index = np.floor(np.stack([points @ e1, points @ e2], axis=1) / s.cell_m).astype(np.int64)
+    key = index[:, 0] * _ROW_KEY + index[:, 1]
     mine, mine_count = np.unique(key[slab & near], return_counts=True)
     every, every_count = np.unique(key[slab], return_counts=True)
-    if len(mine) < 6:
+    if len(mine) < s.fewest_cells:
         return False
     nearby = every_count[np.searchsorted(every, mine)]
     # A cut through fog fills its band evenly and holds a fifth of the slab; a surface has a narrow band and most of it.
@@ -225,17 +260,17 @@ def _is_surface(
         return False
     share = mine_count / nearby
     # Weighted by points: the share of this plane's points that lie in cells it dominates.
-    return float(mine_count[share > s.dominance].sum() / mine_count.sum()) > 0.6
+    return float(mine_count[share > s.dominance].sum() / mine_count.sum()) > s.dominated_share
 
 
-def _merge(points: FloatArray, fits: list[PlaneFit]) -> list[PlaneFit]:
-    """Planes with the same equation (3 deg, 6 cm) made one."""
+def _merge(points: FloatArray, fits: list[PlaneFit], s: SegmentSettings) -> list[PlaneFit]:
+    """Planes with the same equation made one."""
     merged: list[PlaneFit] = []
     for fit in fits:
         for i, other in enumerate(merged):
             centre = points[fit.inliers].mean(axis=0)
-            same_side = fit.normal @ other.normal > np.cos(np.radians(3.0))
-            if same_side and abs(centre @ other.normal + other.offset_m) < 0.06:
+            same_side = fit.normal @ other.normal > np.cos(np.radians(s.same_deg))
+            if same_side and abs(centre @ other.normal + other.offset_m) < s.same_m:
                 both = fit.inliers | other.inliers
                 normal, offset, std = fit_plane(points[both])
                 sign = np.sign(offset) if offset != 0 else 1.0

@@ -1,4 +1,4 @@
-"""Foreign recordings -> types.Recording. See load.py for the whole way, container.py for what can be opened."""
+"""Foreign recordings -> types.Recording. See load.py for the whole way, container/ for what can be opened."""
 
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording

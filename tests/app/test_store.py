@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
-from sqlalchemy import create_engine, inspect, text
+from sqlalchemy import inspect, text
 
 from app.errors import Unavailable
 from app.server.services import Services
-from app.storage.database import NEWEST_VERSION, Migration, migrate, open_database, touch_database
+from app.storage.database import open_database, touch_database
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from tests.app.support.live import serving
@@ -35,32 +34,14 @@ def engine(tmp_path):
 
 def test_a_fresh_store_is_whole_uses_wal_and_opens_again(tmp_path, engine):
     """Mutation: create_all without a version row fails at the second start."""
-    assert {"recordings", "jobs", "documents", "schema_version"} <= set(inspect(engine).get_table_names())
+    assert {"recordings", "jobs", "documents", "schema_version", "alembic_version"} == set(
+        inspect(engine).get_table_names()
+    )
     with engine.connect() as connection:
         assert connection.execute(text("PRAGMA journal_mode")).scalar_one() == "wal"
     again = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
     touch_database(again)
     again.dispose()
-
-
-def test_migrations_run_once_in_order_and_a_newer_store_is_refused(tmp_path):
-    """Oracle: the column and the version afterwards. Mutation: `>=` runs a step twice and fails on the column."""
-    url = f"sqlite:///{tmp_path / 'm.sqlite'}"
-    open_database(url).dispose()
-    engine = create_engine(url)
-    steps = (
-        Migration(NEWEST_VERSION + 1, ("ALTER TABLE recordings ADD COLUMN note TEXT",)),
-        Migration(NEWEST_VERSION + 2, ("ALTER TABLE recordings RENAME COLUMN note TO remark",)),
-    )
-    newest = NEWEST_VERSION + 2
-    migrate(engine, steps, newest=newest)
-    migrate(engine, steps, newest=newest)
-    assert "remark" in {column["name"] for column in inspect(engine).get_columns("recordings")}
-    with engine.connect() as connection:
-        assert connection.execute(text("SELECT version FROM schema_version")).scalar_one() == newest
-    with pytest.raises(Unavailable, match=f"version {newest}"):
-        migrate(engine, (), newest=1)
-    engine.dispose()
 
 
 def test_moments_keep_their_zone_and_their_order(engine):
@@ -103,26 +84,6 @@ def test_an_unusable_store_is_one_sentence(tmp_path):
     with pytest.raises(Unavailable) as refused:
         open_database(f"sqlite:///{tmp_path / 'notdb.sqlite'}")
     assert "cannot be opened" in str(refused.value)
-
-
-def test_jobs_of_the_first_release_keep_their_order_and_new_ones_come_behind(tmp_path):
-    """A store as version 1 left it. Oracle: the order of creation. Mutation: no UPDATE: all are at place 0."""
-    url = f"sqlite:///{tmp_path / 'old.sqlite'}"
-    engine = open_database(url)
-    kept = recording(1, datetime.now(UTC))
-    RecordingStore(engine).add(kept)
-    for number in (3, 1, 2):
-        JobStore(engine).add(job(number, kept.id, "done"))
-    with engine.begin() as connection:
-        connection.execute(text("ALTER TABLE jobs DROP COLUMN sequence"))
-        connection.execute(text("UPDATE schema_version SET version = 1"))
-    engine.dispose()
-    engine = open_database(url)
-    JobStore(engine).add(replace(job(9, kept.id), created_at=datetime(2001, 1, 1, tzinfo=UTC)))
-    found = JobStore(engine).of_recording(kept.id)
-    assert [record.id for record in found] == [f"{number:032x}" for number in (9, 3, 2, 1)]
-    assert [record.sequence for record in found] == [4, 3, 2, 1]
-    engine.dispose()
 
 
 def test_a_data_directory_has_one_server(tmp_path):

@@ -21,7 +21,7 @@ from tests.app.support.live import serving
 
 URL = os.environ.get("UNSWEEP_TEST_DATABASE_URL", "")
 #: Foreign keys before what they point at would be refused.
-IN_ORDER = ["recordings", "schema_version", "documents", "jobs"]
+IN_ORDER = ["alembic_version", "recordings", "schema_version", "documents", "jobs"]
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The stress set of bench/rooms.py at the size that a suite can carry: one cluttered room, three choices of planes."""
+"""The stress set of bench/rigs.py at the size that a suite can carry: one cluttered room, three choices of planes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.rooms import LIDARS, PLACES, cluttered, draw, true_planes
+from bench.rigs import LIDARS, PLACES, cluttered, draw, true_planes
 from bench.runs import compare
 from calib_core import api
 from calib_core.result import CalibrationResult

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import ast
+import io
 import re
+import tokenize
 from pathlib import Path
 
 import pytest
 
-from tools.steering import PAGE, RECORDS, numbers, with_table
+from tools.steering import PAGE, RECORDS, loose, loose_in, numbers, with_table
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("docs/how-it-works.md", "docs/architecture.md", "calib_core/CONVENTIONS.md")
+PAGES = (
+    "docs/how-it-works.md",
+    "docs/architecture.md",
+    "docs/contract.md",
+    "docs/formats.md",
+    "tests/README.md",
+    "calib_core/CONVENTIONS.md",
+)
+#: Files of other programs that are spoken of.
+ELSEWHERE = {"IccSensors.py"}
 #: Where a page's bare file names may be.
 FOLDERS = ("", "calib_core", "calib_core/full", *(f"calib_core/full/{room}" for room in (
     "prepare", "planes", "odometry", "initialise", "joint", "assess"
-)), "bench/results", "docs")  # fmt: skip
+)), "bench/results", "docs", "calib_core/readers/container")  # fmt: skip
 
 
 def test_the_table_of_numbers_is_that_of_the_records() -> None:
@@ -30,13 +42,86 @@ def test_every_number_has_its_reason() -> None:
     assert [f"{n.record}.{n.name}" for n in found if not n.reason] == []
 
 
+def test_no_number_steers_from_outside_the_records() -> None:
+    """Mutations: `len(x) < 10` in a stage; `_ENOUGH = 0.6` above it; a record taken off RECORDS."""
+    assert list(loose()) == []
+
+
+def test_loose_numbers_are_seen_and_structure_is_not() -> None:
+    """Mutations: let comparisons through as coefficients are; count the fields of any class, or every call's numbers."""
+    steering = (
+        "_ENOUGH = 0.6",
+        "few = len(x) < 10",
+        "y = max(x, 8)",
+        "y = 4.7 * x",
+        "for k in range(20): pass",
+        "y = f(x, 0.02)",
+        "def f(x, least=12): pass",
+        "y = np.radians(20.0)",
+        "class Other:\n    field_m: float = 0.25",
+    )
+    structure = (
+        "y = 0.5 * x[5:7] / 2.0",
+        "y = np.zeros((5, 9))",
+        "y = 1e3 * x",
+        "y = t**3 / 6",
+        "y = f'{x:.4f} {7 * x}'",
+        "y = np.maximum(x, 1e-12)",
+        "class Known:\n    field_m: float = 0.25",
+        "UNITS = (0.01, 8)",
+    )
+    assert [len(loose_in(source, {"Known"})) for source in steering] == [1] * len(steering)
+    assert [loose_in(source, {"Known"}) for source in structure] == [[]] * len(structure)
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_file_that_a_page_names_is_there(page: str) -> None:
     """Mutation: a file moved, and its name left in the page."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    named = set(re.findall(r"`([\w./-]+\.(?:py|md|csv|json))", text)) - {"planes.json"}
+    named = set(re.findall(r"`([\w./-]+\.(?:py|md|csv|json))", text)) - {"planes.json", "/api/openapi.json"}
     missing = [name for name in sorted(named) if not any((ROOT / folder / name).is_file() for folder in FOLDERS)]
     assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_page_and_picture_that_is_linked_is_there(page: str) -> None:
+    """Mutation: a picture renamed."""
+    path = ROOT / page
+    linked = re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8"))
+    assert [name for name in linked if not (path.parent / name).is_file()] == []
+    assert linked or page != "docs/how-it-works.md"
+
+
+def test_every_file_that_a_docstring_or_a_comment_names_is_there() -> None:
+    """Mutations: a file moved, and its name left in another's docstring; look at docstrings only."""
+    there = ["/" + path.relative_to(ROOT).as_posix() for path in _sources()]
+    missing = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in _sources()
+        if path.suffix == ".py"
+        for text in _prose(path.read_text(encoding="utf-8"))
+        for name in re.findall(r"(?<![\w*{<>.-])((?:[\w-]+/)*[\w-]+\.(?:py|md))\b", text)
+        if name not in ELSEWHERE and not any(other.endswith("/" + name) for other in there)
+    ]
+    assert missing == []
+
+
+def _sources() -> list[Path]:
+    folders = ("calib_core", "app", "bench", "tools", "tests", "docs")
+    return [
+        *ROOT.glob("*.*"),
+        *(p for folder in folders for p in (ROOT / folder).rglob("*.*") if p.suffix in {".py", ".md"}),
+    ]
+
+
+def _prose(source: str) -> list[str]:
+    """Docstrings and comments, of a source that may name a file."""
+    if not re.search(r"\.(?:py|md)\b", source):
+        return []
+    kinds = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    told = [ast.get_docstring(node) or "" for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)]
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return told + [token.string for token in tokens if token.type == tokenize.COMMENT]
 
 
 def test_the_codes_of_refusals_are_all_on_the_page() -> None:

@@ -1,4 +1,4 @@
-"""Presets by name, and their numbers against the table of formats.md, converted here a second time."""
+"""Presets by name, and their numbers against the data sheets' own units, converted here a second time."""
 
 from __future__ import annotations
 

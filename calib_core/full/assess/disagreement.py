@@ -19,16 +19,11 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences
+from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNDETERMINED
 from calib_core.types import FloatArray, IntArray
-
-_CONFIDENCE = 0.999
-#: Of the recording's length: each still holds seconds of motion, and eight pulls tell a covariance from noise.
-_TIME_BLOCKS = 8
-#: Walls are bent over metres, panels and doors are about one wide.
-_CELL_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -78,9 +73,9 @@ def numbered(key: IntArray) -> tuple[IntArray, int]:
 
 def _in_time(problem: JointProblem, of: FactorInfluences) -> Influences:
     knots = len(problem.readings.knots_s)
-    block = np.arange(knots) * _TIME_BLOCKS // knots
-    links = of.links.summed(block[:-1], _TIME_BLOCKS)
-    bins = of.bins.summed(block[problem.bins.knot], _TIME_BLOCKS)
+    block = np.arange(knots) * PARTS.time_blocks // knots
+    links = of.links.summed(block[:-1], PARTS.time_blocks)
+    bins = of.bins.summed(block[problem.bins.knot], PARTS.time_blocks)
     return Influences(links.moved + bins.moved, links.allowed + bins.allowed)
 
 
@@ -93,7 +88,7 @@ def _in_space(problem: JointProblem, estimate: Estimate) -> dict[str, IntArray]:
     motion = problem.motion(estimate)
     poses = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     there = (poses.R[bins.knot] @ centre[..., None])[..., 0] + poses.p[bins.knot]
-    cell = np.floor(there / _CELL_M).astype(np.int64) + 2**15
+    cell = np.floor(there / PARTS.cell_m).astype(np.int64) + 2**15
     surfaces = ((bins.plane * 2**16 + cell[:, 0]) * 2**16 + cell[:, 1]) * 2**16 + cell[:, 2]
     order = np.argsort(range_m)
     far = np.zeros(len(range_m), np.int64)
@@ -112,7 +107,7 @@ def judge(name: str, clusters: Influences, whiten: FloatArray, root: FloatArray)
     nothing = np.zeros((CALIBRATION, CALIBRATION))
     if mean <= 0.0 or variance <= 0.0:
         return Disagreement(name, 1.0, nothing)
-    limit = variance / mean * float(gammaincinv(mean**2 / variance, _CONFIDENCE))
+    limit = variance / mean * float(gammaincinv(mean**2 / variance, PARTS.confidence))
     ratio = float(np.sqrt(statistic / mean))
     if statistic <= limit:
         return Disagreement(name, ratio, nothing)

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import WeakDirection
+from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
 _LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 _SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
-#: A direction with so much of its length in one kind of parameter is of that kind.
-_ONE_KIND = 0.99
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def assess(
         data = 0.5 * (data + data.T)
     if frozen_offset:
         data[6, :] = data[:, 6] = 0.0
-        data[6, 6] = 1e12
+        data[6, 6] = FROZEN
     open_directions = undetermined(data)
     outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
     data = outside @ data @ outside
@@ -85,14 +85,14 @@ def assess(
         covariance[6, 6] += offset_std_s**2
         data_std[6] = np.hypot(data_std[6], offset_std_s)
     rotation = np.linalg.eigvalsh(data[:3, :3])
-    return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / 5.0**2))
+    return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / WORDING.known_deg**2))
 
 
 def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakDirection:
     """One weak direction in words."""
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
-    alone = bool(abs(vector[largest]) > 0.95)
+    alone = bool(abs(vector[largest]) > WORDING.one_parameter)
     what = NAMES[largest] if alone else _mixture(vector)
     if undetermined:
         text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
@@ -109,11 +109,11 @@ def _mixture(vector: FloatArray) -> str:
     rotation, lever = (
         ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6))
     )
-    if np.linalg.norm(vector[3:6]) > _ONE_KIND:
+    if np.linalg.norm(vector[3:6]) > WORDING.one_kind:
         return f"the lever arm along ({lever}) of the IMU's axes"
-    if np.linalg.norm(vector[:3]) > _ONE_KIND:
+    if np.linalg.norm(vector[:3]) > WORDING.one_kind:
         return f"the rotation about ({rotation}) of the lidar's axes"
-    parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > 0.1)
+    parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > WORDING.named)
     return f"the combination {parts} (in units of 1 deg, 10 mm, 1 ms)"
 
 
@@ -121,7 +121,7 @@ def _amount(vector: FloatArray, spread: float, largest: int) -> str:
     size = abs(float(vector[largest])) * spread
     if largest < 3:
         return f"{size:.2g} deg"
-    if largest < 6:
+    if largest < CALIBRATION - 1:
         return f"{size * 10:.3g} mm"
     return f"{size:.2g} ms"
 
@@ -131,7 +131,7 @@ def named_direction(covariance: FloatArray) -> str:
     vector = np.linalg.eigh(covariance)[1][:, -1]
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
-    return NAMES[largest] if abs(vector[largest]) > 0.95 else _mixture(vector)
+    return NAMES[largest] if abs(vector[largest]) > WORDING.one_parameter else _mixture(vector)
 
 
 def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[str]:
@@ -146,7 +146,7 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
     axes = "xyz"
     lever = np.linalg.norm(weak[:, 3:6], axis=0)
     for i in range(3):
-        if lever[i] > 0.3:
+        if lever[i] > WORDING.concerned:
             others = [a for a in range(3) if a != i]
             quiet = min(others, key=lambda a: turning_std_rad_s[a])
             out.append(
@@ -155,13 +155,13 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
                 "reversals is good)."
             )
     rotation = np.linalg.norm(weak[:, :3], axis=0)
-    if (rotation > 0.3).any():
+    if (rotation > WORDING.concerned).any():
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))
         out.append(
             "To determine the rotation, turn about two different axes; there is least turning about the lidar's "
             f"{axes[quiet_axis]} axis."
         )
-    if np.abs(weak[:, 6]).max() > 0.3:
+    if np.abs(weak[:, 6]).max() > WORDING.concerned:
         out.append("To determine the time offset, turn faster and reverse direction often.")
     return out

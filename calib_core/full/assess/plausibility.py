@@ -7,44 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.full.assess.disagreement import disagreements
+from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import away_m, misfit
 from calib_core.full.joint.state import CALIBRATION, GRAVITY
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.travelled import travelled
 from calib_core.full.run import Run
-from calib_core.geometry import log
 from calib_core.intrinsics import UNKNOWN_IMU
 from calib_core.solver.information import covariance
-
-#: Less motion than this over the whole recording is standing still.
-_LEAST_TURN_RAD = np.radians(1.0)
-_LEAST_MOVE_M = 0.05
-#: How far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres.
-_WORST_MISFIT = 30.0
-_WORST_AWAY_M = 0.008
-#: No working IMU is off by more than this.
-_WORST_GYRO_BIAS_RAD_S = 0.25
-_WORST_ACCEL_BIAS_M_S2 = 2.0
-#: Gravity is found nowhere so many standard deviations from its prior.
-_GRAVITY_SIGMAS = 6.0
 
 
 def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str] | None:
     """Code and sentence where the followed scans show no motion: it stood still, or the planes were lost too soon to tell."""
-    first = motions[0]
-    turn = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
-    move = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
-    if turn > _LEAST_TURN_RAD or move > _LEAST_MOVE_M:
+    way = travelled(motions)
+    if not way.stood:
         return None
-    if len(motions) < 0.5 * scans:
+    if len(motions) < PLAUSIBLE.followed_share * scans:
         lost = (
             f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still; give "
             "planes that stay in view (three that face different ways), or start the recording in front of them"
         )
         return "planes.lost", lost
     stood = (
-        f"the lidar stood still: it turned {np.degrees(turn):.2f} deg and moved {move * 1e3:.0f} mm in the whole recording; "
+        f"the lidar stood still: {way}; "
         "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
     )
     return "motion.none", stood
@@ -60,13 +47,13 @@ def implausible(ctx: Run, solved: Solved) -> str | None:
         return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
     gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
     accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
-    if gyro_bias > _WORST_GYRO_BIAS_RAD_S or accel_bias > _WORST_ACCEL_BIAS_M_S2:
+    if gyro_bias > PLAUSIBLE.worst_gyro_bias_rad_s or accel_bias > PLAUSIBLE.worst_accel_bias_m_s2:
         return (
             f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s2, more "
             f"than any that works; {hint}"
         )
     rest = misfit(solved.problem, solved.estimate)
-    if rest > _WORST_MISFIT and away_m(solved.problem, solved.estimate) > _WORST_AWAY_M:
+    if rest > PLAUSIBLE.worst_misfit and away_m(solved.problem, solved.estimate) > PLAUSIBLE.worst_away_m:
         return (
             f"the best answer leaves averaged distances {np.sqrt(rest):.0f} times what range noise allows, so the motion "
             f"does not explain the points; {hint}"
@@ -82,13 +69,13 @@ def _beyond_gravity(solved: Solved, away: float, prior_std_m_s2: float) -> bool:
     """
     magnitude = float(np.linalg.norm(solved.estimate.gravity))
     allowed = max(float(np.hypot(prior_std_m_s2, UNKNOWN_IMU.accelerometer_scale_std * magnitude)), gravity_std(solved))
-    if away <= _GRAVITY_SIGMAS * allowed:
+    if away <= PLAUSIBLE.gravity_sigmas * allowed:
         return False
     assert solved.minimum.solution is not None
     seven = covariance(solved.minimum.solution.information).of(slice(0, CALIBRATION)) / UNITS / UNITS[:, None]
     found = disagreements(solved.problem, solved.estimate, seven)
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
-    return away > _GRAVITY_SIGMAS * max(allowed, wider * gravity_std(solved))
+    return away > PLAUSIBLE.gravity_sigmas * max(allowed, wider * gravity_std(solved))
 
 
 def gravity_std(solved: Solved) -> float:

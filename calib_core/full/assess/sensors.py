@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.assess.considered import Considered, parameter_std
+from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.prepare.nuisance import sensor_block
 from calib_core.intrinsics import UNITS
 from calib_core.result import Intrinsic
 
-#: A parameter this many of its sigmas from that of an ideal sensor is said to be off.
-_SIGNIFICANT = 3.0
 _FRAME = "the accelerometer's x axis and xy plane; the gyroscope is turned into it"
 
 
@@ -62,7 +61,7 @@ def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFind
                         "std": float(own_std),
                         "prior_std": float(prior),
                         "state": state,
-                        "significant": bool(abs(value) > _SIGNIFICANT * own_std),
+                        "significant": bool(abs(value) > WORDING.off_sigmas * own_std),
                     }
                 )
             )

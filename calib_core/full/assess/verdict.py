@@ -10,6 +10,7 @@ from calib_core.full.assess.confidence import Confidence, confidence
 from calib_core.full.assess.observability import Knowledge, advice
 from calib_core.full.assess.plausibility import gravity_std, implausible
 from calib_core.full.assess.sensors import sensor_findings
+from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics
@@ -19,11 +20,6 @@ from calib_core.result import Message, PlaneQuality
 from calib_core.settings import ImuNoise
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import Trajectory
-
-#: How far the mean squared residual of single points may stray before the solve has not explained the data.
-_WORST_CHI2 = 4.0
-#: Fewer points are no recording of planes.
-_FEWEST_POINTS = 1000
 
 
 def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
@@ -38,7 +34,7 @@ def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
         )
     points = int(solved.observations.count.sum())
     chi2 = 2.0 * minimum.cost / max(points, 1)
-    if points < _FEWEST_POINTS or chi2 > _WORST_CHI2:
+    if points < PLAUSIBLE.fewest_points or chi2 > PLAUSIBLE.worst_chi2:
         raise Refused(
             "solve.inconsistent",
             f"the best answer leaves residuals {np.sqrt(chi2):.1f} times their noise on {points} points; the stamps, the "

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.full.initialise.settings import AGREEING, LAGS
 from calib_core.full.initialise.start import LidarTrack
-from calib_core.full.initialise.time_offset import GRID_HZ, Turns, masked_correlation, turns_of
+from calib_core.full.initialise.time_offset import Turns, least_overlap, masked_correlation, turns_of
 from calib_core.types import FloatArray
 
-#: Rates are cut off above this percentile, the lidar's and the gyroscope's alike.
-_TOP = 95.0
-#: Spans below this share of the fastest tell nothing of a ratio.
-_FAST = 0.4
+_QUARTILES = (25.0, 50.0, 75.0)
 
 
 @dataclass(frozen=True)
@@ -46,14 +44,16 @@ def agreement(lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> A
 
 def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agreement:
     """Of turns over spans of time, in order of time."""
-    if len(turns.start_s) < 10 or len(imu_s) < 2:
+    if len(turns.start_s) < AGREEING.fewest_spans or len(imu_s) < 2:
         return NO_AGREEMENT
     t0, t1 = float(turns.start_s[0]), float(turns.end_s[-1])
-    lidar_t, imu_t = np.arange(t0, t1, 1 / GRID_HZ), np.arange(imu_s[0], imu_s[-1], 1 / GRID_HZ)
+    lidar_t, imu_t = np.arange(t0, t1, 1 / LAGS.grid_hz), np.arange(imu_s[0], imu_s[-1], 1 / LAGS.grid_hz)
     if len(lidar_t) < 2 or len(imu_t) < 2:
         return NO_AGREEMENT
     norms = np.linalg.norm(turns.rate_rad_s, axis=1)
-    top = np.minimum(norms, np.percentile(norms, _TOP))  # a few leaps of a track would outweigh all the rest
+    top = np.minimum(
+        norms, np.percentile(norms, AGREEING.top_percent)
+    )  # a few leaps of a track would outweigh all the rest
     middle = 0.5 * (turns.start_s + turns.end_s)
     lidar = np.interp(lidar_t, middle, top)
     width = float(np.median(turns.end_s - turns.start_s))
@@ -61,20 +61,19 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     valid = np.isfinite(imu)
     if not valid.any():
         return NO_AGREEMENT
-    most = max(float(np.percentile(imu[valid], _TOP)), 1e-12)
+    most = max(float(np.percentile(imu[valid], AGREEING.top_percent)), 1e-12)
     imu = np.minimum(np.where(valid, imu, 0.0), most) / most  # whatever the unit
     correlation, overlap = masked_correlation(lidar / max(float(lidar.max()), 1e-12), imu, valid.astype(float))
-    least = min(0.5 * min(len(lidar), len(imu)), max(8.0 * GRID_HZ, 0.3 * len(lidar)))
-    score = np.where(overlap >= least, correlation, -np.inf)
+    score = np.where(overlap >= least_overlap(len(lidar), len(imu)), correlation, -np.inf)
     k = int(np.argmax(score))
     if not np.isfinite(score[k]):
         return NO_AGREEMENT
-    lag_s = float(t0 - imu_t[0] + (k - (len(imu) - 1)) / GRID_HZ)
+    lag_s = float(t0 - imu_t[0] + (k - (len(imu) - 1)) / LAGS.grid_hz)
     own = _mean_rate(imu_s, gyro_rad_s, turns.start_s - lag_s, turns.end_s - lag_s)
-    fast = np.isfinite(own) & (norms > _FAST * np.percentile(norms, 95.0)) & (norms > 0.0)
-    if np.count_nonzero(fast) < 10:
+    fast = np.isfinite(own) & (norms > AGREEING.fast_share * np.percentile(norms, AGREEING.top_percent)) & (norms > 0.0)
+    if np.count_nonzero(fast) < AGREEING.fewest_spans:
         return Agreement(float(score[k]), lag_s, 1.0, np.inf)
-    low, ratio, high = np.percentile(own[fast] / norms[fast], [25.0, 50.0, 75.0])
+    low, ratio, high = np.percentile(own[fast] / norms[fast], _QUARTILES)
     return Agreement(float(score[k]), lag_s, float(ratio), float(0.5 * (high - low) / max(ratio, 1e-12)))
 
 

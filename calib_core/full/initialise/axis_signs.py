@@ -17,23 +17,13 @@ import numpy as np
 
 from calib_core.full.initialise.agreement import agreement
 from calib_core.full.initialise.linear import linear_start
+from calib_core.full.initialise.settings import SIGNS
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, turns_of
 from calib_core.types import FloatArray, ImuData
 
-#: Linear starts of right axes stay well below this; nothing is tried, and no time spent, unless one does not.
-_SUSPICIOUS_RMS = 1.0
-#: A sign pattern must leave less than this share of the misfit as sent.
-_EXPLAINS = 0.35
-#: Radians taken for degrees are so many times off. The ratio of rates is good to a few per cent where they correlate as
-#: well as this; a track that was lost reaches 0.6 by chance.
+#: Degrees in a radian.
 _DEGREES = 180.0 / np.pi
-TOGETHER = 0.9
-_STEADY = 0.3
-_MOVING_RAD_S = 0.1
-_FAST_PERCENT = 90.0
-#: A lag found through a rotation where there is a reflection is off by up to this.
-_LAGS_S = np.arange(-0.12, 0.125, 0.01)
 
 
 def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
@@ -41,13 +31,13 @@ def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
 
     Only where the rates go together: the ratio to a track that was lost says nothing.
     """
-    speed = float(np.percentile(np.linalg.norm(lidar.omega_rad_s, axis=1), _FAST_PERCENT))
-    if speed < _MOVING_RAD_S:
+    speed = float(np.percentile(np.linalg.norm(lidar.omega_rad_s, axis=1), SIGNS.fast_percent))
+    if speed < SIGNS.moving_rad_s:
         return ""
     found = agreement(lidar, imu_s, imu.gyro_rad_s)
-    if found.correlation < TOGETHER or found.ratio_spread > _STEADY:
+    if found.correlation < SIGNS.together or found.ratio_spread > SIGNS.steady:
         return ""
-    if abs(abs(np.log(found.ratio)) - np.log(_DEGREES)) > _STEADY:
+    if abs(abs(np.log(found.ratio)) - np.log(_DEGREES)) > SIGNS.steady:
         return ""
     unit = "deg_s" if found.ratio > 1.0 else "rad_s"
     return (
@@ -60,7 +50,7 @@ def axis_complaint(
     lidar: LidarTrack, imu_s: FloatArray, imu: ImuData, start: RotationStart, linear: LinearStart, gravity_m_s2: float
 ) -> str:
     """A clause that names axes whose signs are wrong, where flipping them explains the motion; else ""."""
-    if linear.rms < _SUSPICIOUS_RMS:
+    if linear.rms < SIGNS.suspicious_rms:
         return ""
     gyro = GyroTurns(imu_s, imu.gyro_rad_s)
     lag_s, rotation = _best_lag(lidar, gyro, start.time_offset_s, handed=1.0)
@@ -76,7 +66,7 @@ def axis_complaint(
         sensor = "accelerometer's" if np.prod(signs) < 0 else "gyroscope's or the accelerometer's"
         trials.append((_rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2), f"{sensor} {named}"))
     best, named = min(trials)
-    if best > _EXPLAINS * linear.rms:
+    if best > SIGNS.explains * linear.rms:
         return ""
     return (
         f"the signs of the {named} do not fit the lidar's motion: with them flipped, its accelerations and turns fit"
@@ -95,9 +85,9 @@ def _turn_rates(lidar: LidarTrack, gyro: GyroTurns, offset_s: float) -> tuple[Fl
 def _best_lag(lidar: LidarTrack, gyro: GyroTurns, near_s: float, *, handed: float) -> tuple[float, FloatArray]:
     """The lag near a given one, and the map there, at which the turns agree best through a map of determinant `handed`."""
     best = (np.inf, near_s, np.eye(3))
-    for lag_s in near_s + _LAGS_S:
+    for lag_s in near_s + np.arange(-SIGNS.around_s, SIGNS.around_s + 0.5 * SIGNS.step_s, SIGNS.step_s):
         a, b = _turn_rates(lidar, gyro, float(lag_s))
-        if len(a) < 10:
+        if len(a) < SIGNS.fewest_spans:
             continue
         a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
         u, _, vt = np.linalg.svd(b.T @ a)

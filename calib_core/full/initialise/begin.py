@@ -10,38 +10,26 @@ Which planes count in the solve is another question: a person's choice neither h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
+from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
+from calib_core.full.odometry.travelled import travelled
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray, Plane, PlaneProposals
 
 NO_PLANES_TEXT = "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
-#: Rates of a good track and the gyroscope correlate by 0.95 and more, those of a lost one by 0.6 at the most; with the
-#: former nothing is looked into, below the latter nothing is believed.
-TRUSTED, BELIEVED = 0.9, 0.6
-#: Of a rotation between two streams of turns: what it leaves over what there is. Noise alone leaves one.
-_FITS = 0.6
-#: A track this whole is not worth another.
-_WHOLE = 0.95
-_BETTER = 1.05
-#: Less turning than this (rms) of the gyroscope says nothing of the lidar's.
-_LEAST_TURNING_RAD_S = 0.03
-#: Beyond this a gyroscope has turned whatever its bias.
-_SURELY_TURNED_RAD = np.radians(20.0)
-_STOOD_RAD, _STOOD_M = np.radians(1.0), 0.05
-#: A given plane within these of a found one is that plane.
-_SAME_DEG, _SAME_M = 5.0, 0.15
 
 
 @dataclass(frozen=True)
@@ -109,8 +97,8 @@ def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
     planes = list(found)
     for plane in given:
         alike = (
-            np.degrees(np.arccos(np.clip(plane.normal @ other.normal, -1.0, 1.0))) < _SAME_DEG
-            and abs(plane.offset_m - other.offset_m) < _SAME_M
+            np.degrees(np.arccos(np.clip(plane.normal @ other.normal, -1.0, 1.0))) < AGREEING.same_deg
+            and abs(plane.offset_m - other.offset_m) < AGREEING.same_m
             for other in found
         )
         if not any(alike):
@@ -122,27 +110,24 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     """The track, followed again with the gyroscope's turning where it goes astray or breaks off; and what speaks for it."""
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
     rates = gyro_rad_s - np.median(gyro_rad_s, axis=0)
-    if float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) < _LEAST_TURNING_RAD_S:
+    if float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) < AGREEING.least_turning_rad_s:
         return first, NO_AGREEMENT
     lidar = lidar_track(ctx, first)
     own = agreement(lidar, imu_s, gyro_rad_s)
-    trusted = own.correlation > TRUSTED
-    if trusted and first.seen >= _WHOLE * len(ctx.recording.scans):
+    trusted = own.correlation > AGREEING.trusted
+    if trusted and first.seen >= AGREEING.whole * len(ctx.recording.scans):
         return first, own
     if trusted:
         starts, agreed = rotation_start(lidar, imu_s, gyro_rad_s), own
     else:
         starts, agreed = _pairs_start(ctx)
-        if agreed.correlation < max(own.correlation, BELIEVED):
+        if agreed.correlation < max(own.correlation, AGREEING.believed):
             return first, max(own, agreed, key=lambda a: a.correlation)
-    if not starts or starts[0].residual > _FITS or starts[0].open_axis_imu is not None:
+    if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
         return first, agreed
     again = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
-    if trusted and again.worth(ctx) < _BETTER * first.worth(ctx):
+    if trusted and again.worth(ctx) < AGREEING.better * first.worth(ctx):
         return first, own
-    ctx.say(
-        "info", "track.aided", "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
-    )
     return again, agreed
 
 
@@ -153,34 +138,39 @@ def lidar_track(ctx: Run, followed: Followed) -> LidarTrack:
 
 
 def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
-    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree."""
+    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree.
+
+    Where three axes tell more of their agreement than the sizes do, it is that of the axes.
+    """
     ctx.stage("track", 0.0, "turning from scan to scan")
     pairs = pair_turns(ctx.recording.scans, seed=ctx.settings.random_seed)
     # A sweep taken as one rigid look is a look from where its middle was.
     middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
-    turns = Turns(start_s, end_s, pairs.rotvec_rad / np.maximum(end_s - start_s, 1e-3)[:, None])
+    worth = 1.0 / (pairs.std_rad**2 + VECTORS.pair_std_rad**2)
+    rate_rad_s = pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None]
+    turns = Turns(start_s, end_s, rate_rad_s, worth)
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
+    starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
     agreed = agreement_of(turns, imu_s, gyro_rad_s)
-    if agreed is NO_AGREEMENT:
-        return [], agreed
-    lags = [(agreed.lag_s, agreed.correlation)]
-    return fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags), agreed
+    if starts and starts[0].correlation > VECTORS.alike:
+        agreed = replace(
+            agreed, correlation=max(agreed.correlation, starts[0].correlation), lag_s=starts[0].time_offset_s
+        )
+    return starts, agreed
 
 
 def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
     """Raise Refused where the track is no motion of this gyroscope's: nothing may be concluded from it."""
     scans, clocks = len(ctx.recording.scans), ctx.clocks
     gyro = GyroTurns(clocks.imu_s, ctx.recording.imu.gyro_rad_s - np.median(ctx.recording.imu.gyro_rad_s, axis=0))
-    turned = gyro.at(clocks.imu_s[:: max(1, len(clocks.imu_s) // 500)])
+    turned = gyro.at(clocks.imu_s[:: max(1, len(clocks.imu_s) // AGREEING.orientations)])
     most_rad = float(np.linalg.norm(log(turned[0].T @ turned), axis=1).max())
-    if most_rad < _SURELY_TURNED_RAD:
+    if np.degrees(most_rad) < AGREEING.surely_turned_deg:
         return
-    motions = followed.motions
-    turn = max(float(np.linalg.norm(log(motions[0].R.T @ m.R))) for m in motions)
-    move = max(float(np.linalg.norm(m.p - motions[0].p)) for m in motions)
-    stood = turn < _STOOD_RAD and move < _STOOD_M
-    unlike = agreed is not NO_AGREEMENT and agreed.correlation < BELIEVED
+    stood = travelled(followed.motions).stood
+    unlike = agreed is not NO_AGREEMENT and agreed.correlation < AGREEING.believed
     if stood:
         raise Refused(
             "planes.lost",
@@ -200,5 +190,5 @@ def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
 def _directions(planes: Sequence[Plane]) -> str:
     """In how many independent ways planes face, in words."""
     spread = np.linalg.svd(np.array([plane.normal for plane in planes]), compute_uv=False)
-    count = int(np.count_nonzero(spread[:3] > 0.2 * spread[0]))
+    count = int(np.count_nonzero(spread[:3] > AGREEING.another_way * spread[0]))
     return ("one way only", "two ways only", "three ways")[count - 1]

@@ -11,16 +11,12 @@ from calib_core.errors import Refused
 from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
 from calib_core.full.initialise.linear import linear_start
 from calib_core.full.initialise.rotation import acceleration_start, rotation_start
+from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
-
-#: With less turning than this (rms) the gyroscope says nothing of the rotation, and the accelerometer has to.
-LEAST_TURNING_RAD_S = 0.03
-#: Turns about the only axis that are tried where it stays open.
-_TURNS = 24
 
 
 def initialise(
@@ -36,7 +32,9 @@ def initialise(
     lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])
     imu = run.recording.imu
     turning = float(np.sqrt(np.mean(np.sum(lidar.omega_rad_s**2, axis=1))))
-    candidates = rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if turning > LEAST_TURNING_RAD_S else []
+    candidates = (
+        rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if turning > AGREEING.least_turning_rad_s else []
+    )
     if not candidates:
         candidates = acceleration_start(lidar, run.clocks.imu_s, imu.accel_m_s2)
     if guess is not None:
@@ -54,11 +52,11 @@ def initialise(
     trials: list[Start] = []
     best = candidates[0].residual
     for candidate in candidates:
-        if candidate.residual > max(2.0 * best, best + 0.1):
+        if candidate.residual > max(ROTATING.worse_times * best, best + ROTATING.worse_share):
             continue
         rotations = [candidate.R_imu_lidar]
         if candidate.open_axis_imu is not None:
-            rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, _TURNS)
+            rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, ROTATING.open_turns)
         trials.extend(trial(replace(candidate, R_imu_lidar=R)) for R in rotations)
     chosen = upright(trials, np.array([plane.normal for plane in planes]), trial)
     if chosen is not min(trials, key=lambda t: t.misfit):
@@ -91,7 +89,7 @@ def _guided(run: Run, found: list[RotationStart], guess: InitialGuess) -> list[R
     offset = run.clocks.offset_s(guess.time_offset_ns) if guess.time_offset_ns is not None else None
     base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
     if offset is not None:
-        near = [c for c in found if abs(c.time_offset_s - offset) < 0.05]
+        near = [c for c in found if abs(c.time_offset_s - offset) < ROTATING.guess_s]
         base = replace(near[0] if near else base, time_offset_s=offset)
     if guess.R_imu_lidar is not None:
         base = replace(base, R_imu_lidar=guess.R_imu_lidar, open_axis_imu=None)

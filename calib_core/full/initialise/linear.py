@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from calib_core.full.initialise.settings import LINEAR
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
 from calib_core.types import FloatArray, IntArray
 
@@ -25,8 +26,6 @@ def linear_start(
     start: RotationStart,
     *,
     gravity_m_s2: float,
-    position_std_m: float = 0.015,
-    velocity_std_m_s: float = 0.02,
 ) -> LinearStart:
     """Gravity, lever arm and accelerometer bias by sparse least squares over the tracked scans."""
     stamps = imu_s + start.time_offset_s
@@ -39,17 +38,17 @@ def linear_start(
     m = len(track.start_s)
     R_imu = track.R @ start.R_imu_lidar.T
     gaps = np.diff(track.start_s)
-    use = np.flatnonzero((gaps < 0.35) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
+    use = np.flatnonzero((gaps < LINEAR.most_gap_s) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
     T = gaps[use]
     rows = _linear_rows(
-        use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, position_std_m, velocity_std_m_s
+        use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, LINEAR.position_std_m, LINEAR.velocity_std_m_s
     )
-    rhs_p = (track.p[use + 1] - track.p[use] - PP[use]) / position_std_m
-    rhs_v = -VV[use] / velocity_std_m_s
+    rhs_p = (track.p[use + 1] - track.p[use] - PP[use]) / LINEAR.position_std_m
+    rhs_v = -VV[use] / LINEAR.velocity_std_m_s
     rhs = np.concatenate([rhs_p.ravel(), -rhs_v.ravel()])
     gravity = np.zeros(3)
     solution = np.zeros(3 * m + 9)
-    for _ in range(3):
+    for _ in range(LINEAR.passes):
         prior, target = _start_priors(m, gravity, gravity_m_s2)
         matrix = sparse.vstack([rows, prior]).tocsc()
         vector = np.concatenate([rhs, target])
@@ -94,15 +93,16 @@ def _linear_rows(
 def _start_priors(m: int, gravity: FloatArray, magnitude: float) -> tuple[sparse.csr_matrix, FloatArray]:
     """Weak priors that keep undetermined directions finite: p_c within metres of zero, bias small, |g| known."""
     size = 3 * m + 9
-    diagonal = np.concatenate([np.full(3 * m, 1e-3), np.full(3, 1e-4), np.full(3, 0.5), np.full(3, 1 / 0.3)])
+    std = (LINEAR.any_velocity_m_s,) * m + (LINEAR.any_gravity_m_s2, LINEAR.lever_arm_m, LINEAR.bias_m_s2)
+    diagonal = 1.0 / np.repeat(std, 3)
     rows = [sparse.diags(diagonal)]
     target = np.zeros(size)
     norm = float(np.linalg.norm(gravity))
-    if norm > 1.0:
+    if norm > LINEAR.least_gravity_m_s2:
         row = np.zeros((1, size))
-        row[0, 3 * m : 3 * m + 3] = gravity / norm / 0.02
+        row[0, 3 * m : 3 * m + 3] = gravity / norm / LINEAR.gravity_std_m_s2
         rows.append(sparse.csr_matrix(row))
-        target = np.append(target, magnitude / 0.02)
+        target = np.append(target, magnitude / LINEAR.gravity_std_m_s2)
     return sparse.vstack(rows).tocsr(), target
 
 

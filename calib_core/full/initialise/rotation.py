@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from calib_core.full.initialise.settings import LAGS, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import (
-    GRID_HZ,
     GyroTurns,
     Turns,
     candidate_lags,
@@ -38,7 +38,7 @@ def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]])
     """The rotation at each lag, the lag refined on the residual; best first. lags: with their correlations."""
     starts = []
     for lag, correlation in lags:
-        offsets = lag + np.arange(-0.06, 0.0601, 0.005)
+        offsets = lag + _around()
         fits = [_fit_rotation(turns, gyro, o, correlation) for o in offsets]
         values = np.array([f.residual if f is not None else np.inf for f in fits])
         k = int(np.argmin(values))
@@ -48,39 +48,46 @@ def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]])
         if 0 < k < len(values) - 1 and np.isfinite(values[[k - 1, k + 1]]).all():
             left, mid, right = values[k - 1 : k + 2] ** 2
             bend = left - 2 * mid + right
-            offset += 0.005 * 0.5 * (left - right) / bend if bend > 0 else 0.0
+            offset += ROTATING.step_s * 0.5 * (left - right) / bend if bend > 0 else 0.0
         refined = _fit_rotation(turns, gyro, float(offset), correlation)
         if refined is not None:
             starts.append(refined)
     return sorted(starts, key=lambda s: s.residual)
 
 
+def _around() -> FloatArray:
+    """Offsets from a lag at which the rotation is tried."""
+    half = 0.5 * ROTATING.step_s
+    return np.arange(-ROTATING.around_s, ROTATING.around_s + half, ROTATING.step_s)
+
+
 def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: float) -> RotationStart | None:
     """Kabsch on the two streams of turns at one lag, reweighted against outliers."""
     imu = gyro.over(turns.start_s - offset_s, turns.end_s - offset_s)
     use = np.isfinite(imu[:, 0])
-    if use.sum() < 10:
+    if use.sum() < ROTATING.fewest_turns:
         return None
     a, b = turns.rate_rad_s[use], imu[use]
-    weight = np.ones(len(a))
+    worth = np.ones(len(a)) if turns.worth is None else turns.worth[use] / turns.worth[use].mean()
+    weight = worth
     R, bias, singular = np.eye(3), np.zeros(3), np.zeros(3)
     residual = np.zeros_like(a)
-    for _ in range(4):
+    for _ in range(ROTATING.passes):
         mean_a, mean_b = np.average(a, axis=0, weights=weight), np.average(b, axis=0, weights=weight)
         u, singular, vt = np.linalg.svd(((b - mean_b) * weight[:, None]).T @ (a - mean_a))
         R = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
         bias = mean_b - R @ mean_a
         residual = b - a @ R.T - bias
         size = np.linalg.norm(residual, axis=1)
-        scale = 3.0 * max(float(np.median(size)), 1e-4)
-        weight = 1.0 / (1.0 + (size / scale) ** 2) ** 2
+        scale = ROTATING.outlier_times * max(float(np.median(size)), ROTATING.least_residual_rad_s)
+        weight = worth / (1.0 + (size / scale) ** 2) ** 2
     spread = float(np.sqrt(np.average(np.sum((b - b.mean(axis=0)) ** 2, axis=1), weights=weight)))
     noise = float(np.sqrt(np.average(np.sum(residual**2, axis=1), weights=weight)))
     # The second singular value measures turning about a second axis; below the fit's own noise it settles nothing.
     total = weight.sum()
     second = float(np.sqrt(max(singular[1], 0.0) / total))
     axis = None
-    if second < max(0.02, 1.5 * noise):
+    if second < max(ROTATING.second_axis_rad_s, ROTATING.second_axis_noise * noise):
         axis = b[np.argmax(np.linalg.norm(b - bias, axis=1))] - bias
         u, _, _ = np.linalg.svd(((b - b.mean(axis=0)) * weight[:, None]).T @ (b - b.mean(axis=0)))
         axis = u[:, 0]
@@ -93,10 +100,10 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     The second derivative of the lidar's smoothed position and the equally smoothed specific force differ by a rotation
     and a constant (gravity and bias): Kabsch on both, centred, at the lags where their norms agree.
     """
-    width_s, rate = 0.12, GRID_HZ
+    width_s, rate = ROTATING.smoothed_s, LAGS.grid_hz
     lidar_t = np.arange(track.start_s[0], track.start_s[-1], 1 / rate)
     imu_t = np.arange(imu_s[0], imu_s[-1], 1 / rate)
-    if len(lidar_t) < 4 * rate or len(imu_t) < 4 * rate:
+    if min(len(lidar_t), len(imu_t)) < ROTATING.least_s * rate:
         return []
     R0 = mean_rotation(track.R)
     position = gaussian_filter1d(track.at(lidar_t)[1], width_s * rate, axis=0)
@@ -108,14 +115,14 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     a, b = np.linalg.norm(lidar, axis=1), np.linalg.norm(force, axis=1)
     correlation, overlap = masked_correlation(a, b, np.ones(len(b)))
     lags = track.start_s[0] - imu_t[0] + (np.arange(len(correlation)) - (len(b) - 1)) / rate
-    score = np.where(overlap >= max(5 * rate, 0.3 * len(a)), correlation, -np.inf)
+    score = np.where(overlap >= max(ROTATING.overlap_s * rate, LAGS.overlap_share * len(a)), correlation, -np.inf)
     starts = []
-    for _ in range(5):
+    for _ in range(ROTATING.lags):
         k = int(np.argmax(score))
         if not np.isfinite(score[k]):
             break
         fits = []
-        for offset in lags[k] + np.arange(-0.06, 0.0601, 0.005):
+        for offset in lags[k] + _around():
             moved = np.stack([np.interp(lidar_t - offset, imu_t, force[:, i]) for i in range(3)], axis=1)
             inside = (lidar_t - offset > imu_t[0]) & (lidar_t - offset < imu_t[-1])
             x, y = lidar[inside] - lidar[inside].mean(axis=0), moved[inside] - moved[inside].mean(axis=0)
@@ -123,5 +130,5 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
             rest = float(np.sqrt(np.mean((y - x @ R.T) ** 2) / max(np.mean(y**2), 1e-12)))
             fits.append(RotationStart(float(offset), R, np.zeros(3), rest, float(correlation[k]), None))
         starts.append(min(fits, key=lambda f: f.residual))
-        score[np.abs(lags - lags[k]) < 0.25] = -np.inf
+        score[np.abs(lags - lags[k]) < LAGS.apart_s] = -np.inf
     return sorted(starts, key=lambda f: f.residual)

@@ -12,17 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.full.initialise.settings import UPRIGHT
 from calib_core.full.initialise.start import RotationStart, Start
 from calib_core.geometry import exp
 from calib_core.types import FloatArray
-
-#: Turns about the only axis that the accelerations fit so nearly as well as the best one are all the same to them.
-_ALIKE = 1.05
-#: Walls and floors are upright and level to about this [rad]; a plane further off both is a slope and says nothing.
-_PLUMB_RAD = np.radians(3.0)
-_FINE_RAD = np.radians(0.5)
-#: The turn that the accelerations like best is left only for one at which half a plane more is plumb or level.
-_WORTH_A_TURN = 0.5
 
 
 def turns_about(axis: FloatArray, R: FloatArray, count: int) -> list[FloatArray]:
@@ -43,17 +36,17 @@ def upright(trials: Sequence[Start], normals: FloatArray, trial: Callable[[Rotat
         return best
     family = [t for t in trials if t.rotation.time_offset_s == best.rotation.time_offset_s]
     angles = np.arange(len(family)) * 2 * np.pi / len(family)
-    alike = np.array([t.misfit <= _ALIKE * best.misfit for t in family])
-    if alike.sum() < 3:
+    alike = np.array([t.misfit <= UPRIGHT.alike * best.misfit for t in family])
+    if alike.sum() < UPRIGHT.fewest_alike:
         return best
     # Gravity goes round the axis with the turn: a constant and one harmonic tell it at any angle.
     gravity = np.array([t.linear.gravity for t in family])
     harmonic = np.linalg.lstsq(_circle(angles[alike]), gravity[alike], rcond=None)[0]
-    fine = np.arange(0.0, 2 * np.pi, _FINE_RAD)
+    fine = np.arange(0.0, 2 * np.pi, np.radians(UPRIGHT.fine_deg))
     apart = np.abs((fine[:, None] - angles[alike] + np.pi) % (2 * np.pi) - np.pi).min(axis=1)
     within = fine[apart <= np.pi / len(family)]
     slopes = [_slope(g, normals) for g in _circle(within) @ harmonic]
-    if min(slopes) > _slope(best.linear.gravity, normals) - _WORTH_A_TURN:
+    if min(slopes) > _slope(best.linear.gravity, normals) - UPRIGHT.worth_a_turn:
         return best
     unit = axis / np.linalg.norm(axis)
     R = exp(unit * within[int(np.argmin(slopes))]) @ family[0].rotation.R_imu_lidar
@@ -69,4 +62,4 @@ def _slope(gravity: FloatArray, normals: FloatArray) -> float:
     """How far planes are from level or plumb, whichever is nearer, each at most counting as one. normals: (P, 3), map."""
     cosine = np.abs(normals @ gravity) / np.linalg.norm(gravity)
     off = np.arcsin(np.minimum(np.minimum(cosine, np.sqrt(np.maximum(1.0 - cosine**2, 0.0))), 1.0))
-    return float(np.sum(off**2 / (off**2 + _PLUMB_RAD**2)))
+    return float(np.sum(off**2 / (off**2 + np.radians(UPRIGHT.plumb_deg) ** 2)))

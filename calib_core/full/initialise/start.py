@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.full.initialise.settings import LAGS
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.geometry import exp
 from calib_core.types import FloatArray
@@ -44,7 +45,7 @@ class LidarTrack:
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Lidar poses at instants of the lidar clock: R (N, 3, 3), p (N, 3). Constant rates from each scan's start."""
         m = np.clip(np.searchsorted(self.start_s, t_s, side="right") - 1, 0, len(self.start_s) - 1)
-        tau = np.clip(t_s - self.start_s[m], -0.2, 0.3)[:, None]
+        tau = np.clip(t_s - self.start_s[m], -LAGS.before_s, LAGS.beyond_s)[:, None]
         return self.R[m] @ exp(self.omega_rad_s[m] * tau), self.p[m] + self.v_m_s[m] * tau
 
 

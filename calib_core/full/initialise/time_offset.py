@@ -13,27 +13,30 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
+from calib_core.full.initialise.settings import LAGS
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray
 
-GRID_HZ = 50.0
-
 
 @dataclass(frozen=True)
 class Turns:
-    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second."""
+    """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second.
+
+    worth: (N,) what each counts for beside the others, None for all alike.
+    """
 
     start_s: FloatArray
     end_s: FloatArray
     rate_rad_s: FloatArray
+    worth: FloatArray | None = None
 
 
 def turns_of(track: LidarTrack) -> list[Turns]:
     """Turns within the sweeps, and between scans one and three apart."""
     out = [Turns(track.start_s, track.start_s + track.sweep_s, track.omega_rad_s)]
     period = float(np.median(np.diff(track.start_s))) if len(track.start_s) > 1 else 0.0
-    for apart in (1, 3):
+    for apart in LAGS.apart_scans:
         if len(track.start_s) <= apart:
             continue
         T = track.start_s[apart:] - track.start_s[:-apart]
@@ -76,15 +79,15 @@ def _running_product(steps: FloatArray) -> FloatArray:
     return product
 
 
-def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: int = 6) -> list[tuple[float, float]]:
+def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tuple[float, float]]:
     """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first."""
     t0, t1 = turns.start_s[0], turns.end_s[-1]
-    lidar_t = np.arange(t0, t1, 1 / GRID_HZ)
+    lidar_t = np.arange(t0, t1, 1 / LAGS.grid_hz)
     norms = np.linalg.norm(turns.rate_rad_s, axis=1)
     # A few spans in which the track leapt would outweigh all others in a correlation.
-    norms = np.minimum(norms, 2.0 * np.percentile(norms, 90.0))
+    norms = np.minimum(norms, LAGS.top_times * np.percentile(norms, LAGS.top_percent))
     lidar = np.interp(lidar_t, 0.5 * (turns.start_s + turns.end_s), norms)
-    imu_t = np.arange(imu_s[0], imu_s[-1], 1 / GRID_HZ)
+    imu_t = np.arange(imu_s[0], imu_s[-1], 1 / LAGS.grid_hz)
     width = float(np.median(turns.end_s - turns.start_s))
     mean = gyro.over(imu_t - width / 2, imu_t + width / 2)
     imu = np.linalg.norm(mean, axis=1)
@@ -93,15 +96,19 @@ def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray, *, count: i
     correlation, overlap = masked_correlation(lidar, imu, valid.astype(float))
     # Sample k of the correlation pairs lidar sample i with imu sample i - (k - (len(imu) - 1)).
     shift = np.arange(len(correlation)) - (len(imu) - 1)
-    lag = t0 - imu_t[0] + shift / GRID_HZ
-    least = min(0.5 * min(len(lidar), len(imu)), max(8.0 * GRID_HZ, 0.3 * len(lidar)))
-    score = np.where(overlap >= least, correlation, -np.inf)
+    lag = t0 - imu_t[0] + shift / LAGS.grid_hz
+    score = np.where(overlap >= least_overlap(len(lidar), len(imu)), correlation, -np.inf)
     best: list[tuple[float, float]] = []
-    while len(best) < count and np.isfinite(score.max()):
+    while len(best) < LAGS.candidates and np.isfinite(score.max()):
         k = int(np.argmax(score))
         best.append((float(lag[k]), float(correlation[k])))
-        score[np.abs(lag - lag[k]) < 0.25] = -np.inf
+        score[np.abs(lag - lag[k]) < LAGS.apart_s] = -np.inf
     return best
+
+
+def least_overlap(lidar: int, imu: int) -> float:
+    """Samples by which two streams of so many samples have to overlap at a lag."""
+    return min(LAGS.half_overlap * min(lidar, imu), max(LAGS.overlap_s * LAGS.grid_hz, LAGS.overlap_share * lidar))
 
 
 def masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -119,5 +126,5 @@ def masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tupl
     var_a = cross(a**2, mask_b) / n - mean_a**2
     var_b = cross(ones, b**2 * mask_b) / n - mean_b**2
     cov = cross(a, b * mask_b) / n - mean_a * mean_b
-    floor = 1e-3 * float(np.var(a)) + 1e-12
+    floor = LAGS.least_variance * float(np.var(a)) + 1e-12
     return cov / np.sqrt(np.maximum(var_a, floor) * np.maximum(var_b, floor)), np.rint(n)

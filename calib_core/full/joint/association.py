@@ -8,7 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from calib_core.factors.laser_features import LaserErrors, collapse_features
+from calib_core.factors.fused import LaserGroups, scan_moments
+from calib_core.factors.laser_features import LaserErrors, LaserSums, collapse_features
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -25,6 +26,7 @@ from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
+from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
@@ -35,11 +37,6 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, Lase
 T = TypeVar("T")
 #: Told how many of the scans are done.
 OnScans = Callable[[int], None]
-#: Points that are worth a call of their own.
-_BATCH = 20_000
-#: Returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane than this many
-#: standard deviations of one of them.
-_OFF_SIGMAS = 2.0
 
 
 def _ignore(_: int) -> None:
@@ -148,9 +145,19 @@ class View:
         self, positions: Sequence[int], hits: Hits, keep: BoolArray, weight: FloatArray, stride: int
     ) -> LaserMicro | None:
         """The kept points' moments for the lidar's own parameters; None where none of these is in play."""
-        if not any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS, SURFACE)):
+        if not self._lidar_in_play():
             return None
-        # Slices go together that go to one knot, as they do when they are gathered.
+        centre_s, groups = self._laser_groups(positions)
+        laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
+        surface = self.nuisance.surface
+        sums = collapse_features(
+            hits, keep, weight, self.estimate.normals, laser=laser, lasers=groups.lasers, group=groups.group,
+            middle=groups.middle, patch=None if surface is None else surface.of(hits), patches=self.nuisance.patches + 1,
+        )  # fmt: skip
+        return self._laser_micro(positions, centre_s[groups.middle], groups, sums)
+
+    def _laser_groups(self, positions: Sequence[int]) -> tuple[FloatArray, LaserGroups]:
+        """Slices go together that go to one knot, as they do when they are gathered: their middles' times, (S,), and which."""
         counts = [self._slices(i) for i in positions]
         centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
         knot = self.motion.nearest_knot(centre_s - self.estimate.time_offset_s)
@@ -158,16 +165,40 @@ class View:
         begins[np.cumsum(counts)[:-1]] = True
         first = np.flatnonzero(begins)
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
-        group = np.cumsum(begins) - 1
-        laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
-        surface = self.nuisance.surface
-        sums = collapse_features(
-            hits, keep, weight, self.estimate.normals, laser=laser, lasers=max(self.nuisance.lasers, 1),
-            group=group, middle=middle, patch=None if surface is None else surface.of(hits),
-            patches=self.nuisance.patches + 1,
-        )  # fmt: skip
-        scan = np.repeat(np.asarray(positions, np.int64), counts)[middle][sums.group]
-        return LaserMicro(centre_s[middle][sums.group], scan, sums)
+        return centre_s, LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle)
+
+    def _laser_micro(
+        self, positions: Sequence[int], middle_s: FloatArray, groups: LaserGroups, sums: LaserSums
+    ) -> LaserMicro:
+        counts = [self._slices(i) for i in positions]
+        scan = np.repeat(np.asarray(positions, np.int64), counts)[groups.middle][sums.group]
+        return LaserMicro(middle_s[sums.group], scan, sums)
+
+    def whole_scan(self, position: int, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> Micro:
+        """All points of one scan, laid on planes and collapsed in one go."""
+        e = self.estimate
+        centre_s, groups = self._laser_groups([position])
+        in_play = self._lidar_in_play()
+        bins, sums = scan_moments(
+            self.scans[position].points,
+            self.slice_poses(position),
+            (np.vstack([e.normals, e.aside_normals]), np.append(e.offsets_m, e.aside_offsets_m), len(e.normals)),
+            noise,
+            gate,
+            extents,
+            errors=self._errors(),
+            told_apart=self.nuisance.lasers > 0,
+            groups=groups if in_play else None,
+            field_of_view_deg=self.settings.field_of_view_deg,
+        )
+        micro = self.micro([position], bins)
+        if sums is None:
+            return micro
+        return replace(micro, lasers=self._laser_micro([position], centre_s[groups.middle], groups, sums))
+
+    def _lidar_in_play(self) -> bool:
+        """Whether any of the lidar's own parameters is an unknown."""
+        return any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS, SURFACE))
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
@@ -220,7 +251,7 @@ class View:
             points = int(self.clocks.scan_points[i]) // stride
             if points > room or not batches:
                 batches.append([])
-                room = _BATCH
+                room = SURVEYING.batch_points
             batches[-1].append(i)
             room -= points
         return self._over(positions, batches, job, on_scans)
@@ -253,6 +284,14 @@ def associate(
     """The micro-bins of the given scans. stride: use every so many-th point.   on_scans: told how many are done."""
     n_planes = len(view.estimate.normals)
     cap = view.settings.points_per_plane_per_scan
+
+    def whole(position: int) -> Micro:
+        e = view.estimate
+        micro = view.whole_scan(position, noise, gate, extents)
+        return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
+
+    if cap is None and stride == 1 and view.nuisance.surface is None:
+        return Micro.joined(view.over_scans(positions, whole, on_scans))
 
     def some(batch: Sequence[int]) -> Micro:
         hits = view.hits(batch, gate, stride)
@@ -300,10 +339,10 @@ def survey(
     def some(batch: Sequence[int]) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
         hits = view.hits(batch, gate, stride)
         std = noise.distance_std_m(hits.cosine)
-        close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < 0.3 + gate.extra_m))
+        close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < SURVEYING.beside_m + gate.extra_m))
         cells = cells_of(hits, view.estimate.normals)
         on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
-        off = hits.d[close] / (_OFF_SIGMAS * std[close] + gate.extra_m)
+        off = hits.d[close] / (SURVEYING.off_sigmas * std[close] + gate.extra_m)
         return hits.plane[close], cells[close], on[close], off
 
     plane, cell, on, off = (

@@ -10,9 +10,10 @@ from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_chi2
+from calib_core.full.joint.settings import DOUBTING
 from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.full.planes.standing import (
-    LEAST_M,
     WORDS,
     PlaneSamples,
     Standing,
@@ -25,26 +26,21 @@ from calib_core.full.run import Run
 from calib_core.geometry import plane_axes
 from calib_core.types import FloatArray
 
-#: Places on a plane: a hand's breadth and a half.
-_CELL_M = 0.3
-#: Normals hold three directions where the smallest singular value of three orthogonal ones would be one.
-_LEAST_SPREAD = 0.2
-
 
 def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
     """How every plane stands under an estimate."""
     bins = problem.bins
-    _, part = problem.planes_seen(estimate)
+    R, p = problem.bin_poses(estimate)
     scatter, points = plane_chi2(problem, estimate)
     weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
     distance_m = problem.sums(estimate) / weight  # as the lasers are known by now, not as when the points were laid out
     at_imu = (bins.scatter[:, 3, :3] / weight[:, None]) @ estimate.R_imu_lidar.T + estimate.p_imu_lidar
-    place_m = np.einsum("bij,bj->bi", part["R"], at_imu) + part["p"]
+    place_m = np.einsum("bij,bj->bi", R, at_imu) + p
     time_s = problem.readings.knots_s[bins.knot]
     out = []
     for j, normal in enumerate(estimate.normals):
         mine = bins.plane == j
-        cell = np.floor(place_m[mine] @ plane_axes(normal).T / _CELL_M).astype(np.int64)
+        cell = np.floor(place_m[mine] @ plane_axes(normal).T / DOUBTING.cell_m).astype(np.int64)
         _, index = np.unique(cell, axis=0, return_inverse=True)
         samples = PlaneSamples(
             time_s[mine],
@@ -58,7 +54,7 @@ def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
     return out
 
 
-def plane_doubts(problem: JointProblem, estimate: Estimate, least_m: float = LEAST_M) -> FloatArray:
+def plane_doubts(problem: JointProblem, estimate: Estimate, least_m: float = JUDGEMENT.least_m) -> FloatArray:
     """How doubtful each plane is, (P, 3): standing.doubts."""
     return doubts(standings(problem, estimate), least_m)
 
@@ -87,7 +83,7 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
     said = [f"{name} {WORDS[fault]}" for name, fault in zip(names, faults, strict=True) if fault]
     sound = estimate.normals[[not fault for fault in faults]]
     spread = np.linalg.svd(sound, compute_uv=False) if len(sound) >= 3 else np.zeros(3)
-    if said and spread[-1] < _LEAST_SPREAD:
+    if said and spread[-1] < DOUBTING.least_spread:
         raise Refused(
             "planes.doubtful",
             f"the planes chosen do not hold the motion: {', '.join(said)}, and the others do not face three ways; choose walls, "

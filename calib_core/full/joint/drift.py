@@ -11,13 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.full.joint.settings import STRAYING
 from calib_core.types import FloatArray
-
-#: What a solve of the whole leaves of the last knot's position and velocity.
-_POSITION_STD_M = 0.02
-_VELOCITY_STD_M_S = 0.05
-#: What a piece's points leave of a plane's distance: the calibration's and the map's error, not the noise of points.
-_SEEN_STD_M = 0.015
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +29,8 @@ class Drift:
     def begun(acceleration_cov: FloatArray, noise_m_s2_sqrt_hz: float) -> Drift:
         """After a solve of the whole. acceleration_cov: (3, 3)."""
         covariance = np.zeros((9, 9))
-        covariance[:3, :3] = np.eye(3) * _POSITION_STD_M**2
-        covariance[3:6, 3:6] = np.eye(3) * _VELOCITY_STD_M_S**2
+        covariance[:3, :3] = np.eye(3) * STRAYING.position_std_m**2
+        covariance[3:6, 3:6] = np.eye(3) * STRAYING.velocity_std_m_s**2
         covariance[6:, 6:] = acceleration_cov
         return Drift(covariance, noise_m_s2_sqrt_hz)
 
@@ -56,7 +51,7 @@ class Drift:
         covariance = self.covariance.copy()
         for n in normals:
             along = covariance[:, :3] @ n
-            gain = along / (n @ along[:3] + _SEEN_STD_M**2)
+            gain = along / (n @ along[:3] + STRAYING.seen_std_m**2)
             covariance -= np.outer(gain, along)
         return Drift(0.5 * (covariance + covariance.T), self.noise_m_s2_sqrt_hz)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import Limits
 from calib_core.full.joint.sensors import clock_rate_ppm
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
@@ -50,10 +52,6 @@ class LastView:
         return self.view
 
 
-#: The accelerometer is read anew where its delay has moved by so much: to there the first order is good to a ten-thousandth.
-_DELAY_MOVED_S = 2e-5
-
-
 @dataclass
 class LastReadings:
     """The readings with the accelerometer asked later by one delay, kept for the next step that asks for nearly the same."""
@@ -63,13 +61,17 @@ class LastReadings:
     def at(self, run: Run, readings: UpsampledImu, delay_s: float) -> UpsampledImu:
         """The readings by a delay. readings: by none."""
         last = readings if self.readings is None else self.readings
-        if abs(delay_s - last.accel_delay_s) > _DELAY_MOVED_S:
+        if abs(delay_s - last.accel_delay_s) > CHAIN.delay_moved_s:
             imu = run.recording.imu
             last = upsample(
                 run.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, readings.knots_s, run.hyper, accel_delay_s=delay_s
             )
             self.readings = last
         return last
+
+
+def ignore_state(_name: str, _state: Estimation) -> None:
+    """For runs whose states nobody writes down."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class JointData:
     readings, nodes: over every knot that may come to be estimated.   gauge: the knot whose pose holds the map frame.
     reference: position of the scan in whose frame the map is.   start: what the stages before have found, and
     limits: how far from it an answer may lie.   sensors: what of them is to be unknown.   most_rounds: that may be taken in all.
+    on_state: told the name of each step and the state before it (`replay.py` writes them down).
     """
 
     run: Run
@@ -92,6 +95,7 @@ class JointData:
     sensors: Nuisance = Nuisance()  # noqa: RUF009  frozen
     laid_out: LastView = field(default_factory=LastView)
     asked: LastReadings = field(default_factory=LastReadings)
+    on_state: Callable[[str, Estimation], None] = ignore_state
 
     @property
     def knots(self) -> int:

@@ -13,6 +13,8 @@ from scipy.optimize import nnls
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.association import View
+from calib_core.full.joint.settings import MEASURING
+from calib_core.gp.noise import MAD_TO_STD
 from calib_core.types import FloatArray, IntArray
 
 
@@ -23,8 +25,8 @@ def measure_noise(
 
     std^2(d) = range^2 c^2 + surface^2, fitted to robust variances in bands of c^2; neither below 0.1 mm.
     """
-    wide = Gate(sigmas=6.0, extra_m=gate.extra_m, margin_m=gate.margin_m, min_cosine=gate.min_cosine)
-    edges = np.linspace(0.0, 1.0, 13)
+    wide = Gate(sigmas=MEASURING.gate_sigmas, extra_m=gate.extra_m, margin_m=gate.margin_m, min_cosine=gate.min_cosine)
+    edges = np.linspace(0.0, 1.0, MEASURING.bands + 1)
 
     def one(position: int) -> tuple[FloatArray, FloatArray, IntArray]:
         hits = view.hits([position], wide)
@@ -35,13 +37,13 @@ def measure_noise(
     # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
     d = np.concatenate([_centred(p[0], p[2]) for p in parts])
     c2 = np.concatenate([p[1] for p in parts])
-    if len(d) < 500:
+    if len(d) < MEASURING.fewest_points:
         return start
     rows, variances, weights = [], [], []
     band = np.digitize(c2, edges)
     for b in np.unique(band):
         mine = d[band == b]
-        if len(mine) > 100:
+        if len(mine) > MEASURING.fewest_in_band:
             variance = tapered_variance(mine)
             rows.append([float(c2[band == b].mean()), 1.0])
             variances.append(variance)
@@ -60,10 +62,10 @@ def tapered_variance(d: FloatArray) -> float:
     point more or less must not move the cost of the whole solve. The first guess is the median of the distances.
     """
     square = d**2
-    variance = 1.4826**2 * float(np.median(square))
-    for _ in range(30):
+    variance = MAD_TO_STD**2 * float(np.median(square))
+    for _ in range(MEASURING.passes):
         before = variance
-        weight = np.maximum(1.0 - square / max(16.0 * before, 1e-30), 0.0) ** 2
+        weight = np.maximum(1.0 - square / max(MEASURING.taper_sigmas**2 * before, 1e-30), 0.0) ** 2
         variance = float(np.sum(weight * square)) / max(_TAPERED * float(np.sum(weight)), 1e-30)
         if abs(variance - before) <= 1e-12 * before:
             break
@@ -74,7 +76,7 @@ def _centred(d: FloatArray, plane: IntArray) -> FloatArray:
     out = d.copy()
     for j in np.unique(plane):
         mine = plane == j
-        if mine.sum() > 20:
+        if mine.sum() > MEASURING.fewest_on_plane:
             out[mine] -= np.median(d[mine])
     return out
 
@@ -84,7 +86,7 @@ def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray
     if len(rows) == 0:
         return start
     if len(rows) == 1:
-        return LidarNoise(_told(variances[0] / rows[0, 0]), 1e-4)
+        return LidarNoise(_told(variances[0] / rows[0, 0]), MEASURING.least_std_m)
     solution, _ = nnls(rows * weights[:, None], variances * weights)
     return LidarNoise(_told(solution[0]), _told(solution[1]))
 
@@ -94,4 +96,4 @@ def _told(variance: float) -> float:
 
     Further digits change with a single point that comes or goes, and the cost of the whole solve with them.
     """
-    return max(float(f"{np.sqrt(variance):.3g}"), 1e-4)
+    return max(float(f"{np.sqrt(variance):.{MEASURING.digits}g}"), MEASURING.least_std_m)

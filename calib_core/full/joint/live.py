@@ -10,16 +10,13 @@ from calib_core.events import IterationEvent, PlaneResidual, SweepMotion
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_residuals
+from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.run import Run
 from calib_core.geometry import euler_xyz_deg, transform_matrix
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray, Scan
-
-SWEEPS = 12
-#: Instants of one sweep: within half of it the twist hardly changes, as far as the eye can tell.
-INSTANTS = 3
 
 
 def sweep_motions(
@@ -34,12 +31,12 @@ def sweep_motions(
     """The lidar through sweeps spread over the recording, as far as the motion reaches yet; frame of the solve."""
     from scipy.spatial.transform import Rotation
 
-    places = np.unique(np.linspace(0, len(scans) - 1, SWEEPS).astype(np.int64))
+    places = np.unique(np.linspace(0, len(scans) - 1, WATCHING.sweeps).astype(np.int64))
     told = []
     for scan in (scans[int(place)] for place in places):
         if len(scan.points) == 0:
             continue
-        offset_s = np.linspace(0.0, float(scan.points["offset_ns"].max()) * 1e-9, INSTANTS)
+        offset_s = np.linspace(0.0, float(scan.points["offset_ns"].max()) * 1e-9, WATCHING.instants)
         when_s = (scan.stamp_ns - epoch_ns) * 1e-9 + offset_s - time_offset_s
         poses = motion.lidar_at(when_s, R_imu_lidar, p_imu_lidar)
         if not poses.usable.all():

@@ -15,6 +15,7 @@ import numpy as np
 
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import SlicePoses
+from calib_core.full.joint.settings import CHAIN
 from calib_core.geometry import cross
 from calib_core.geometry.compiled import exp_into, multiply_into, turn_into
 from calib_core.imu.preintegration import UpsampledImu
@@ -55,8 +56,8 @@ class Motion:
             np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.bool_)
         )
         _between_knots(
-            imu_s, self.nearest_knot(imu_s), r.knots_s, r.spacing_s, r.linked, r.knot_gyro, r.knot_accel, self.gyro_bias,
-            self.accel_bias, self.gravity, self.states.R, self.states.p, self.states.v,
+            imu_s, self.nearest_knot(imu_s), r.knots_s, r.spacing_s, CHAIN.reach_knots, r.linked, r.knot_gyro,
+            r.knot_accel, self.gyro_bias, self.accel_bias, self.gravity, self.states.R, self.states.p, self.states.v,
             poses.R, poses.p, poses.v, poses.omega_rad_s, poses.usable,
         )  # fmt: skip
         return poses
@@ -81,6 +82,7 @@ def _between_knots(
     nearest: IntArray,
     knots_s: FloatArray,
     h: float,
+    reach_knots: float,
     linked: BoolArray,
     gyro: FloatArray,
     accel: FloatArray,
@@ -128,4 +130,4 @@ def _between_knots(
                 else:
                     v[i, c] = knots_v[k, c] + t * (force[c] + gravity[c])
         known = (k > 0 and linked[k - 1]) if t < 0.0 else (k < last and linked[k])
-        usable[i] = known and abs(t) < 0.51 * h
+        usable[i] = known and abs(t) < reach_knots * h

@@ -14,7 +14,7 @@ from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import present_view, problem_of
 from calib_core.full.joint.schedule import PlaneSet
 from calib_core.full.joint.state import Estimate
-from calib_core.full.planes.standing import LEAST_M
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
@@ -83,7 +83,7 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     if settled:
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
         badness = np.maximum(badness, wandering / rules.worst_wandering)
-    doubt = plane_doubts(problem, state.estimate, LEAST_M if settled else rules.rough_m)
+    doubt = plane_doubts(problem, state.estimate, JUDGEMENT.least_m if settled else rules.rough_m)
     badness = np.maximum(badness, doubt.max(axis=1))
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:

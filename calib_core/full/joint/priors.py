@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate, Layout
+from calib_core.full.joint.settings import CHAIN
+from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Estimate, Layout
 from calib_core.geometry import log
+from calib_core.presets import USUAL_WALK
 from calib_core.types import FloatArray
 
 
@@ -45,10 +47,10 @@ class Priors:
     rows: tuple[PriorRow, ...]
     gravity_m_s2: float
     gravity_std_m_s2: float
-    gyro_bias_std_rad_s: float = 0.2
-    accel_bias_std_m_s2: float = 1.0
-    gyro_walk: float = 1e-5
-    accel_walk: float = 1e-4
+    gyro_bias_std_rad_s: float = CHAIN.gyro_bias_std_rad_s
+    accel_bias_std_m_s2: float = CHAIN.accel_bias_std_m_s2
+    gyro_walk: float = USUAL_WALK[0]
+    accel_walk: float = USUAL_WALK[1]
     held: tuple[Held, ...] = ()
     nuisance_std: FloatArray = field(default_factory=lambda: np.zeros(0))
 
@@ -84,8 +86,8 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
     for held in priors.held:
         add((float(held.vector @ now) - held.value) / held.std, list(range(CALIBRATION)), held.vector / held.std)
     magnitude = float(np.linalg.norm(estimate.gravity))
-    std = max(priors.gravity_std_m_s2, 1e-7)
-    add((magnitude - priors.gravity_m_s2) / std, [7, 8, 9], estimate.gravity / magnitude / std)
+    std = max(priors.gravity_std_m_s2, CHAIN.exact_gravity_m_s2)
+    add((magnitude - priors.gravity_m_s2) / std, list(range(layout.size))[GRAVITY], estimate.gravity / magnitude / std)
     for place, values, initial, walk in (
         (layout.gyro_bias().start, estimate.gyro_bias, priors.gyro_bias_std_rad_s, priors.gyro_walk),
         (layout.accel_bias().start, estimate.accel_bias, priors.accel_bias_std_m_s2, priors.accel_walk),

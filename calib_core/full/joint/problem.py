@@ -4,18 +4,11 @@ State (perturbations in the order of the shared columns): R_imu_lidar Exp(theta)
 map frame, gyro and accelerometer bias at nodes every few seconds (linear in between), each plane's normal n + B eta in its
 own two axes and its offset; and per knot the IMU's R Exp(phi), p, v.
 
-Lidar factor of a bin (factors/bins.py) at knot k on plane j, with m = R_k' n:
-
-    n_lidar = R_c' m,    w_lidar = m . p_c + n . p_k + w
-    d n_lidar = R_c' hat(m) phi + hat(n_lidar) theta + R_c' R_k' B eta
-    d w_lidar = (p_c x m) . phi + n . dp + m . dp_c + (R_k p_c + p_k) . B eta + dw
-
-and a later time offset by delta looks the pose up earlier: phi = -omega delta, dp = -v delta.
+How a bin of points at knot k sees plane j, and what moves that: factors/planes_seen.py.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,14 +17,20 @@ from calib_core.factors.assembly import add_bins_kernel, add_links_kernel
 from calib_core.factors.imu import link_factors, link_residuals
 from calib_core.factors.laser_features import LaserFactors, feature_changes, features_squares
 from calib_core.factors.laser_kernels import add_features_kernel
+from calib_core.factors.planes_seen import planes_seen_kernel
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, BiasNodes, Bins, Estimate, Layout
-from calib_core.geometry import cross, exp, hat, plane_axes
+from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
+
+#: Columns of a bin's derivative: nine of its knot, the seven, three of its plane; the clocks' rate comes beside them.
+_BIN_COLUMNS = 19
 
 
 @dataclass(frozen=True)
@@ -72,10 +71,10 @@ class JointProblem:
     def cost(self, estimate: Estimate) -> float:
         """Half the sum of squares of everything."""
         residual = link_residuals(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
-        a, _ = self.planes_seen(estimate)
+        a = self.planes_seen(estimate)
         lidar = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            seen, _ = self._seen_by_lasers(estimate)
+            seen = self._seen_by_lasers(estimate)
             lidar += float(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)).sum())
         prior, _ = prior_rows(self.priors, self.nodes, estimate, self.layout(estimate))
         return 0.5 * float(np.sum(residual**2) + lidar + np.sum(prior**2))
@@ -92,10 +91,9 @@ class JointProblem:
             gradient=np.zeros_like(system.gradient),
             gradient_shared=np.zeros_like(system.gradient_shared),
         )
-        with ThreadPoolExecutor(1) as pool:
-            links = pool.submit(self._add_links, system, estimate, layout)
-            self._add_bins(own, estimate, layout)
-            links.result()
+        links = workers().submit(self._add_links, system, estimate, layout)
+        self._add_bins(own, estimate, layout)
+        links.result()
         system.diagonal += own.diagonal
         system.gradient += own.gradient
         system.gradient_shared += own.gradient_shared
@@ -106,19 +104,17 @@ class JointProblem:
         system.cost += 0.5 * float(residual @ residual)
         # The map frame is free to move as a whole: the gauge knot's pose stays where it is. Velocity that nothing
         # constrains (a knot between two silences) stays put as well.
-        index = np.arange(9 if self.hold_velocity else 6)
+        every, pose, vel = np.arange(9), np.arange(6), np.arange(6, 9)
+        held = every if self.hold_velocity else pose
         if self.hold_velocity or not self.planes_hold_frame:
-            system.diagonal[self.gauge_knot, index, index] += 1e8
+            system.diagonal[self.gauge_knot, held, held] += CHAIN.gauge
         else:
             # Planes that were not all in view leave the chain free to shift: held to a metre, m/s and rad it stays in place.
-            every = np.arange(9)
-            system.diagonal[self.gauge_knot, every, every] += 1.0
-        vel = np.arange(6, 9)
-        system.diagonal[:, vel, vel] += 1e-6
-        pose = np.arange(6)
-        system.diagonal[:, pose, pose] += 1e-6
+            system.diagonal[self.gauge_knot, every, every] += CHAIN.loose_gauge
+        system.diagonal[:, vel, vel] += CHAIN.knot
+        system.diagonal[:, pose, pose] += CHAIN.knot
         planes = np.arange(layout.every_plane().start, layout.every_plane().stop)
-        system.corner[planes, planes] += 1e-4  # a plane that no point sees stays where it is
+        system.corner[planes, planes] += CHAIN.plane  # a plane that no point sees stays where it is
         system.frozen = self.frozen
         return system
 
@@ -174,7 +170,7 @@ class JointProblem:
 
     def sums(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted distances of every bin's points, (B,) [1/m]."""
-        a, _ = self.planes_seen(estimate)
+        a = self.planes_seen(estimate)
         total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
         if len(self.bins.lasers.laser):
             lasers = self.bins.lasers
@@ -184,10 +180,10 @@ class JointProblem:
 
     def squares(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted squared distances of every bin's points, (B,)."""
-        a, _ = self.planes_seen(estimate)
+        a = self.planes_seen(estimate)
         total = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            seen, _ = self._seen_by_lasers(estimate)
+            seen = self._seen_by_lasers(estimate)
             total += self._by_bin(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)))
         return np.asarray(total)
 
@@ -224,47 +220,50 @@ class JointProblem:
             system.diagonal, system.lower, system.border, system.corner, system.gradient, system.gradient_shared,
         )  # fmt: skip
 
-    def planes_seen(self, estimate: Estimate) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """A = [n_lidar, w_lidar, 1] of every bin (B, 5), and what its Jacobian needs."""
-        return self._seen(estimate, self.bins.knot, self.bins.plane)
+    def planes_seen(self, estimate: Estimate) -> FloatArray:
+        """A = [n_lidar, w_lidar, 1] of every bin, (B, 5)."""
+        return self._seen(estimate, self.bins.knot, self.bins.plane, 0)[0]
 
-    def _seen_by_lasers(self, estimate: Estimate) -> tuple[FloatArray, dict[str, FloatArray]]:
-        return self._seen(estimate, self.bins.lasers.knot, self.bins.lasers.plane)
-
-    def _seen(self, estimate: Estimate, knot: IntArray, plane: IntArray) -> tuple[FloatArray, dict[str, FloatArray]]:
-        delta = estimate.time_offset_s - self.bins.time_offset_s + self._clock_shift_s(estimate, knot)
-        delta = np.broadcast_to(delta, knot.shape)[:, None]
-        omega = (self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))[knot]
-        v = estimate.states.v[knot]
-        R = estimate.states.R[knot] @ exp(-omega * delta)
-        p = estimate.states.p[knot] - v * delta
-        n = estimate.normals[plane]
-        m = np.einsum("bji,bj->bi", R, n)
-        a = np.ones((len(n), 5))
-        a[:, :3] = m @ estimate.R_imu_lidar
-        a[:, 3] = m @ estimate.p_imu_lidar + np.einsum("bi,bi->b", n, p) + estimate.offsets_m[plane]
-        return a, {"R": R, "p": p, "v": v, "omega": omega, "n": n, "m": m, "delta": delta[:, 0]}
+    def _seen_by_lasers(self, estimate: Estimate) -> FloatArray:
+        return self._seen(estimate, self.bins.lasers.knot, self.bins.lasers.plane, 0)[0]
 
     def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-        """A = [n_lidar, w_lidar, 1] of every bin (B, 5) and the Jacobian of its first four (B, 4, 19 or 20)."""
-        a, part = self.planes_seen(estimate)
-        return a, self._jacobian(a, part, estimate, self.bins.knot, self.bins.plane)
+        """A of every bin (B, 5) and the Jacobian of its first four (B, 4, 19), or 20 with the clocks' rate."""
+        return self._seen(estimate, self.bins.knot, self.bins.plane, self._columns)
 
     def lasers_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         """The same of every pair of a knot and a plane that the lasers' moments are of."""
         lasers = self.bins.lasers
-        a, part = self._seen_by_lasers(estimate)
-        return a, self._jacobian(a, part, estimate, lasers.knot, lasers.plane)
+        return self._seen(estimate, lasers.knot, lasers.plane, self._columns)
 
-    def _jacobian(
-        self, a: FloatArray, part: dict[str, FloatArray], estimate: Estimate, knot: IntArray, plane: IntArray
-    ) -> FloatArray:
-        """Of [n_lidar, w_lidar] (B, 4, 19), and by the clocks' rate in a 20th column where that is in play."""
-        J = bin_jacobian(a, part, estimate, plane)
-        if self.sensors.clock_place < 0:
-            return J
-        lever = self._clock_lever_s(estimate, knot)
-        return np.concatenate([J, J[:, :, 15:16] * lever[:, None, None]], axis=2)
+    @property
+    def _columns(self) -> int:
+        return _BIN_COLUMNS + (self.sensors.clock_place >= 0)
+
+    def _seen(self, estimate: Estimate, knot: IntArray, plane: IntArray, columns: int) -> tuple[FloatArray, FloatArray]:
+        e = estimate
+        a, J = np.empty((len(knot), 5)), np.empty((len(knot) if columns else 0, 4, columns))
+        lever_s = self._clock_lever_s(e, knot) if columns > _BIN_COLUMNS else np.zeros(0)
+        planes_seen_kernel(
+            knot, plane, e.states.R, e.states.p, e.states.v, self._rates(e), self._later_s(e, knot),
+            e.R_imu_lidar, e.p_imu_lidar, e.normals, e.offsets_m, plane_axes(e.normals), lever_s, a, J,
+        )  # fmt: skip
+        return a, J
+
+    def _rates(self, estimate: Estimate) -> FloatArray:
+        """(K, 3) [rad/s] at which the IMU turns at its knots."""
+        return np.asarray(self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))
+
+    def _later_s(self, estimate: Estimate, knot: IntArray) -> FloatArray:
+        """(B,) by how much earlier than at their making bins of these knots look their poses up."""
+        delta = estimate.time_offset_s - self.bins.time_offset_s + self._clock_shift_s(estimate, knot)
+        return np.zeros(len(knot)) + delta
+
+    def bin_poses(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """The IMU's poses at the bins: R (B, 3, 3), p (B, 3)."""
+        knot, s = self.bins.knot, estimate.states
+        delta = self._later_s(estimate, knot)[:, None]
+        return s.R[knot] @ exp(-self._rates(estimate)[knot] * delta), s.p[knot] - s.v[knot] * delta
 
     def _add_bins(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
         b = self.bins
@@ -289,27 +288,3 @@ class JointProblem:
             np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
             start + self.sensors.clock_place, system.gradient, system.border, system.corner, system.gradient_shared,
         )  # fmt: skip
-
-
-def bin_jacobian(a: FloatArray, part: dict[str, FloatArray], estimate: Estimate, plane: IntArray) -> FloatArray:
-    """Jacobian of [n_lidar, w_lidar] of every bin, (B, 4, 19): knot phi p v | theta p_c offset | plane."""
-    Rc, pc = estimate.R_imu_lidar, estimate.p_imu_lidar
-    R, n, m, omega, delta_s = part["R"], part["n"], part["m"], part["omega"], part["delta"][:, None]
-    axes = plane_axes(estimate.normals)[plane]
-    J = np.zeros((len(a), 4, 19))
-    J[:, :3, 0:3] = Rc.T @ hat(m)
-    J[:, 3, 0:3] = cross(pc, m)
-    J[:, 3, 3:6] = n
-    J[:, 3, 6:9] = -delta_s * n
-    J[:, :3, 9:12] = hat(a[:, :3])
-    J[:, 3, 12:15] = m
-    J[:, :3, 15] = -(J[:, :3, 0:3] @ omega[..., None])[..., 0]
-    J[:, 3, 15] = -np.einsum("bi,bi->b", J[:, 3, 0:3], omega) - np.einsum("bi,bi->b", n, part["v"])
-    # phi turns the knot, the bin sits at Exp(-omega delta) from it.
-    J[:, :, 0:3] = J[:, :, 0:3] @ exp(omega * delta_s)
-    in_imu = np.einsum("bji,bkj->bik", R, axes)
-    J[:, :3, 16:18] = Rc.T @ in_imu
-    where = (R @ pc[:, None])[..., 0] + part["p"]
-    J[:, 3, 16:18] = np.einsum("bki,bi->bk", axes, where)
-    J[:, 3, 18] = 1.0
-    return J

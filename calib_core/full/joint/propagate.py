@@ -22,16 +22,11 @@ from calib_core.full.joint.reach import spread, surveyed_reach
 from calib_core.full.joint.regain import regain
 from calib_core.full.joint.round import coarse_stride, gate_of, layout_of, one_round
 from calib_core.full.joint.schedule import Propagation, Round, Schedule
+from calib_core.full.joint.settings import STRAYING
 from calib_core.full.joint.state import GRAVITY
 from calib_core.full.joint.window import Window, predict
 from calib_core.solver.information import covariance
 from calib_core.types import BoolArray, FloatArray, IntArray
-
-#: Before anything is known of it, and below what a wrong scale or axis of a good sensor would make of gravity itself.
-_ACCELERATION_STD_M_S2 = 0.1
-_LEAST_ACCELERATION_STD_M_S2 = 0.005
-#: After the last plane in view, knots are kept for so long: what the IMU alone adds in it is less than the gate.
-_KEPT_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +149,7 @@ def correct(
         count = np.bincount(points.plane[fresh], points.count[fresh], len(normals)).astype(np.float64)
         seen = count > policy.fewest_points
         clocks = data.run.clocks
-        returns = sum(int(clocks.scan_points[i]) for i in inside if clocks.scan_s[i] > fresh_s - 0.05)
+        returns = sum(int(clocks.scan_points[i]) for i in inside if clocks.scan_s[i] > fresh_s - STRAYING.half_sweep_s)
         drift = drift.corrected(normals[seen])
         settled = points.part(fresh & seen[points.plane])
     reach = way.reach if settled is None else spread(way.reach, settled, window, way.outlined, policy)
@@ -177,14 +172,14 @@ def drift_of(data: JointData, state: Estimation) -> Drift:
     The error of R (f - b) + g: bias and gravity, which a motion without turning cannot tell apart.
     """
     noise = float(data.run.noise.density.accel_m_s2_sqrt_hz.max())
-    cov = np.eye(3) * _ACCELERATION_STD_M_S2**2
+    cov = np.eye(3) * STRAYING.acceleration_std_m_s2**2
     if state.information is not None:
         node = int(data.nodes.node[min(state.knots, len(data.nodes.node)) - 1])
         start = layout_of(data, state).accel_bias().start + 3 * node
         every = covariance(state.information).matrix
         pick = np.r_[start : start + 3, GRAVITY]
         J = np.hstack([-state.estimate.states.R[-1], np.eye(3)])
-        cov = J @ every[np.ix_(pick, pick)] @ J.T + np.eye(3) * _LEAST_ACCELERATION_STD_M_S2**2
+        cov = J @ every[np.ix_(pick, pick)] @ J.T + np.eye(3) * STRAYING.least_acceleration_std_m_s2**2
     return Drift.begun(cov, noise)
 
 
@@ -207,8 +202,8 @@ def look_again(data: JointData, way: Propagated, share: float, schedule: Schedul
     way = replace(way, looked_at=knots)
     if schedule.planes is None:
         return way
-    period_s = max(float(np.median(np.diff(data.run.clocks.scan_s))), 1e-3)
-    recent = max(5, round(policy.fresh_look_s / period_s))
+    period_s = max(float(np.median(np.diff(data.run.clocks.scan_s))), 1e-9)
+    recent = max(STRAYING.fewest_scans, round(policy.fresh_look_s / period_s))
     state = add_planes(data, way.state, way.state.positions[-recent:], schedule.planes)
     if state is way.state:
         return way
@@ -233,7 +228,7 @@ def solve_all(data: JointData, way: Propagated, schedule: Schedule, policy: Prop
 def let_go(data: JointData, way: Propagated, policy: Propagation) -> Estimation:
     """Without what was carried on after the last plane went out of sight for good."""
     state, spacing_s = way.state, data.readings.spacing_s
-    keep = min(int(way.seen_at.max()) + round(_KEPT_S / spacing_s), state.knots)
+    keep = min(int(way.seen_at.max()) + round(STRAYING.kept_s / spacing_s), state.knots)
     if (state.knots - keep) * spacing_s < policy.window_s:
         return state
     now_s = data.readings.knots_s[keep - 1] + state.estimate.time_offset_s

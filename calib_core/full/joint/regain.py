@@ -17,16 +17,11 @@ from calib_core.full.joint.association import View
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.schedule import Propagation
+from calib_core.full.joint.settings import REGAINING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.window import Window
-from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
+from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.types import BoolArray, FloatArray, IntArray
-
-#: Points of the scan that are cut into planes, and the fewest that are worth it.
-_CLOUD_POINTS = 4000
-_FEWEST_IN_CLOUD = 200
-#: A lost plane may be seen by its edge alone.
-_SEGMENTS = SegmentSettings(min_points=100, min_share=0.03)
 
 
 def regain(
@@ -46,11 +41,11 @@ def regain(
         return None
     position = scans[len(scans) // 2]
     view = window.view(data)
-    cloud, index = view.cloud(position, _CLOUD_POINTS)
-    if len(index) < _FEWEST_IN_CLOUD:
+    cloud, index = view.cloud(position, REGAINING.points)
+    if len(index) < REGAINING.fewest_points:
         return None
     eye = view.slice_poses(position).p
-    fits = segment_planes(cloud, viewpoint_m=eye[len(eye) // 2], settings=_SEGMENTS)
+    fits = segment_planes(cloud, viewpoint_m=eye[len(eye) // 2], settings=REGAINING.segments)
     found = []
     for fit in fits:
         plane = same_lost_plane(window.estimate, fit, cloud, lost=lost, straying_m=straying_m, policy=policy)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.settings import DOUBTING
 from calib_core.full.joint.state import Estimate
 from calib_core.types import FloatArray
 
@@ -44,7 +45,7 @@ def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> f
     weight = np.maximum(scatter[:, 3, 3], 1e-30)
     moved = (problem.sums(after) - problem.sums(before)) / weight
     point_std = np.sqrt(problem.bins.count / weight)
-    return float(np.percentile(np.abs(moved) / point_std, 95.0))
+    return float(np.percentile(np.abs(moved) / point_std, DOUBTING.moved_percent))
 
 
 def misfit(problem: JointProblem, estimate: Estimate) -> float:

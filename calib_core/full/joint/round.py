@@ -25,6 +25,7 @@ from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import Round, Sampling
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, sensor_columns
+from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, Estimate, Layout, no_bins
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
 from calib_core.imu.intrinsics import corrected
@@ -35,8 +36,6 @@ from calib_core.types import BoolArray, FloatArray
 
 #: The time offset's column of the calibration.
 _TIME_OFFSET = CALIBRATION - 1
-#: Scans between two reports of progress.
-_TOLD_EVERY = 20
 
 
 def one_round(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
@@ -73,7 +72,7 @@ def associate(data: JointData, state: Estimation, gate: Gate, *, stride: int) ->
 
     def tell(done: int) -> None:
         nonlocal told
-        if done // _TOLD_EVERY > told // _TOLD_EVERY:
+        if done // WATCHING.told_every_scans > told // WATCHING.told_every_scans:
             run.stage("solve", done / total, f"round {state.rounds + 1}")
         told = done
 
@@ -143,8 +142,8 @@ def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimatio
     now = state.priors.calibration_vector(state.estimate)
     for direction in still_undetermined(known, before).T:
         vector = direction / UNITS
-        only_shift = bool(np.linalg.norm(direction[3:6]) > 0.98)
-        held.append(Held(vector, 0.0 if only_shift else float(vector @ now), 0.01))
+        only_shift = bool(np.linalg.norm(direction[3:6]) > HOLDING.shift_share)
+        held.append(Held(vector, 0.0 if only_shift else float(vector @ now), HOLDING.held_std))
     return replace(state, priors=replace(state.priors, held=tuple(held)))
 
 

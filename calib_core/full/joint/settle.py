@@ -17,6 +17,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import anchored, associate, coarse_stride, descend, gate_of, measure, survey
 from calib_core.full.joint.schedule import Sampling, Settling
+from calib_core.full.joint.settings import DOUBTING
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import BoolArray
 
@@ -92,7 +93,7 @@ def _nearer(data: JointData, k: int) -> JointData:
 
 def swings(cells: Sequence[BoolArray]) -> bool:
     """Whether the surveys have gone to and fro twice. Once may be on the way to rest: noise is still being learnt."""
-    if len(cells) < 4:
+    if len(cells) < DOUBTING.to_and_fro:
         return False
     one, other = cells[-2:]
     to_and_fro = np.array_equal(other, cells[-3]) and np.array_equal(one, cells[-4])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,36 +14,76 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
 from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settling
+from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
 from calib_core.full.joint.surface import admit_surface
 
-#: How far along the estimation is, as a share of its usual time: where the motion is known (and of that, where the coarse
-#: rounds are done), and where a part of the points has settled. For whoever watches; nothing depends on it.
-_MOTION, _SETTLED = 0.6, 0.75
-_COARSE = 0.3
+
+def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, first: str = "coarse") -> Solved:
+    """From start values to the fixed point, with every point and all that the recording holds. Raises Refused.
+
+    first: the step to begin with, from the state that `data.on_state` was told before it.
+    """
+    names = [name for name, _, _ in STEPS]
+    for name, share, step in STEPS[names.index(first) :]:
+        data.on_state(name, state)
+        state = step(data.portion(*share), state, schedule)
+    assert schedule.settling is not None
+    rest = data.portion(WATCHING.settled_share, 1.0)
+    state, problem = alternate(rest, state, schedule.settling, schedule.sampling)
+    return finished(data, state, problem)
 
 
-def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
-    """From start values to the fixed point, with every point and all that the recording holds. Raises Refused."""
-    state = estimate_motion(data.portion(0.0, _MOTION), state, schedule)
-    rules, settling, sampling = schedule.planes, schedule.settling, schedule.sampling
-    assert settling is not None
-    if rules is not None:
-        added = add_planes(data, state, state.positions, rules)
-        state = state if added is state else one_round(data.portion(_MOTION, _MOTION), added, rules.settle_in, sampling)
+def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """Coarse rounds over what was tracked, then the estimate propagated over the rest."""
+    state = coarse_rounds(data.portion(0.0, WATCHING.coarse_share), state, schedule)
+    return propagated(data.portion(WATCHING.coarse_share, 1.0), state, schedule)
+
+
+def coarse_rounds(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """The motion alone, then everything but the sensors' parameters, over what was tracked."""
+    state = with_outlines(data, state)
+    rounds = (schedule.motion, *schedule.coarse)
+    for k, each in enumerate(rounds):
+        state = one_round(data.portion(k / len(rounds), (k + 1) / len(rounds)), state, each, schedule.sampling)
+    return state
+
+
+def propagated(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """Over the rest of the recording; where there is none, what the schedule has instead."""
+    further = propagate(data, state, schedule)
+    if further is state:
+        for instead in schedule.instead:
+            further = one_round(data, further, instead, schedule.sampling)
+    return further
+
+
+def with_new_planes(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """Planes that have come into view."""
+    if schedule.planes is None:
+        return state
+    added = add_planes(data, state, state.positions, schedule.planes)
+    return state if added is state else one_round(data, added, schedule.planes.settle_in, schedule.sampling)
+
+
+def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """The sensors' own parameters, and without the planes that are none once these are known."""
     state = admit_sensors(data, state)
     if data.sensors.blocks:
-        state = one_round(data.portion(_MOTION, _MOTION), state, schedule.sensors, sampling)
-    if rules is not None:
-        state = drop_planes(data, state, rules)
-    state = settle(data.portion(_MOTION, _SETTLED), state, settling, sampling)
-    if rules is not None:
-        state = settle_without_doubtful(data.portion(_SETTLED, _SETTLED), state, rules, settling, sampling)
-    uneven = admit_surface(data, state, schedule.surfaces, sampling)
-    if uneven is not state:
-        state = settle(data.portion(_SETTLED, _SETTLED), uneven, settling, sampling)
-    state, problem = alternate(data.portion(_SETTLED, 1.0), state, settling, sampling)
-    return finished(data, state, problem)
+        state = one_round(data, state, schedule.sensors, schedule.sampling)
+    return state if schedule.planes is None else drop_planes(data, state, schedule.planes)
+
+
+def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """To rest with a part of the points, without planes that turn out to be none."""
+    assert schedule.settling is not None
+    state = settle(data, state, schedule.settling, schedule.sampling)
+    if schedule.planes is not None:
+        state = settle_without_doubtful(
+            data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling
+        )
+    uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
+    return state if uneven is state else settle(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
 
 
 def settle_without_doubtful(
@@ -55,20 +96,6 @@ def settle_without_doubtful(
             break
         state = settle(data, left, settling, sampling)
     return state
-
-
-def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """Coarse rounds over what was tracked, then the estimate propagated over the rest."""
-    state = with_outlines(data, state)
-    rounds = (schedule.motion, *schedule.coarse)
-    for k, each in enumerate(rounds):
-        part = data.portion(_COARSE * k / len(rounds), _COARSE * (k + 1) / len(rounds))
-        state = one_round(part, state, each, schedule.sampling)
-    further = propagate(data.portion(_COARSE, 1.0), state, schedule)
-    if further is state:
-        for instead in schedule.instead:
-            further = one_round(data, further, instead, schedule.sampling)
-    return further
 
 
 def admit_sensors(data: JointData, state: Estimation) -> Estimation:
@@ -116,3 +143,14 @@ def finished(data: JointData, state: Estimation, problem: JointProblem) -> Solve
         iterations=state.iterations,
         nuisance=state.nuisance,
     )
+
+
+_MOTION = WATCHING.motion_share
+#: The steps in their order, each with the share of the progress that it usually takes. All points come after them.
+STEPS: tuple[tuple[str, tuple[float, float], Callable[[JointData, Estimation, Schedule], Estimation]], ...] = (
+    ("coarse", (0.0, _MOTION * WATCHING.coarse_share), coarse_rounds),
+    ("propagate", (_MOTION * WATCHING.coarse_share, _MOTION), propagated),
+    ("planes", (_MOTION, _MOTION), with_new_planes),
+    ("sensors", (_MOTION, _MOTION), with_sensors),
+    ("settle", (_MOTION, WATCHING.settled_share), settled),
+)

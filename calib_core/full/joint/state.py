@@ -8,16 +8,12 @@ import numpy as np
 
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.laser_features import LaserFactors
+from calib_core.full.joint.settings import CHAIN
 from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7
 GRAVITY = slice(7, 10)
 BIAS_START = 10
-
-
-#: Every node is six columns along the whole chain of knots: without a limit, the memory of a solve would grow with the
-#: square of a recording's length, and its time faster still. Biases of minutes are as smooth to a longer spacing.
-MOST_NODES = 24
 
 
 @dataclass(frozen=True)
@@ -33,9 +29,9 @@ class BiasNodes:
         """Nodes at about the spacing over the knots, in a long recording further apart; a single one where it is None."""
         start, end = float(knots_s[0]), float(knots_s[-1])
         middle = 0.5 * (knots_s[:-1] + knots_s[1:])
-        if spacing_s is None or end - start < 1.5 * spacing_s:
+        if spacing_s is None or end - start < CHAIN.one_node * spacing_s:
             return BiasNodes(np.array([start]), np.zeros(len(middle), np.int64), np.zeros(len(middle)))
-        count = min(int(np.ceil((end - start) / spacing_s)) + 1, MOST_NODES)
+        count = min(int(np.ceil((end - start) / spacing_s)) + 1, CHAIN.most_nodes)
         times = np.linspace(start, end, count)
         node = np.clip(np.searchsorted(times, middle, side="right") - 1, 0, count - 2)
         return BiasNodes(times, node, (middle - times[node]) / (times[node + 1] - times[node]))

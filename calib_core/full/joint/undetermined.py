@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.full.joint.priors import Priors
+from calib_core.full.joint.settings import HOLDING
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.solver.information import marginal
 from calib_core.types import BoolArray, FloatArray
@@ -29,7 +30,7 @@ LIMITS = np.array([0.5] * 3 + [2.0] * 3 + [2.0])
 #: The standing prior of 1 rad, 10 m, 10 s in the same units: along an undetermined direction this is all there is.
 STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
 #: Spread of a direction along any parameter, in the scaled units, beyond which it counts as undetermined and is held.
-UNDETERMINED = np.array([2.0] * 3 + [10.0] * 3 + [10.0])
+UNDETERMINED = np.repeat([np.radians(HOLDING.open_deg), HOLDING.open_m, HOLDING.open_s], (3, 3, 1)) / UNITS
 
 
 def data_information(information: FloatArray, priors: Priors) -> FloatArray:
@@ -69,14 +70,14 @@ def still_undetermined(data: FloatArray, before: Sequence[FloatArray]) -> FloatA
     kept = []
     for vector in before:
         spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
-        if (np.abs(vector) * spread > 0.3 * UNDETERMINED).any():
+        if (np.abs(vector) * spread > HOLDING.let_go * UNDETERMINED).any():
             kept.append(vector)
     if not kept:
         return now
     both = np.column_stack([now, *kept])
     left, size, _ = np.linalg.svd(both, full_matrices=False)
     # Nearly the same direction twice is one direction.
-    return np.asarray(left[:, size > 0.3])
+    return np.asarray(left[:, size > HOLDING.same_direction])
 
 
 def is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:

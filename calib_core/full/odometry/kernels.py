@@ -70,6 +70,17 @@ def _owner(x: FloatArray, normals: FloatArray, offsets: FloatArray, eye: FloatAr
 
 
 @numba.njit(cache=True, nogil=True)
+def _turned_within(x: float, y: float, z: float, t: float, omega: FloatArray) -> tuple[float, float, float]:
+    """A point seen so long after its sweep's begin, in the lidar's axes at the begin, to second order of the turn."""
+    cx, cy, cz = omega[1] * z - omega[2] * y, omega[2] * x - omega[0] * z, omega[0] * y - omega[1] * x
+    return (
+        x + t * cx + 0.5 * t * t * (omega[1] * cz - omega[2] * cy),
+        y + t * cy + 0.5 * t * t * (omega[2] * cx - omega[0] * cz),
+        z + t * cz + 0.5 * t * t * (omega[0] * cy - omega[1] * cx),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
 def register_kernel(
     points: FloatArray,
     tau: FloatArray,
@@ -105,10 +116,7 @@ def register_kernel(
     for i in range(points.shape[0]):
         t = tau[i]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        cx, cy, cz = omega[1] * z - omega[2] * y, omega[2] * x - omega[0] * z, omega[0] * y - omega[1] * x
-        x2 = x + t * cx + 0.5 * t * t * (omega[1] * cz - omega[2] * cy)
-        y2 = y + t * cy + 0.5 * t * t * (omega[2] * cx - omega[0] * cz)
-        z2 = z + t * cz + 0.5 * t * t * (omega[0] * cy - omega[1] * cx)
+        x2, y2, z2 = _turned_within(x, y, z, t, omega)
         for a in range(3):
             x_map[a] = R[a, 0] * x2 + R[a, 1] * y2 + R[a, 2] * z2 + p[a] + t * v[a]
         best, distance, apart, within = _nearest(
@@ -204,13 +212,15 @@ def spread_kernel(
     reach: BoolArray,
     cell_m: float,
     near_m: float,
+    near_per_m: float,
+    widen_cells: float,
     eye: FloatArray,
     passes: int,
 ) -> None:
     """Lets planes reach on: a point near a plane, in a cell that it reaches, adds that cell's neighbours; in `passes` rounds.
 
     x_map: (N, 3) map.   eye: (3,) from where they were seen.   reach: (P, W, W), changed.   A point speaks for the plane
-    nearest to it alone. Far away rings are wide apart: one more cell every 20 cells of range.
+    nearest to it alone. Far away rings are wide apart: one more cell every `widen_cells` cells of range.
     """
     width = reach.shape[1]
     n = x_map.shape[0]
@@ -221,8 +231,8 @@ def spread_kernel(
     for i in range(n):
         x, y, z = x_map[i, 0], x_map[i, 1], x_map[i, 2]
         away = np.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2 + (z - eye[2]) ** 2)
-        near[i] = 1 + int(away / (20.0 * cell_m))
-        owner[i] = _owner(x_map[i], normals, offsets, eye, near_m + 0.003 * away)
+        near[i] = 1 + int(away / (widen_cells * cell_m))
+        owner[i] = _owner(x_map[i], normals, offsets, eye, near_m + near_per_m * away)
         j = owner[i]
         if j >= 0:
             row[i] = cell_of(axes[j, 0, 0] * x + axes[j, 0, 1] * y + axes[j, 0, 2] * z, cell_m, width)
@@ -258,9 +268,6 @@ def straighten_kernel(
     for i in range(points.shape[0]):
         t = tau[i]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        cx, cy, cz = omega[1] * z - omega[2] * y, omega[2] * x - omega[0] * z, omega[0] * y - omega[1] * x
-        x2 = x + t * cx + 0.5 * t * t * (omega[1] * cz - omega[2] * cy)
-        y2 = y + t * cy + 0.5 * t * t * (omega[2] * cx - omega[0] * cz)
-        z2 = z + t * cz + 0.5 * t * t * (omega[0] * cy - omega[1] * cx)
+        x2, y2, z2 = _turned_within(x, y, z, t, omega)
         for a in range(3):
             x_map[i, a] = R[a, 0] * x2 + R[a, 1] * y2 + R[a, 2] * z2 + p[a] + t * v[a]

@@ -12,29 +12,10 @@ import numpy as np
 from scipy import ndimage
 
 from calib_core.full.odometry.kernels import spread_kernel
+from calib_core.full.odometry.settings import MAP
 from calib_core.geometry import plane_axes
-from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
+from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.types import BoolArray, FloatArray, IntArray, Plane
-
-CELL_M = 0.4
-_WIDTH = 320
-#: A point this near a plane lies on it; one further away than `_STRAY_M` from every plane lies on none.
-_NEAR_M = 0.07
-_STRAY_M = 0.12
-_MOST_PLANES = 24
-#: A fit within these of a known plane is that plane; one outside them but within the next pair is a doubtful copy, and
-#: so near that what lies between both would be ambiguous: a hedge would take its wall along.
-_SAME_DEG, _SAME_M = 3.0, 0.1
-_ALIKE_DEG, _ALIKE_M = 8.0, 0.35
-_NEW_PLANES = SegmentSettings(
-    min_share=0.04,
-    min_points=120,
-    min_breadth_m=0.25,
-    max_planes=4,
-    distance_m=0.05,
-    subsample=2000,
-    hypotheses=350,
-)
 
 
 class PlaneMap:
@@ -50,7 +31,7 @@ class PlaneMap:
         self.axes = plane_axes(self.normals)
         self.given = len(self.normals)
         self.support = np.zeros(self.given, np.int64)
-        self.reach: BoolArray = np.zeros((self.given, _WIDTH, _WIDTH), np.bool_)
+        self.reach: BoolArray = np.zeros((self.given, MAP.cells, MAP.cells), np.bool_)
 
     @staticmethod
     def of(planes: Sequence[Plane]) -> PlaneMap:
@@ -64,7 +45,7 @@ class PlaneMap:
         made.reach = np.ones((made.given, 1, 1), np.bool_)
         return made
 
-    def seed(self, x_map_m: FloatArray, near_m: float = _NEAR_M) -> None:
+    def seed(self, x_map_m: FloatArray, near_m: float = MAP.near_m) -> None:
         """Let every plane reach wherever points lie on it. x_map_m: (N, 3)."""
         distance = np.abs(x_map_m @ self.normals.T + self.offsets_m)
         nearest = np.argmin(distance, axis=1)
@@ -74,9 +55,12 @@ class PlaneMap:
 
     def spread(self, x_map_m: FloatArray, eye_m: FloatArray) -> None:
         """Let planes reach on where points next to their known part lie on them. x_map_m: (N, 3), seen from eye_m (3,)."""
-        spread_kernel(x_map_m, self.normals, self.offsets_m, self.axes, self.reach, CELL_M, _NEAR_M, eye_m, 6)
+        spread_kernel(
+            x_map_m, self.normals, self.offsets_m, self.axes, self.reach, MAP.cell_m, MAP.near_m, MAP.near_per_m,
+            MAP.widen_cells, eye_m, MAP.spread_passes,
+        )  # fmt: skip
 
-    def count(self, plane: IntArray, least: int = 12) -> None:
+    def count(self, plane: IntArray, least: int = MAP.seen_points) -> None:
         """Note which planes a scan had points on. plane: (N,) index of each point on one."""
         self.support += np.bincount(plane, minlength=len(self.normals)) >= least
 
@@ -85,7 +69,7 @@ class PlaneMap:
         stray = np.ones(len(x_map_m), np.bool_)
         for j, normal in enumerate(self.normals):
             along = x_map_m @ normal
-            on = (np.abs(along + self.offsets_m[j]) < _STRAY_M) & (along < eye_m @ normal)
+            on = (np.abs(along + self.offsets_m[j]) < MAP.stray_m) & (along < eye_m @ normal)
             row, column = self._cells(j, x_map_m[on])
             stray[np.flatnonzero(on)[self.reach[j, row, column]]] = False
         return stray
@@ -96,20 +80,20 @@ class PlaneMap:
         strays_m: (N, 3) map frame, seen from eye_m (3,).
         """
         changed = 0
-        for fit in segment_planes(strays_m, viewpoint_m=eye_m, settings=_NEW_PLANES):
+        for fit in segment_planes(strays_m, viewpoint_m=eye_m, settings=MAP.new_planes):
             mine = strays_m[fit.inliers]
             turned = np.degrees(np.arccos(np.clip(self.normals @ fit.normal, -1.0, 1.0)))
             apart = np.sqrt(np.mean((mine @ self.normals.T + self.offsets_m) ** 2, axis=0))
-            same = np.flatnonzero((turned < _SAME_DEG) & (apart < _SAME_M))
+            same = np.flatnonzero((turned < MAP.same_deg) & (apart < MAP.same_m))
             if len(same) > 0:
                 self._mark(int(same[np.argmin(apart[same])]), mine)
                 changed += 1
-            elif not ((turned < _ALIKE_DEG) & (apart < _ALIKE_M)).any() and len(self.normals) < _MOST_PLANES:
+            elif not ((turned < MAP.alike_deg) & (apart < MAP.alike_m)).any() and len(self.normals) < MAP.most_planes:
                 self._add(fit, mine)
                 changed += 1
         return changed
 
-    def planes(self, given: Sequence[Plane], least_support: int = 5) -> list[Plane]:
+    def planes(self, given: Sequence[Plane], least_support: int = MAP.seen_scans) -> list[Plane]:
         """The given planes, and those found that were seen in so many scans, named on."""
         found = [j for j in range(self.given, len(self.normals)) if self.support[j] >= least_support]
         first = len(given) + 1
@@ -128,7 +112,7 @@ class PlaneMap:
 
     def _cells(self, j: int, x_map_m: FloatArray) -> tuple[IntArray, IntArray]:
         width = self.reach.shape[1]
-        cell = np.floor(x_map_m @ self.axes[j].T / CELL_M).astype(np.int64) + width // 2
+        cell = np.floor(x_map_m @ self.axes[j].T / MAP.cell_m).astype(np.int64) + width // 2
         cell = np.clip(cell, 0, width - 1)
         return cell[:, 0], cell[:, 1]
 

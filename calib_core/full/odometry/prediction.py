@@ -7,27 +7,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.odometry.register import ScanMotion, TrackSettings
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.settings import TrackSettings
 from calib_core.geometry import exp
 from calib_core.types import FloatArray, Scan
 
 _NONE = np.zeros(3)
 
 
-def other_starts(previous: ScanMotion, predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
+def other_starts(previous: ScanMotion, predicted: ScanMotion, s: TrackSettings, *, thorough: bool) -> list[ScanMotion]:
     """Where else a scan may be that is not where constant velocity has it."""
     starts = [predicted, replace(previous, position=predicted.position, omega_rad_s=_NONE, v_m_s=_NONE)]
     if thorough:
-        turns = np.vstack([0.25 * np.eye(3), -0.25 * np.eye(3)])
+        turns = s.other_turn_rad * np.vstack([np.eye(3), -np.eye(3)])
         starts += [replace(predicted, R=predicted.R @ exp(turn)) for turn in turns]
     return starts
 
 
-def other_places(predicted: ScanMotion, *, thorough: bool) -> list[ScanMotion]:
+def other_places(predicted: ScanMotion, s: TrackSettings, *, thorough: bool) -> list[ScanMotion]:
     """Where else a scan may be whose orientation is known."""
     starts = [predicted, replace(predicted, v_m_s=_NONE)]
     if thorough:
-        starts += [replace(predicted, p=predicted.p + step) for step in np.vstack([0.4 * np.eye(3), -0.4 * np.eye(3)])]
+        starts += [
+            replace(predicted, p=predicted.p + step) for step in s.other_step_m * np.vstack([np.eye(3), -np.eye(3)])
+        ]
     return starts
 
 
@@ -36,7 +39,7 @@ def predict(
 ) -> tuple[ScanMotion, FloatArray]:
     """Constant velocity to the next scan, with the information of that guess."""
     dt = (scans[position].stamp_ns - scans[previous.position].stamp_ns) * 1e-9
-    steps = max(abs(dt) / 0.1, 0.2)
+    steps = max(abs(dt) / s.tie_s, s.least_tie_steps)
     predicted = replace(
         previous,
         position=position,

@@ -15,29 +15,15 @@ import numpy as np
 from calib_core.errors import Cancelled
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
+from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.track import track
 from calib_core.full.odometry.turning import Turning, rate_within
 from calib_core.full.planes.propose import named_planes, scan_points
+from calib_core.full.planes.settings import SEARCH
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.planes.segment import determinacy, segment_planes
 from calib_core.types import FloatArray, Plane
-
-#: Covering more of the scans than this is enough; elsewhere to look from, as shares of the recording, and to start from.
-_ENOUGH = 0.6
-_ELSEWHERE = (0.5, 0.25, 0.75, 0.12, 0.88, 0.38, 0.62, 0.97)
-_STARTS = 5
-_BETTER = 1.2
-#: A plane tells no more for having more points than this: its own error stays.
-_PLANE_POINTS = 400.0
-#: So much motion settles the start values of a solve.
-_SETTLED_S = 3.0
-_MOVING_RAD_S = 0.1
-_MOVING_M_S = 0.1
-#: A reference scan that turned or moved by more than this during its sweep is straightened.
-_BENT_RAD = 0.01
-_BENT_M = 0.02
-_LEAST_DETERMINACY = 0.02
 
 
 @dataclass(frozen=True)
@@ -71,10 +57,13 @@ class Followed:
         moving = [
             m.position
             for m in self.motions
-            if m.share > 0 and (np.linalg.norm(m.omega_rad_s) > _MOVING_RAD_S or np.linalg.norm(m.v_m_s) > _MOVING_M_S)
+            if m.share > 0
+            and (
+                np.linalg.norm(m.omega_rad_s) > FOLLOWING.moving_rad_s or np.linalg.norm(m.v_m_s) > FOLLOWING.moving_m_s
+            )
         ]
         later = len(ctx.recording.scans) - 1 - self.motions[-1].position
-        return self.seen + (0.5 * later if ctx.clocks.sweep_s[moving].sum() > _SETTLED_S else 0.0)
+        return self.seen + (FOLLOWING.later * later if ctx.clocks.sweep_s[moving].sum() > FOLLOWING.settled_s else 0.0)
 
 
 def follow(
@@ -91,15 +80,15 @@ def follow(
     """
     scans = ctx.recording.scans
     best = _unbent(ctx, _attempt(ctx, planes, reference, turning), turning)
-    if not may_leave or best.seen > _ENOUGH * len(scans):
+    if not may_leave or best.seen > FOLLOWING.enough * len(scans):
         return best
-    for _, position, found in _views(ctx, turning)[:_STARTS]:
+    for _, position, found in _views(ctx, turning)[: FOLLOWING.starts]:
         if best.motions[0].position <= position <= best.motions[-1].position:
             continue
         other = _unbent(ctx, _attempt(ctx, found, position, turning), turning)
-        if other.worth(ctx) > _BETTER * best.worth(ctx):
+        if other.worth(ctx) > FOLLOWING.better * best.worth(ctx):
             best = other
-        if best.seen > _ENOUGH * len(scans):
+        if best.seen > FOLLOWING.enough * len(scans):
             break
     return best
 
@@ -108,7 +97,7 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
     """Scans to start from with their planes, those first whose planes tell most of a position."""
     scans = ctx.recording.scans
     views = []
-    for share in _ELSEWHERE:
+    for share in FOLLOWING.elsewhere:
         position = round(share * (len(scans) - 1))
         rate = rate_within(scans[position], turning)
         points = scan_points(scans[position], ctx.settings.field_of_view_deg)
@@ -117,9 +106,10 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
             points = straighten(points, tau, ScanMotion(position, np.eye(3), np.zeros(3), rate, np.zeros(3)))
         fits = segment_planes(points, seed=ctx.settings.random_seed)
         normals = np.array([f.normal for f in fits]).reshape(-1, 3)
-        if len(fits) < 3 or determinacy(normals) < _LEAST_DETERMINACY:
+        if len(fits) < SEARCH.fewest_planes or determinacy(normals) < SEARCH.least_determinacy:
             continue
-        worth = np.array([_PLANE_POINTS * n / (_PLANE_POINTS + n) for n in (f.inliers.sum() for f in fits)])
+        most = FOLLOWING.plane_points
+        worth = np.array([most * n / (most + n) for n in (f.inliers.sum() for f in fits)])
         told = float(np.linalg.eigvalsh((normals * worth[:, None]).T @ normals)[0])
         views.append((told, position, named_planes(fits)))
     return sorted(views, key=lambda view: -view[0])
@@ -145,7 +135,7 @@ def _unbent(ctx: Run, followed: Followed, turning: Turning | None) -> Followed:
     dt = (scans[last.position].stamp_ns - scans[first.position].stamp_ns) * 1e-9
     omega, v = log(first.R.T @ last.R) / dt, (last.p - first.p) / dt
     sweep_s = float(ctx.clocks.sweep_s[followed.reference])
-    if np.linalg.norm(omega) * sweep_s < _BENT_RAD and np.linalg.norm(v) * sweep_s < _BENT_M:
+    if np.linalg.norm(omega) * sweep_s < FOLLOWING.bent_rad and np.linalg.norm(v) * sweep_s < FOLLOWING.bent_m:
         return followed
     points = scans[followed.reference].points
     tau = points["offset_ns"] * 1e-9
@@ -160,6 +150,6 @@ def _unbent(ctx: Run, followed: Followed, turning: Turning | None) -> Followed:
 def _planes_of(ctx: Run, points_m: FloatArray) -> list[Plane]:
     """The planes of a scan, none where they do not determine a pose. points_m: (N, 3)."""
     fits = segment_planes(points_m, seed=ctx.settings.random_seed)
-    if len(fits) < 3 or determinacy(np.array([f.normal for f in fits])) < _LEAST_DETERMINACY:
+    if len(fits) < SEARCH.fewest_planes or determinacy(np.array([f.normal for f in fits])) < SEARCH.least_determinacy:
         return []
     return named_planes(fits)

@@ -12,20 +12,14 @@ import numpy as np
 
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.full.odometry.plane_map import PlaneMap
-from calib_core.full.odometry.register import ScanMotion, TrackSettings, register, sample_points
+from calib_core.full.odometry.register import ScanMotion, register, sample_points
+from calib_core.full.odometry.settings import STANDSTILL, TrackSettings
 from calib_core.full.planes.propose import distinct, find_reference, make_patch, named_planes, near_plane, scan_points
+from calib_core.full.planes.settings import SEARCH
 from calib_core.geometry import log
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Plane, PlaneProposals, Recording, Scan
-
-_STILL_SCANS = 20
-#: How far a registration of one scan may stray by noise alone.
-_STILL_DEG = 0.25
-_STILL_M = 0.012
-_CLOUD_POINTS = 200_000
-#: Of them, those in which planes are looked for: more would tell the planes apart no better.
-_SEARCHED_POINTS = 60_000
 
 
 def propose_planes(
@@ -41,15 +35,15 @@ def propose_planes(
     reference, fits = find_reference(scans, settings, should_cancel=should_cancel)
     fits = distinct(fits, scan_points(scans[reference], settings.field_of_view_deg))
     still = [reference]
-    if len(fits) >= 3:
+    if len(fits) >= SEARCH.fewest_planes:
         still = still_after(scans, reference, named_planes(fits))
     on_event(StageEvent(stage="planes", fraction=0.5, text=f"merging {len(still)} scans"))
     cloud = np.concatenate([scan_points(scans[i], settings.field_of_view_deg) for i in still])
     intensity = np.concatenate([_intensity(scans[i], settings.field_of_view_deg) for i in still])
-    stride = max(1, len(cloud) // _CLOUD_POINTS + 1)
+    stride = max(1, len(cloud) // STANDSTILL.cloud_points + 1)
     cloud, intensity = cloud[::stride], intensity[::stride]
     if len(still) > 1:
-        some = cloud[:: max(1, len(cloud) // _SEARCHED_POINTS)]
+        some = cloud[:: max(1, len(cloud) // STANDSTILL.searched_points)]
         merged = distinct(segment_planes(some, seed=settings.random_seed), some)
         if len(merged) >= len(fits):
             fits = merged
@@ -66,7 +60,7 @@ def propose_planes(
         cloud_patch=patch,
         cloud_intensity=intensity,
         reference_scans=tuple(still),
-        static=len(still) >= 3,
+        static=len(still) >= STANDSTILL.fewest_scans,
     )
 
 
@@ -74,17 +68,16 @@ def still_after(scans: Sequence[Scan], reference: int, planes: Sequence[Plane]) 
     """The reference scan and those after it during which the lidar did not move."""
     s = TrackSettings()
     known = PlaneMap.endless(planes)
-    # Rates near zero are the hypothesis: left free they would take up the noise of the pose.
-    tie = np.repeat([1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2, 1 / 0.03**2], 3)
+    tie = np.full(12, 1 / STANDSTILL.rest_std**2)
     start = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
     still = []
-    for position in range(reference, min(reference + _STILL_SCANS, len(scans))):
+    for position in range(reference, min(reference + STANDSTILL.scans, len(scans))):
         points, tau = sample_points(scans[position], s.points)
-        if len(points) < 60:
+        if len(points) < s.fewest_points:
             break
         motion = register(points, tau, known, start, tie=tie, settings=s, position=position).motion
         turned, moved = np.degrees(np.linalg.norm(log(motion.R))), np.linalg.norm(motion.p)
-        if turned > _STILL_DEG or moved > _STILL_M:
+        if turned > STANDSTILL.still_deg or moved > STANDSTILL.still_m:
             break
         still.append(position)
     return still or [reference]

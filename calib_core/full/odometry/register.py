@@ -14,8 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.full.odometry.kernels import descend_kernel, register_kernel, straighten_kernel
-from calib_core.full.odometry.plane_map import CELL_M, PlaneMap
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.settings import MAP, TrackSettings
 from calib_core.types import FloatArray, IntArray, Scan
+
+#: (sqrt(5) - 1) / 2: its multiples modulo one are spread as evenly as any sequence's.
+_GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,64 +42,14 @@ class ScanMotion:
     std_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class TrackSettings:
-    """sample: points looked at in each scan.   points: of them in the least squares.   Tie: 1 sigma to the previous scan.
-
-    scales_m: of the weight, iteration by iteration.   plane_points: a plane counts for no more points than that in the
-    least squares, sure_points in the judgement of it, and not at all with fewer than least_points.
-    outside_m: what a point off the known part of its plane counts as further away.   trusted_*: a pose less certain than
-    that (1 sigma) does not count.   bridge_s: how long scans that tell no orientation are bridged.
-    coast_s: how long the position may be unknown in some direction; it goes on at a velocity that fades within damping_s.
-    turning_*: 1 sigma of a turn from scan to scan, and of the rate in a sweep, where they come from a gyroscope.
-    """
-
-    sample: int = 5000
-    points: int = 1500
-    scales_m: tuple[float, ...] = (0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
-    wide_scales_m: tuple[float, ...] = (1.2, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
-    inlier_m: float = 0.1
-    outside_m: float = 0.2
-    tie_rotation_rad: float = 0.06
-    tie_position_m: float = 0.05
-    tie_rate_rad_s: float = 1.2
-    tie_velocity_m_s: float = 0.4
-    fit_std_m: float = 0.05
-    lidar_std_m: float = 0.03
-    plane_points: float = 150.0
-    sure_points: float = 9.0
-    least_points: int = 10
-    trusted_rad: float = 0.06
-    trusted_m: float = 0.1
-    trusted_rms: float = 1.7
-    rms_slack_m: float = 0.01
-    least_rms_m: float = 0.015
-    least_share: float = 0.15
-    lost_share: float = 0.5
-    doubtful_share: float = 0.85
-    jump_rotation_rad: float = 0.6
-    jump_position_m: float = 0.6
-    bridge_s: float = 0.5
-    coast_s: float = 2.0
-    damping_s: float = 0.7
-    grow_share: float = 0.93
-    grow_turn_rad: float = 0.4
-    grow_points: int = 4000
-    grow_every: int = 5
-    turning_rad: float = 0.01
-    turning_rate_rad_s: float = 0.1
+def evenly_spread(n: int, count: int) -> IntArray:
+    """About `count` of n places in order: a golden-ratio stride visits rings and azimuths alike, however packets interleave."""
+    return np.unique((np.arange(count) * _GOLDEN % 1.0 * n).astype(np.int64))
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
     """Evenly spread points of a scan and their times after its first point: (K, 3) [m], (K,) [s]. Deterministic."""
-    n = len(scan.points)
-    if n > count:
-        # A golden-ratio stride visits rings and azimuths evenly whatever the interleaving of the packets.
-        pick = np.sort((np.arange(count) * 0.6180339887498949 % 1.0 * n).astype(np.int64))
-        pick = pick[np.diff(pick, prepend=-1) > 0]
-        points = scan.points[pick]
-    else:
-        points = scan.points
+    points = scan.points[evenly_spread(len(scan.points), count)] if len(scan.points) > count else scan.points
     return points["xyz"].astype(np.float64), points["offset_ns"] * 1e-9
 
 
@@ -125,12 +79,14 @@ class _Look:
         outside_m: float,
         worth: FloatArray | None,
     ) -> None:
-        n, size = len(points_m), 0 if worth is None else 12
-        upper, self.gradient = np.zeros((size, size)), np.zeros(size)
+        n = len(points_m)
+        upper, self.gradient = (
+            (np.zeros((12, 12)), np.zeros(12)) if worth is not None else (np.zeros((0, 0)), np.zeros(0))
+        )
         self.d, self.plane, self.inside = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
         register_kernel(
             points_m, tau_s, planes.normals, planes.offsets_m, planes.axes, planes.reach,
-            np.ones(0) if worth is None else worth, CELL_M, outside_m,
+            np.ones(0) if worth is None else worth, MAP.cell_m, outside_m,
             at.R, at.p, at.omega_rad_s, at.v_m_s, scale_m, upper, self.gradient, self.d, self.plane, self.inside,
         )  # fmt: skip
         self.hessian = upper + np.triu(upper, 1).T
@@ -177,13 +133,14 @@ def register(
         start, R=start.R.copy(), p=start.p.copy(), omega_rad_s=start.omega_rad_s.copy(), v_m_s=start.v_m_s.copy()
     )
     descend_kernel(
-        some_m, some_s, planes.normals, planes.offsets_m, planes.axes, planes.reach, CELL_M, outside, np.array(scales),
+        some_m, some_s, planes.normals, planes.offsets_m, planes.axes, planes.reach, MAP.cell_m, outside, np.array(scales),
         settings.fit_std_m**2 * tie, settings.plane_points, settings.least_points, at.R, at.p, at.omega_rad_s, at.v_m_s,
     )  # fmt: skip
     look = _Look(some_m, some_s, planes, at, scales[-1], outside, None)
     worth = look.worth(n_planes, settings.sure_points, 2 * settings.least_points, settings.inlier_m)
     sure = _Look(some_m, some_s, planes, at, scales[-1], outside, worth).hessian[:6, :6]
-    told = np.repeat([1e-2 if known_rad is None else 1.0 / known_rad**2, 1e-2], 3)
+    unknown = settings.unknown_std
+    told = 1.0 / np.repeat([unknown if known_rad is None else known_rad, unknown], 3) ** 2
     covariance = np.linalg.inv(sure / variance + np.diag(told))
     rotation = np.linalg.eigvalsh(covariance[:3, :3])
     position_, directions = np.linalg.eigh(covariance[3:, 3:])

@@ -19,7 +19,8 @@ import numpy as np
 
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.prediction import other_places, other_starts, predict
-from calib_core.full.odometry.register import Registered, ScanMotion, TrackSettings, register, sample_points, straighten
+from calib_core.full.odometry.register import Registered, ScanMotion, register, sample_points, straighten
+from calib_core.full.odometry.settings import MAP, TrackSettings
 from calib_core.full.odometry.turning import Turning, rate_within
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Plane, Scan
@@ -55,10 +56,10 @@ def _first(
     scans: Sequence[Scan], known: PlaneMap, reference: int, s: TrackSettings, turning: Turning | None
 ) -> ScanMotion:
     """The reference scan's velocities, and how far the planes reach in it."""
-    points, tau = sample_points(scans[reference], 20_000)
-    known.seed(points, 0.12)
+    points, tau = sample_points(scans[reference], s.reference_points)
+    known.seed(points, MAP.seed_m)
     still = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
-    loose = np.repeat([1e8, 1e8, 1 / 2.0**2, 1 / 2.0**2], 3)
+    loose = np.repeat([s.held, s.held, 1 / s.first_rate_rad_s**2, 1 / s.first_velocity_m_s**2], 3)
     rate = rate_within(scans[reference], turning)
     if rate is not None:
         still = replace(still, omega_rad_s=rate)
@@ -93,7 +94,7 @@ class _Tracker:
         """Follow scan after scan; yields how many so far."""
         s = self.s
         self._share, self._rms = self.first.share, max(self.first.rms_m, s.least_rms_m)
-        self._most_rms_m = 1.5 * self._rms
+        self._most_rms_m = s.most_rms * self._rms
         self._wait, self._grown_R = s.grow_every, self.first.R
         good = oriented = previous = self.first
         self._pace_m_s = self.first.v_m_s
@@ -101,9 +102,9 @@ class _Tracker:
         while 0 <= position < len(self.scans):
             away_s = self._between_s(good.position, position)
             lost_s = s.bridge_s if self.turning is None else s.coast_s
-            if self._between_s(oriented.position, position) > max(lost_s, 1.5 * self._period_s(position)):
+            if self._between_s(oriented.position, position) > max(lost_s, s.bridged_periods * self._period_s(position)):
                 break
-            if away_s > max(s.coast_s, 1.5 * self._period_s(position)):
+            if away_s > max(s.coast_s, s.bridged_periods * self._period_s(position)):
                 break
             found = self._register(previous, position, s.damping_s if previous is not good else None)
             if found is not None:
@@ -155,7 +156,7 @@ class _Tracker:
         """The scan registered from where it is predicted, from other starts where that is doubtful; None where it is lost."""
         s = self.s
         points, tau = sample_points(self.scans[position], s.sample)
-        if len(points) < 60:
+        if len(points) < s.fewest_points:
             return None
         # Where a direction is seen for a moment of the sweep only, the way from the last scan tells its velocity better.
         mixed = replace(previous, v_m_s=0.5 * (previous.v_m_s + self._pace_m_s))
@@ -163,7 +164,7 @@ class _Tracker:
         turned = self._turned(previous, position)
         known_rad = None
         if turned is not None:
-            known_rad = s.turning_rad * max(1.0, self._between_s(previous.position, position) / 0.1) ** 0.5
+            known_rad = s.turning_rad * max(1.0, self._between_s(previous.position, position) / s.tie_s) ** 0.5
             predicted = replace(predicted, R=turned.R, omega_rad_s=turned.omega_rad_s)
             tie[:3], tie[6:9] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
@@ -171,19 +172,19 @@ class _Tracker:
         best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position, known_rad=known_rad)
         doubtful = best.motion.share < s.doubtful_share * self._share
         if doubtful or best.motion.rms_m > s.trusted_rms * self._rms + 0.5 * s.rms_slack_m:
-            loose = tie / 25.0
+            loose = tie / s.loosened**2
             thorough = self._lost(best.motion, predicted, position)
-            starts = other_starts(previous, predicted, thorough=thorough)
+            starts = other_starts(previous, predicted, s, thorough=thorough)
             if known_rad is not None:
                 loose[:3], loose[6:9] = tie[:3], tie[6:9]
-                starts = other_places(predicted, thorough=thorough)
+                starts = other_places(predicted, s, thorough=thorough)
             for start in starts:
                 other = register(
                     points, tau, self.known, start, tie=loose, settings=s, position=position, scales_m=s.wide_scales_m,
                     known_rad=known_rad,
                 )  # fmt: skip
                 far = self._leapt(other.motion, predicted, position)
-                if not far and other.motion.share > 1.05 * best.motion.share:
+                if not far and other.motion.share > s.better_share * best.motion.share:
                     best = other
         return None if self._lost(best.motion, predicted, position) else best
 
@@ -208,7 +209,7 @@ class _Tracker:
 
         A box looks the same after a half turn: that is likelier than such a motion.
         """
-        steps = max(self._period_s(position) / 0.1, 0.5)
+        steps = max(self._period_s(position) / self.s.tie_s, self.s.least_jump_steps)
         turned = float(np.linalg.norm(log(predicted.R.T @ motion.R)))
         moved = float(np.linalg.norm(motion.p - predicted.p))
         return turned > self.s.jump_rotation_rad * steps or moved > self.s.jump_position_m * steps
@@ -233,8 +234,8 @@ class _Tracker:
         s, motion = self.s, found.motion
         rough = motion.rms_m > self.s.trusted_rms * self._rms + 0.5 * s.rms_slack_m
         if not rough:
-            self._share += 0.2 * (motion.share - self._share)
-            self._rms += 0.2 * (float(np.clip(motion.rms_m, s.least_rms_m, self._most_rms_m)) - self._rms)
+            self._share += s.newest * (motion.share - self._share)
+            self._rms += s.newest * (float(np.clip(motion.rms_m, s.least_rms_m, self._most_rms_m)) - self._rms)
         self.known.spread(straighten(found.points_m, found.tau_s, motion), motion.p)
         self.known.count(found.plane[found.plane >= 0])
         self._since += 1
@@ -243,11 +244,11 @@ class _Tracker:
             return
         wanting = motion.share < s.grow_share and self._since >= self._wait
         if wanting or (turned > s.grow_turn_rad and self._since >= s.grow_every):
-            recent = [m for m in self.followed[-3:] if m.share > 0]
+            recent = [m for m in self.followed[-s.grow_scans :] if m.share > 0]
             clouds = [straighten(*sample_points(self.scans[m.position], s.grow_points), m) for m in recent]
             strays = np.concatenate([c[self.known.strays(c, m.p)] for c, m in zip(clouds, recent, strict=True)])
             changed = self.known.grow(strays, motion.p)
-            self._wait = s.grow_every if changed else min(2 * self._wait, 40)
+            self._wait = s.grow_every if changed else min(2 * self._wait, s.grow_rarely)
             self._since, self._grown_R = 0, motion.R
 
 

@@ -7,23 +7,17 @@ pose.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from calib_core.errors import Cancelled
 from calib_core.events import ShouldCancel, never_cancel
+from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
 from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Scan
-
-#: Smallest eigenvalue of the mean n n^T over the planes that a reference scan must offer.
-_LEAST_DETERMINACY = 0.02
-_CELL_M = 0.2
-#: Planes that face the same way are told apart from this distance on.
-_DISTINCT_M = 0.25
 
 
 def scan_points(scan: Scan, field_of_view_deg: float | None = None) -> FloatArray:
@@ -39,15 +33,17 @@ def find_reference(
 ) -> tuple[int, list[PlaneFit]]:
     """Position of the first scan whose planes determine a pose, and its planes; the best seen where none does."""
     best: tuple[float, int, list[PlaneFit]] = (-1.0, 0, [])
-    candidates = list(range(min(3, len(scans)))) + list(range(5, len(scans), max(5, len(scans) // 40)))
+    s = SEARCH
+    candidates = list(range(min(s.first_scans, len(scans))))
+    candidates += range(s.step_scans, len(scans), max(s.step_scans, len(scans) // s.scans))
     for position in candidates:
         if should_cancel():
             raise Cancelled("the search for planes was cancelled")
         fits = segment_planes(scan_points(scans[position], settings.field_of_view_deg), seed=settings.random_seed)
-        score = determinacy(np.array([f.normal for f in fits])) if len(fits) >= 3 else 0.001 * len(fits)
+        score = determinacy(np.array([f.normal for f in fits])) if len(fits) >= s.fewest_planes else 0.001 * len(fits)
         if score > best[0]:
             best = (score, position, fits)
-        if score >= _LEAST_DETERMINACY:
+        if score >= s.least_determinacy:
             break
     return best[1], best[2]
 
@@ -61,7 +57,8 @@ def distinct(fits: Sequence[PlaneFit], cloud_m: FloatArray) -> list[PlaneFit]:
     for fit in fits:
         centre = cloud_m[fit.inliers].mean(axis=0)
         if not any(
-            f.normal @ fit.normal > np.cos(np.radians(8.0)) and abs(f.normal @ centre + f.offset_m) < _DISTINCT_M
+            f.normal @ fit.normal > np.cos(np.radians(PATCHES.distinct_deg))
+            and abs(f.normal @ centre + f.offset_m) < PATCHES.distinct_m
             for f in kept
         ):
             kept.append(fit)
@@ -90,14 +87,14 @@ def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) ->
         corners = uv[ConvexHull(uv).vertices]
     except (QhullError, ValueError):
         corners = uv[:0]
-    cells = np.unique(np.floor(uv / _CELL_M).astype(np.int64), axis=0)
+    cells = np.unique(np.floor(uv / PATCHES.cell_m).astype(np.int64), axis=0)
     distance = points_m @ plane.normal + plane.offset_m
     return PlanePatch(
         plane=plane,
         outline_m=foot + corners @ axes,
         n_points=len(points_m),
         rms_m=float(np.sqrt(np.mean(distance**2))) if len(distance) else 0.0,
-        area_m2=float(len(cells)) * _CELL_M**2,
+        area_m2=float(len(cells)) * PATCHES.cell_m**2,
         confirmed=confirmed,
     )
 
@@ -110,13 +107,12 @@ def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | No
     cloud = proposals.cloud_m.astype(np.float64)
     free = proposals.cloud_patch < 0
     away = np.linalg.norm(cloud - seed_m, axis=1)
-    for radius in (0.3, 0.6, 1.0, 1.6):
-        near = free & (away < radius)
-        if near.sum() < 40:
+    for radius_m in PATCHES.radii_m:
+        near = free & (away < radius_m)
+        if near.sum() < PATCHES.fewest_near:
             continue
-        settings = replace(SegmentSettings(), min_points=30, min_share=0.2, min_breadth_m=0.04, max_planes=3)
-        for fit in segment_planes(cloud[near], settings=settings):
-            if abs(fit.normal @ seed_m + fit.offset_m) < 0.08:
+        for fit in segment_planes(cloud[near], settings=PATCHES.around):
+            if abs(fit.normal @ seed_m + fit.offset_m) < PATCHES.seed_m:
                 return _spread(cloud, free, fit, seed_m, f"plane {len(proposals.patches) + 1}")
     return None
 
@@ -128,9 +124,9 @@ def _spread(
     plane = Plane(name, fit.normal, fit.offset_m)
     on = np.flatnonzero(free & near_plane(cloud, plane))
     axes = plane_axes(plane.normal)
-    cells = np.floor(cloud[on] @ axes.T / 0.4).astype(np.int64)
+    cells = np.floor(cloud[on] @ axes.T / PATCHES.joined_m).astype(np.int64)
     filled = {(int(a), int(b)) for a, b in np.unique(cells, axis=0)}
-    start = np.floor(axes @ seed_m / 0.4).astype(np.int64)
+    start = np.floor(axes @ seed_m / PATCHES.joined_m).astype(np.int64)
     reached: set[tuple[int, int]] = set()
     frontier = [(int(start[0]) + a, int(start[1]) + b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
     while frontier:
@@ -139,7 +135,7 @@ def _spread(
             reached.add(cell)
             frontier.extend((cell[0] + a, cell[1] + b) for a in (-1, 0, 1) for b in (-1, 0, 1))
     mine = on[[(int(a), int(b)) in reached for a, b in cells]]
-    if len(mine) < 30:
+    if len(mine) < PATCHES.fewest_points:
         return None
     normal, offset, _ = fit_plane(cloud[mine])
     sign = 1.0 if offset >= 0 else -1.0

@@ -19,19 +19,11 @@ from typing import Literal
 
 import numpy as np
 
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.types import FloatArray, IntArray
 
 Fault = Literal["", "moved", "bent", "mixed"]
 
-#: A plane is at fault from so many times the usual on, but not below what plaster does anyway (a wall is flat to some
-#: 2 mm in a metre), and beyond what nothing that is called flat does, whatever the others are like.
-_TIMES = 4.0
-LEAST_M, _MOST_M = 0.0025, 0.008
-#: Returns that scatter so many times as much (squared) as others lie on more than one surface: walls stay below three.
-_MIXED_TIMES = 5.0
-_BLOCK_S = 1.0
-#: A group with fewer averages than this is not judged.
-_FEW = 3
 _NAMES: tuple[Fault, ...] = ("moved", "bent", "mixed")
 WORDS: dict[Fault, str] = {
     "moved": "did not stand still",
@@ -71,7 +63,7 @@ class Standing:
 
 def standing_of(samples: PlaneSamples) -> Standing:
     """How a plane stands."""
-    block = np.floor(samples.time_s / _BLOCK_S).astype(np.int64)
+    block = np.floor(samples.time_s / JUDGEMENT.block_s).astype(np.int64)
     moved_m, _ = _excess_m(block, samples.distance_m, samples.std_m)
     bent_m, place_std_m = _excess_m(samples.cell, samples.distance_m, samples.std_m)
     return Standing(moved_m, bent_m, place_std_m, samples.scatter, samples.points)
@@ -85,7 +77,7 @@ def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tup
     count = np.bincount(index)
     weight = np.bincount(index, 1.0 / std_m**2)
     mean = np.bincount(index, distance_m / std_m**2) / weight
-    judged = count >= _FEW
+    judged = count >= JUDGEMENT.fewest
     if not judged.any():
         return 0.0, 0.0
     beyond = float(np.average(mean[judged] ** 2 - 1.0 / weight[judged], weights=count[judged]))
@@ -93,7 +85,7 @@ def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tup
     return float(np.sqrt(max(beyond, 0.0))), float(np.sqrt(noise))
 
 
-def doubts(standings: Sequence[Standing], least_m: float = LEAST_M) -> FloatArray:
+def doubts(standings: Sequence[Standing], least_m: float = JUDGEMENT.least_m) -> FloatArray:
     """How far each plane is towards having moved, being bent, being several surfaces: (P, 3), at fault from 1 on.
 
     least_m: below this nothing is a fault; more than the default while the motion is still rough.
@@ -102,10 +94,10 @@ def doubts(standings: Sequence[Standing], least_m: float = LEAST_M) -> FloatArra
     if not points.sum() > 0:
         return np.zeros((len(standings), 3))
     lengths = np.array([[s.moved_m, s.bent_m] for s in standings])
-    most_m = max(least_m, _MOST_M)
-    limits = [float(np.clip(_TIMES * usual(length, points), least_m, most_m)) for length in lengths.T]
+    most_m = max(least_m, JUDGEMENT.most_m)
+    limits = [float(np.clip(JUDGEMENT.times * usual(length, points), least_m, most_m)) for length in lengths.T]
     scatter = np.array([s.scatter for s in standings])
-    mixed = scatter / max(_MIXED_TIMES * usual(scatter, points), 1e-30)
+    mixed = scatter / max(JUDGEMENT.mixed_times * usual(scatter, points), 1e-30)
     return np.column_stack([lengths / np.array(limits), mixed])
 
 
@@ -122,7 +114,7 @@ def widening(standings: Sequence[Standing]) -> float:
     """
     points = np.array([s.points for s in standings])
     bent = np.array([s.bent_m for s in standings])
-    if not points.sum() > 0 or usual(bent, points) <= LEAST_M:
+    if not points.sum() > 0 or usual(bent, points) <= JUDGEMENT.least_m:
         return 1.0
     noise = np.maximum([s.place_std_m for s in standings], 1e-9)
     return float(np.sqrt(np.average(1.0 + (bent / noise) ** 2, weights=points)))

@@ -7,27 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.full.prepare.noise_floor import Floor, noise_floor
+from calib_core.full.prepare.settings import NOISE
 from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.types import FloatArray
 
-#: Below these no MEMS or fibre-optic sensor has been: what a noise-free or coarsely quantised recording is held to.
-GYRO_FLOOR_RAD_S_SQRT_HZ = 1e-6
-ACCEL_FLOOR_M_S2_SQRT_HZ = 1e-5
-#: A shorter standstill tells less than the rest of the recording.
-_LEAST_STILL_S = 2.0
-#: Hands, legs and machines move a sensor up to here; in a standstill only drift does.
-_MOTION_HZ, _DRIFT_HZ = 8.0, 1.0
-#: Noise of all frequencies and of low ones agree within so many standard deviations of the latter: then it is white.
-_SIGMAS = 3.0
+#: Standard deviations in the width of a uniform law: what cutting to steps makes of anything.
+_UNIFORM_STDS = np.sqrt(12.0)
 
 
 def resolution(values: FloatArray) -> FloatArray:
     """The smallest step a channel's readings take: (C,). 0 where they never change."""
     out = np.zeros(values.shape[1])
     for channel in range(values.shape[1]):
-        steps = np.diff(np.unique(values[: min(len(values), 20000), channel]))
+        steps = np.diff(np.unique(values[: min(len(values), NOISE.resolution_readings), channel]))
         steps = steps[steps > 0]
         # Readings of float origin differ by round-off: a true resolution is one that most steps are multiples of.
         if len(steps):
@@ -46,18 +40,18 @@ def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray,
     values = np.hstack([gyro, accel])
     period = float(np.median(np.diff(stamps_s)))
     std, source = high_frequency_noise(stamps_s, values), "the part of the moving readings that no motion explains"
-    if still is not None and (still.stop - still.start) * period < _LEAST_STILL_S:
+    if still is not None and (still.stop - still.start) * period < NOISE.least_still_s:
         still = None
-    floors = [noise_floor(stamps_s, values, lowest_hz=_MOTION_HZ)]
+    floors = [noise_floor(stamps_s, values, lowest_hz=NOISE.motion_hz)]
     if still is not None:
         quiet = values[still]
         # Slow drift in a standstill (thermal, a hand that is not quite still) is not white noise: differences are blind to it.
         steps = np.diff(quiet, axis=0)
         std = np.sqrt(np.mean(steps**2, axis=0) / 2.0)
         source = f"{(still.stop - still.start) * period:.1f} s of standstill"
-        floors.insert(0, noise_floor(stamps_s[still], quiet, lowest_hz=_DRIFT_HZ))
-    floor = np.repeat([GYRO_FLOOR_RAD_S_SQRT_HZ, ACCEL_FLOOR_M_S2_SQRT_HZ], 3) / np.sqrt(period)
-    least = np.maximum(resolution(values) / np.sqrt(12.0), floor)
+        floors.insert(0, noise_floor(stamps_s[still], quiet, lowest_hz=NOISE.drift_hz))
+    floor = np.repeat([NOISE.gyro_floor_rad_s_sqrt_hz, NOISE.accel_floor_m_s2_sqrt_hz], 3) / np.sqrt(period)
+    least = np.maximum(resolution(values) / _UNIFORM_STDS, floor)
     std = np.maximum(std, least)
     # One level for the three axes of a triad, the root mean square: a single chip, and three times the data.
     white, least = _of_triads(std * np.sqrt(period)), _of_triads(least * np.sqrt(period))
@@ -87,30 +81,35 @@ def _at_low_frequencies(white: float, floors: Sequence[Floor], triad: slice) -> 
             continue
         level = float(np.sqrt(np.mean(density[flat] ** 2)))
         chance = float(np.sqrt(np.mean(std[flat] ** 2) / flat.sum()))
-        if not found and abs(np.log(level / white)) < _SIGMAS * chance:
+        if not found and abs(np.log(level / white)) < NOISE.white_sigmas * chance:
             return white
         found.append(level)
     return min(found, default=white)
 
 
 def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> slice | None:
-    """The longest run of samples (at least 0.5 s) without motion, or None.
+    """The longest run of samples without motion, or None where there is none to speak of.
 
-    Still: over 0.25 s windows the mean rate and mean force stay within what white noise of the recording's own level, and
+    Still: over short blocks the mean rate and mean force stay within what white noise of the recording's own level, and
     a constant bias, allow. A steady turn is told from a bias by the force it makes and by its size.
     """
     values = np.hstack([gyro, accel])
     period = float(np.median(np.diff(stamps_s)))
-    width = max(4, round(0.25 / period))
+    width = max(NOISE.fewest_in_block, round(NOISE.block_s / period))
     count = len(values) // width
-    if count < 3:
+    if count < NOISE.fewest_blocks:
         return None
-    sigma = np.maximum(high_frequency_noise(stamps_s, values), np.repeat([1e-4, 1e-3], 3))
+    sigma = np.maximum(
+        high_frequency_noise(stamps_s, values), np.repeat([NOISE.least_gyro_rad_s, NOISE.least_accel_m_s2], 3)
+    )
     blocks = values[: count * width].reshape(count, width, 6)
     means = blocks.mean(axis=1)
     spread = blocks.std(axis=1)
-    quiet = (spread < 2.0 * sigma + np.repeat([2e-3, 2e-2], 3)).all(axis=1)
-    quiet &= np.linalg.norm(means[:, :3], axis=1) < 0.12
+    trembling = np.repeat([NOISE.trembling_rad_s, NOISE.trembling_m_s2], 3)
+    quiet = (spread < NOISE.block_sigmas * sigma + trembling).all(axis=1)
+    quiet &= np.linalg.norm(means[:, :3], axis=1) < NOISE.most_bias_rad_s
+    drift = np.repeat([NOISE.drift_rad_s, NOISE.drift_m_s2], 3)
+    allowed = NOISE.mean_sigmas * sigma / np.sqrt(width) + drift
     best: tuple[int, int] | None = None
     start = 0
     while start < count:
@@ -118,12 +117,11 @@ def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> 
             start += 1
             continue
         end = start + 1
-        allowed = 6.0 * sigma / np.sqrt(width) + np.repeat([4e-3, 4e-2], 3)
         while end < count and quiet[end] and (np.abs(means[end] - means[start]) < allowed).all():
             end += 1
         if best is None or end - start > best[1] - best[0]:
             best = (start, end)
         start = end
-    if best is None or (best[1] - best[0]) * width * period < 0.5:
+    if best is None or (best[1] - best[0]) * width * period < NOISE.shortest_still_s:
         return None
     return slice(best[0] * width, best[1] * width)

@@ -7,17 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.events import LogEvent, OnEvent
+from calib_core.full.prepare.settings import STAMPS
 from calib_core.imu.rows import LEAST
 from calib_core.imu.sampling import Sampling, study_sampling
 from calib_core.settings import CalibrateSettings
 from calib_core.types import IntArray, Recording
-
-#: Jitter below this share of the period is not worth a sentence where nothing follows from it.
-_WORTH_SAYING = 0.02
-#: Steps whose middle nine tenths differ by more than this share of their median are uneven.
-_UNEVEN = 0.2
-#: Readings below this share of all are not worth a mention.
-_WORTH_COUNTING = 0.005
 
 
 def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEvent) -> tuple[Recording, float]:
@@ -37,7 +31,7 @@ def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEven
             on_event(LogEvent(level="warning" if forced else "info", code="imu.sampling", text=text))
         return recording, 0.0
     even = forced or sampling.is_even
-    if even or sampling.jitter_s > _WORTH_SAYING * sampling.period_s:
+    if even or sampling.jitter_s > STAMPS.worth_saying * sampling.period_s:
         on_event(LogEvent(level="info", code="imu.sampling", text=_in_words(sampling, topic, forced=forced)))
     if not even:
         return recording, 0.0
@@ -50,8 +44,9 @@ _AS_STAMPED = "readings are taken as sampled when stamped"
 def _is_uneven(stamps_ns: IntArray) -> bool:
     if len(stamps_ns) < LEAST:
         return False
-    short, middle, long = np.percentile(np.diff(stamps_ns), [5.0, 50.0, 95.0])
-    return bool(long - short > _UNEVEN * middle)
+    steps = np.diff(stamps_ns)
+    short, long = np.percentile(steps, [STAMPS.tail_percent, 1e2 - STAMPS.tail_percent])
+    return bool(long - short > STAMPS.uneven * np.median(steps))
 
 
 def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
@@ -59,7 +54,7 @@ def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
     share, std = 100.0 * sampling.in_sampling, 100.0 * sampling.in_sampling_std
     shown = f"{share:.1f} +- {std:.1f} % of it shows in the readings"
     evenly = f"readings are taken as sampled evenly, every {1e3 * sampling.period_s:.4g} ms"
-    if 1.0 - sampling.in_rows > _WORTH_COUNTING:
+    if 1.0 - sampling.in_rows > STAMPS.worth_counting:
         evenly += f", but for {100.0 * (1.0 - sampling.in_rows):.0f} % of them, whose stamps follow no line"
     if forced:
         return f"{stamps}; {evenly}, as asked"

@@ -14,25 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import detrend, windows
 from scipy.special import gammainc, gammaincinv
 
+from calib_core.full.prepare.settings import SPECTRUM
+from calib_core.full.prepare.tapers import slepian_tapers, without_line
 from calib_core.types import BoolArray, FloatArray
-
-#: Half bandwidths and tapers: the last of four still keeps all but 1e-9 of a line's power within the bandwidth.
-_HALF_BANDWIDTHS, _TAPERS = 6.0, 4
-#: Longer segments part lines better, shorter ones average more: three quarters of a hertz to each side.
-_SEGMENT_S = 8.0
-_STRETCH_HZ = 10.0
-#: Steps from stretch to stretch.
-_STEP_HZ = 1.0
-#: The part of a stretch that is noise alone at the least: a rigid body with an engine on has a dozen lines in fifty hertz.
-_LEAST_NOISE = 0.25
-#: Beyond this quantile of the law of noise a value belongs to a line.
-_LINE = 0.99
-#: What goes on as low as it begins: its power falls by less than a fifth from one half to the other beyond chance.
-_FALL = 1.2
-_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,24 +54,24 @@ def noise_floor(stamps_s: FloatArray, values: FloatArray, *, lowest_hz: float) -
     nothing = np.full(values.shape[1], np.nan)
     period = float(np.median(np.diff(stamps_s)))
     even = _evenly(stamps_s, values, period)
-    size = min(len(even), round(_SEGMENT_S / period))
-    half_width_hz = _HALF_BANDWIDTHS / (size * period)
+    size = min(len(even), round(SPECTRUM.segment_s / period))
+    half_width_hz = SPECTRUM.half_bandwidths / (size * period)
     first_hz, last_hz = max(lowest_hz, half_width_hz), 0.5 / period - half_width_hz
-    if size < 32 or last_hz - first_hz < _STRETCH_HZ:
+    if size < SPECTRUM.fewest_readings or last_hz - first_hz < SPECTRUM.stretch_hz:
         return Floor(nothing, nothing)
     spectrum = _spectrum(even, size, period)
     hz = spectrum.hz
     density, std = nothing.copy(), nothing.copy()
     for channel in range(values.shape[1]):
-        for low_hz in np.arange(first_hz, last_hz - _STRETCH_HZ + 1e-9, _STEP_HZ):
-            stretch = spectrum.power[(hz >= low_hz) & (hz < low_hz + _STRETCH_HZ), channel]
+        for low_hz in np.arange(first_hz, last_hz - SPECTRUM.stretch_hz + 1e-9, SPECTRUM.step_hz):
+            stretch = spectrum.power[(hz >= low_hz) & (hz < low_hz + SPECTRUM.stretch_hz), channel]
             level, noise = _level(stretch, spectrum.freedom)
             halves = list(zip(np.array_split(stretch, 2), np.array_split(noise, 2), strict=True))
-            if level <= 0.0 or noise.mean() < _LEAST_NOISE or not all(kept.any() for _, kept in halves):
+            if level <= 0.0 or noise.mean() < SPECTRUM.least_noise or not all(kept.any() for _, kept in halves):
                 continue
             lower, upper = (float(part[kept].mean()) for part, kept in halves)
             chance = np.sqrt(sum(2.0 / spectrum.freedom_of(int(kept.sum())) for _, kept in halves))
-            if np.log(lower / upper) < np.log(_FALL) + _SIGMAS * chance:
+            if np.log(lower / upper) < np.log(SPECTRUM.fall) + SPECTRUM.fall_sigmas * chance:
                 density[channel] = np.sqrt(level)
                 std[channel] = np.sqrt(0.5 / spectrum.freedom_of(int(noise.sum())))
                 break
@@ -101,13 +87,13 @@ def _evenly(stamps_s: FloatArray, values: FloatArray, period: float) -> FloatArr
 
 def _spectrum(even: FloatArray, size: int, period: float) -> _Spectrum:
     """Of readings (N, C) one period apart, in segments of so many that overlap by three quarters."""
-    tapers = np.asarray(windows.dpss(size, _HALF_BANDWIDTHS, _TAPERS))
-    count = 1 + int(np.ceil(4.0 * (len(even) / size - 1.0)))
+    tapers = slepian_tapers(size, SPECTRUM.half_bandwidths, SPECTRUM.tapers)
+    count = 1 + int(np.ceil(SPECTRUM.overlap * (len(even) / size - 1.0)))
     starts = np.linspace(0, len(even) - size, count).astype(int)
     total = np.zeros((size // 2 + 1, even.shape[1]))
     looked_at = np.zeros(len(even))
     for start in starts:
-        piece = detrend(even[start : start + size], axis=0)
+        piece = without_line(even[start : start + size])
         total += np.mean(np.abs(np.fft.rfft(tapers[:, :, None] * piece, axis=1)) ** 2, axis=0)
         looked_at[start : start + size] += np.sum(tapers**2, axis=0)
     # Two numbers, sine and cosine, for each taper; those of segments that overlap tell partly the same.
@@ -118,7 +104,7 @@ def _spectrum(even: FloatArray, size: int, period: float) -> _Spectrum:
     return _Spectrum(
         np.asarray(np.fft.rfftfreq(size, period), np.float64),
         total / count * period,
-        2.0 * (count * _TAPERS) ** 2 / shared,
+        2.0 * (count * SPECTRUM.tapers) ** 2 / shared,
         float(looked_at.sum() ** 2 / np.sum(looked_at**2)) * period,
     )
 
@@ -130,12 +116,12 @@ def _level(power: FloatArray, freedom: float) -> tuple[float, BoolArray]:
     what is cut off there is less than the level by a known factor.
     """
     half = 0.5 * freedom
-    quarter = 0.5 * _LEAST_NOISE
+    quarter = 0.5 * SPECTRUM.least_noise
     level = float(np.quantile(power, quarter)) * half / float(gammaincinv(half, quarter))
-    cut = float(gammaincinv(half, _LINE)) / half
-    kept_mean = float(gammainc(half + 1.0, half * cut)) / _LINE
+    cut = float(gammaincinv(half, SPECTRUM.line_quantile)) / half
+    kept_mean = float(gammainc(half + 1.0, half * cut)) / SPECTRUM.line_quantile
     noise = np.zeros(power.shape, np.bool_)
-    for _ in range(20):
+    for _ in range(SPECTRUM.passes):
         inside = power <= cut * level
         if not inside.any() or np.array_equal(inside, noise):
             break

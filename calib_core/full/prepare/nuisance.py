@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from calib_core.factors.patches import SurfacePatches
+from calib_core.full.prepare.settings import LASERS
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
@@ -115,32 +116,25 @@ def sensor_block(of: NuisanceBlock) -> Block:
     return of.block
 
 
-#: Of the sample that lasers are counted in; and what the elevation of one laser's points may vary by in a sweep.
-_SAMPLE = 5
-_MOST_LASERS = 128
-_SAME_ELEVATION_RAD = np.radians(0.35)
-_LEAST_POINTS = 50
-
-
 def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:
     """How many lasers the points name, 0 where they name none, and whether each has an elevation of its own, as on a rotor."""
     if not scans:
         return 0, False
-    some = [scans[int(i)].points for i in np.unique(np.linspace(0, len(scans) - 1, _SAMPLE).astype(np.int64))]
+    some = [scans[int(i)].points for i in np.unique(np.linspace(0, len(scans) - 1, LASERS.scans).astype(np.int64))]
     ring = np.concatenate([points["ring"] for points in some]).astype(np.int64)
     xyz = np.concatenate([points["xyz"] for points in some]).astype(np.float64)
     lasers = int(ring.max(initial=0)) + 1
-    if lasers < 2 or lasers > _MOST_LASERS:
+    if lasers < 2 or lasers > LASERS.most:
         return 0, False
     elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
     spreads = []
     for laser in range(lasers):
         mine = elevation[ring == laser]
-        if len(mine) >= _LEAST_POINTS:
-            spreads.append(float(np.subtract(*np.percentile(mine, [90.0, 10.0]))))
+        if len(mine) >= LASERS.fewest_points:
+            spreads.append(float(np.subtract(*np.percentile(mine, [1e2 - LASERS.tail_percent, LASERS.tail_percent]))))
     if len(spreads) < 2:
         return 0, False
-    return lasers, float(np.median(spreads)) < _SAME_ELEVATION_RAD
+    return lasers, float(np.median(spreads)) < np.radians(LASERS.same_elevation_deg)
 
 
 def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:

@@ -12,6 +12,7 @@ from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.full.prepare.clocks import read_clocks
 from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise
 from calib_core.full.prepare.imu_stamps import as_taken
+from calib_core.full.prepare.settings import LENGTH
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.preintegration import NoiseDensity
@@ -19,18 +20,15 @@ from calib_core.presets import find_imu_preset
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import Recording
 
-#: With less there is nothing to compare: a second of a usual lidar, half a second of a slow IMU.
-FEWEST_SCANS, FEWEST_READINGS = 10, 50
-
 
 def require_length(recording: Recording, purpose: str, advice: str = "") -> None:
     """Raises Refused where the recording is too short for anything. purpose: what for, "a calibration"."""
     scans, readings = len(recording.scans), len(recording.imu.stamps_ns)
-    if scans < FEWEST_SCANS or readings < FEWEST_READINGS:
+    if scans < LENGTH.fewest_scans or readings < LENGTH.fewest_readings:
         raise Refused(
             "recording.too_short",
-            f"{purpose} needs at least {FEWEST_SCANS} scans and {FEWEST_READINGS} IMU readings, the recording has {scans} and "
-            f"{readings}{advice}",
+            f"{purpose} needs at least {LENGTH.fewest_scans} scans and {LENGTH.fewest_readings} IMU readings, the recording has "
+            f"{scans} and {readings}{advice}",
         )
 
 

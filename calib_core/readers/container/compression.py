@@ -7,7 +7,7 @@ import io
 import sys
 from typing import Protocol
 
-import lz4.frame  # type: ignore[import-untyped]
+import lz4.frame
 
 from calib_core.readers.container.limits import LIMITS
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from zlib import crc32
 
-import lz4.frame  # type: ignore[import-untyped]
+import lz4.frame
 
 from calib_core.readers.container.compression import unpack_first, zstd
 from calib_core.readers.container.limits import LIMITS

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-import lz4.frame  # type: ignore[import-untyped]
+import lz4.frame
 
 from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.storage import (

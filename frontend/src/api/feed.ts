@@ -23,9 +23,10 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       client.setQueryData(keys.view(id), message.view);
       return;
     case "job-changed":
-      client.setQueryData<Recording>(keys.recording(id), (old) =>
-        old === undefined ? old : { ...old, latest_job: message.job },
-      );
+      if (message.job.kind !== "audit")
+        client.setQueryData<Recording>(keys.recording(id), (old) =>
+          old === undefined ? old : { ...old, latest_job: message.job },
+        );
       void client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });

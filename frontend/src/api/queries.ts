@@ -9,6 +9,7 @@ import {
   type ExtrinsicText,
   type Job,
   type Limits,
+  type NewAudit,
   type NewJob,
   type OpenRecording,
   type Operation,
@@ -31,6 +32,7 @@ export const keys = {
   result: (jobId: string) => ["result", jobId] as const,
   thickness: (jobId: string) => ["result", jobId, "thickness"] as const,
   scans: (jobId: string) => ["result", jobId, "scans"] as const,
+  audit: (jobId: string) => ["audit", jobId] as const,
   command: (jobId: string) => ["result", jobId, "command"] as const,
   exported: (jobId: string, format: string) => ["result", jobId, "export", format] as const,
 };
@@ -100,6 +102,13 @@ export const resultQuery = (jobId: string) =>
     staleTime: Infinity,
   });
 
+export const auditQuery = (jobId: string) =>
+  queryOptions({
+    queryKey: keys.audit(jobId),
+    queryFn: () => told(api.GET("/api/audits/{job_id}", ofJob(jobId))),
+    staleTime: Infinity,
+  });
+
 export const thicknessQuery = (jobId: string) =>
   queryOptions({
     queryKey: keys.thickness(jobId),
@@ -136,6 +145,7 @@ export const exportQuery = (jobId: string, format: string) =>
   });
 
 export const resultDownloadUrl = (jobId: string) => `/api/results/${jobId}/download`;
+export const auditDownloadUrl = (jobId: string) => `/api/audits/${jobId}`;
 export const reportUrl = (jobId: string) => `/api/results/${jobId}/report`;
 export const mapPageUrl = (jobId: string, dark: boolean) => `/api/results/${jobId}/scene.html?dark=${dark}`;
 export const viewPageUrl = (recordingId: string) => `/api/recordings/${recordingId}/scene.html`;
@@ -175,9 +185,11 @@ export function useDeleteRecording() {
 }
 
 function rememberJob(client: QueryClient, job: Job) {
-  client.setQueryData<Recording>(keys.recording(job.recording_id), (old) =>
-    old === undefined ? old : { ...old, latest_job: job },
-  );
+  // Which of its jobs tells where a recording stands after an audit, the server says.
+  if (job.kind !== "audit")
+    client.setQueryData<Recording>(keys.recording(job.recording_id), (old) =>
+      old === undefined ? old : { ...old, latest_job: job },
+    );
   void client.invalidateQueries({ queryKey: keys.jobs(job.recording_id) });
   void client.invalidateQueries({ queryKey: keys.runs(job.recording_id) });
 }
@@ -187,6 +199,14 @@ export function useStartJob(id: string) {
   return useMutation({
     mutationFn: (wish: Partial<NewJob>) =>
       told(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
+    onSuccess: (job) => rememberJob(client, job),
+  });
+}
+
+export function useStartAudit(id: string) {
+  const client = useQueryClient();
+  return useMutation({
+    mutationFn: (wish: NewAudit) => told(api.POST("/api/recordings/{recording_id}/audits", { ...of(id), body: wish })),
     onSuccess: (job) => rememberJob(client, job),
   });
 }

@@ -94,6 +94,7 @@ export function plain(text: string): string {
         return `${doing}“${name}”${next === undefined ? "" : ` ${next}`}`;
       },
     )
+    .replace(/ \+- /g, " ± ")
     .replace(/\b(rad_s|deg_s|m_s2)\b/g, (unit) => valueName(unit));
 }
 
@@ -110,7 +111,7 @@ function fieldName(path: string): string {
 }
 
 const sentences = new Set(["text", "verdict", "consequence", "reason", "state_text", "note", "noise_text"]);
-const lists = new Set(["reasons", "advice", "notes"]);
+const lists = new Set(["reasons", "advice", "notes", "hints"]);
 
 /** An answer of the server with every sentence in it in the page's words. */
 export function spoken<T>(answer: T): T {

@@ -94,15 +94,15 @@ class Live:
 
 
 @contextmanager
-def serving(data_dir, **settings):
-    """A server over a data directory."""
+def serving(data_dir, *, launcher=None, **settings):
+    """A server over a data directory.   launcher: what runs its jobs; None: a process each, for the jobs of fake_jobs."""
     chosen = AppSettings(
         data_dir=data_dir, **{"cancel_grace_s": 0.3, "min_free_bytes": 0, "spare_worker": False, **settings}
     )
     bound = socket.socket()
     bound.bind(("127.0.0.1", 0))
     bound.listen(128)
-    server = make_server(chosen, launcher=ProcessLauncher(FAKE_JOBS))
+    server = make_server(chosen, launcher=launcher or ProcessLauncher(FAKE_JOBS))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
     thread.start()
     live = Live(server, bound.getsockname()[1], chosen)

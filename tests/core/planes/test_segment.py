@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.geometry import plane_axes
+from calib_core.planes.kernels import support_kernel
 from calib_core.planes.segment import (
     PlaneFit,
     SegmentSettings,
@@ -118,11 +119,15 @@ def test_one_wall_found_twice_becomes_one_and_two_sides_stay_two() -> None:
     normal, offset = (normal, offset) if offset > 0 else (-normal, -offset)
     lean = normal + np.array([0.0, 0.01, 0.0])
     lean /= np.linalg.norm(lean)
-    twice = _merge(wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(lean, offset, ~half, 0.005)])
+    twice = _merge(
+        wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(lean, offset, ~half, 0.005)], SegmentSettings()
+    )
     assert len(twice) == 1
     assert twice[0].inliers.all()
     np.testing.assert_allclose(twice[0].normal, normal, atol=1e-9)
-    back = _merge(wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(-normal, -offset, ~half, 0.005)])
+    back = _merge(
+        wall, [PlaneFit(normal, offset, half, 0.005), PlaneFit(-normal, -offset, ~half, 0.005)], SegmentSettings()
+    )
     assert len(back) == 2
 
 
@@ -155,3 +160,14 @@ def test_determinacy_is_zero_where_a_translation_is_not_seen() -> None:
     assert determinacy(np.eye(3)[[0, 1, 1, 0]]) == pytest.approx(0.0, abs=1e-15)
     assert determinacy(np.eye(3), np.array([1.0, 1.0, 0.0])) == pytest.approx(0.0, abs=1e-15)
     assert determinacy(np.zeros((0, 3))) == 0.0
+
+
+def test_points_of_planes_are_counted_as_array_arithmetic_counts_them() -> None:
+    """Mutation: the tolerance of the plane's first point for all; a point seen edge on counted."""
+    rng = np.random.default_rng(5)
+    points, normals = rng.normal(size=(300, 3)), rng.normal(size=(40, 3))
+    offsets, tolerance = 0.3 * rng.normal(size=40), rng.uniform(0.05, 0.4, 300)
+    least_along = 0.2 * np.linalg.norm(points, axis=1)
+    along = normals @ points.T
+    expected = ((np.abs(along + offsets[:, None]) < tolerance) & (np.abs(along) > least_along)).sum(axis=1)
+    np.testing.assert_array_equal(support_kernel(points, tolerance, least_along, normals, offsets), expected)

@@ -608,6 +608,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/storage": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Storage
+         * @description What takes room on the server's disk. To make some, delete recordings.
+         */
+        get: operations["read_storage"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/uploads/{recording_id}/recording": {
         parameters: {
             query?: never;
@@ -2617,6 +2637,55 @@ export interface components {
             sha256: string;
         };
         /**
+         * RecordingUse
+         * @description What one recording takes.
+         */
+        RecordingUse: {
+            /**
+             * Arrays Bytes
+             * @description what was read of it, made again when it is wanted
+             */
+            arrays_bytes: number;
+            /**
+             * Last Used At
+             * Format: date-time
+             * @description when it came, or when its latest run was
+             */
+            last_used_at: string;
+            /** Name */
+            name: string;
+            /**
+             * Origin
+             * @enum {string}
+             */
+            origin: "upload" | "folder" | "sample";
+            /**
+             * Recording Id
+             * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
+             */
+            recording_id: string;
+            /**
+             * Removed At
+             * @description when it goes unless it is used; null: it stays
+             */
+            removed_at: string | null;
+            /**
+             * Results Bytes
+             * @description of all its runs
+             */
+            results_bytes: number;
+            /**
+             * Source Bytes
+             * @description the file itself; 0 where it is opened in place
+             */
+            source_bytes: number;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "receiving" | "inspecting" | "ready" | "failed";
+        };
+        /**
          * Redo
          * @description Make the change again that was taken back.
          */
@@ -3040,6 +3109,38 @@ export interface components {
             rate_hz: number;
             /** Rewinds */
             rewinds: number;
+        };
+        /**
+         * StorageUse
+         * @description The data directory's disk, and who takes what of it; the largest comes first.
+         */
+        StorageUse: {
+            /** Disk Free Bytes */
+            disk_free_bytes: number;
+            /** Disk Total Bytes */
+            disk_total_bytes: number;
+            /**
+             * Keep Days
+             * @description a recording that nobody used for so long is removed; null: never
+             */
+            keep_days: number | null;
+            /**
+             * Kept Free Bytes
+             * @description stays free: an upload that would take of it is refused
+             */
+            kept_free_bytes: number;
+            /**
+             * Quota Bytes
+             * @description the most that the data directory may take; null: what the disk has
+             */
+            quota_bytes: number | null;
+            /** Recordings */
+            recordings: components["schemas"]["RecordingUse"][];
+            /**
+             * Used Bytes
+             * @description of the whole data directory
+             */
+            used_bytes: number;
         };
         /**
          * SweepMotion
@@ -4526,6 +4627,35 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    read_storage: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StorageUse"];
+                };
             };
             /** @description Refused; the body says why */
             default: {

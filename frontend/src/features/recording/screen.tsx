@@ -26,7 +26,15 @@ export function RecordingScreen() {
   const navigate = useNavigate();
   const goOn = () => void navigate(`/r/${recording.id}/planes`);
   const arrived = hasArrived(recording);
-  useShortcuts("Recording", arrived ? [{ keys: "Enter", label: "Choose planes", run: goOn }] : []);
+  useShortcuts(
+    "Recording",
+    arrived
+      ? [
+          { keys: "Enter", label: "Choose planes", run: goOn },
+          { keys: "a", label: "Audit an extrinsic", run: () => void navigate(`/r/${recording.id}/audit`) },
+        ]
+      : [],
+  );
   return (
     <>
       <div className={layout.main}>
@@ -55,6 +63,16 @@ export function RecordingScreen() {
             </span>
           </p>
         </Section>
+        {arrived && (
+          <Section title="In use already?">
+            <div className={css.audit}>
+              <p className="dim small">Hold the extrinsic that you use now against this recording.</p>
+              <Button component={Link} to={`/r/${recording.id}/audit`} size="compact-sm" variant="default">
+                Audit an extrinsic
+              </Button>
+            </div>
+          </Section>
+        )}
         <Sensors recording={recording} />
         {hasArrived(recording) || recording.state === "failed" ? <Reading recording={recording} /> : null}
       </Panel>

@@ -3,19 +3,28 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "react-router";
 import type { Job, Recording } from "../../api/client";
+import { isFinal } from "../../api/jobstream";
 import { recordingsQuery, useChangeRecording, useDeleteRecording } from "../../api/queries";
 import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
 import { Icon, LevelIcon, type Tone } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
+import { verdictTones } from "../audit/words";
 import css from "./start.module.css";
 
 /** Everything the server holds, newest first, each with where it stands. */
 export function RecentRecordings({ onOpen }: { onOpen: (id: string) => void }) {
   const recordings = useQuery({ ...recordingsQuery, refetchInterval: 10_000 });
   return (
-    <Panel title="Recordings">
+    <Panel
+      title="Recordings"
+      tools={
+        <Link to="/storage" className="dim small">
+          Storage
+        </Link>
+      }
+    >
       {recordings.isPending ? (
         [0, 1, 2].map((i) => <Skeleton key={i} height={46} mb={10} />)
       ) : recordings.isError ? (
@@ -187,8 +196,10 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
 interface Standing {
   tone: Tone;
   text: string;
-  screen: "recording" | "planes" | "solve" | "result";
+  screen: "recording" | "audit" | "planes" | "solve" | "result";
 }
+
+const auditWords = { passed: "Audit passed", failed: "Audit failed", unknown: "Audit cannot tell" };
 
 function standingOfSolve(state: Job["state"]): Pick<Standing, "tone" | "text"> {
   switch (state) {
@@ -234,6 +245,9 @@ export function standingOf(recording: Recording): Standing {
         return { tone: "error", text: "Refused", screen: "result" };
     }
   }
+  if (outcome?.kind === "audit")
+    return { tone: verdictTones[outcome.verdict], text: auditWords[outcome.verdict], screen: "audit" };
+  if (job?.kind === "audit" && !isFinal(job)) return { tone: "info", text: "Being audited", screen: "audit" };
   if (job?.kind === "solve") return { ...standingOfSolve(job.state), screen: "solve" };
   switch (recording.verdict) {
     case "good":

@@ -21,6 +21,7 @@ export function WorkspaceLayout() {
   const { recordingId = "" } = useParams();
   const { pathname } = useLocation();
   const current = stepNames.find((name) => pathname.endsWith(`/${name}`)) ?? null;
+  const screen = pathname.endsWith("/audit") ? "audit" : current;
   const recording = useQuery(recordingQuery(recordingId));
   // Its first cloud is there before its report is.
   const arrived = hasArrived(recording.data);
@@ -42,7 +43,7 @@ export function WorkspaceLayout() {
   const steps = stepsOf(recording.data, planes.data, runs.data?.runs ?? [], "");
   return (
     <Shell steps={steps} current={current} {...(name === undefined ? {} : { recordingName: name })}>
-      <main className={css.workspace} data-screen={current ?? "none"}>
+      <main className={css.workspace} data-screen={screen ?? "none"}>
         {lost && recording.data !== undefined && (
           <div className={css.lost} role="alert">
             <LevelIcon level="warning" />

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.full.initialise.agreement import agreement_of
-from calib_core.full.initialise.begin import BELIEVED, TRUSTED, GyroTurning
+from calib_core.full.initialise.begin import GyroTurning
+from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.geometry import exp, log
@@ -54,7 +55,7 @@ def test_a_lost_track_does_not_agree_whatever_its_ratio() -> None:
     t = np.arange(0.0, 30.0, 0.1)
     noise = np.random.default_rng(3).normal(0.0, 12.0, (len(t), 3))
     got = agreement_of(_turns(noise, t), *_gyro(1.0))
-    assert got.correlation < BELIEVED < TRUSTED
+    assert got.correlation < AGREEING.believed < AGREEING.trusted
 
 
 def test_a_few_leaps_leave_the_agreement() -> None:

@@ -16,6 +16,7 @@ from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.clocks import read_clocks
+from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.settings import CalibrateSettings
@@ -89,6 +90,41 @@ def test_bins_hold_every_selected_point_once_and_the_same_cost(noisy: tuple[Reco
     directly = float(micro.scatter[:, 14].sum())  # of w d^2, the last of each packed triangle
     assert _cost(view, bins.knot, bins.plane, bins.scatter) == pytest.approx(directly, rel=1e-3)
     assert directly == pytest.approx(int(micro.count.sum()), rel=0.3)
+
+
+@pytest.mark.parametrize("told_apart", [False, True])
+def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
+    noisy: tuple[Recording, Truth], told_apart: bool
+) -> None:
+    """Its twin goes point by point through `find_hits`, `select`, `collapse`: what a cap that caps nothing asks for.
+
+    Mutations: the margin and the robust scale exchanged; points of planes that stand aside counted; the incidence left
+    out; lasers not corrected; the extents of the first plane for all.
+    """
+    view = _view(*noisy)
+    support = survey(view, SCANS, NOISE, Gate(extra_m=0.02), stride=2)
+    if told_apart:
+        nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
+        values = np.random.default_rng(0).normal(size=nuisance.size) * nuisance.prior_std
+        e = replace(
+            view.estimate, nuisance=values, normals=view.estimate.normals[1:], offsets_m=view.estimate.offsets_m[1:],
+            aside_normals=view.estimate.normals[:1], aside_offsets_m=view.estimate.offsets_m[:1],
+        )  # fmt: skip
+        view = replace(view, nuisance=nuisance, estimate=e, poses={})
+        support = replace(support, normals=support.normals[1:], inside=support.inside[1:])
+    twin = replace(view, settings=CalibrateSettings(points_per_plane_per_scan=10**9, field_of_view_deg=100.0))
+    view = replace(view, settings=CalibrateSettings(field_of_view_deg=100.0))
+    for extents in (None, support):
+        one, four = (associate(each, SCANS[:4], NOISE, GATE, extents) for each in (view, twin))
+        for name in ("time_s", "scan", "plane", "count"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
+        np.testing.assert_allclose(one.scatter, four.scatter, rtol=1e-12, atol=1e-9)
+        assert (one.lasers is None) == (four.lasers is None) == (not told_apart)
+        if one.lasers is not None and four.lasers is not None:
+            np.testing.assert_array_equal(one.lasers.time_s, four.lasers.time_s)
+            np.testing.assert_array_equal(one.lasers.sums.laser, four.lasers.sums.laser)
+            np.testing.assert_allclose(one.lasers.sums.cross, four.lasers.sums.cross, rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(one.lasers.sums.gram, four.lasers.sums.gram, rtol=1e-6, atol=1e-6)
 
 
 def test_threads_change_nothing(noisy: tuple[Recording, Truth]) -> None:

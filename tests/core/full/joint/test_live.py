@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.calibrate import calibrate
 from calib_core.events import IterationEvent
-from calib_core.full.joint.live import INSTANTS, SWEEPS
+from calib_core.full.joint.settings import WATCHING
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -25,11 +25,11 @@ def test_the_last_step_puts_its_sweeps_where_they_were(noisy: tuple[Recording, T
         recording, CalibrateSettings(), on_event=lambda e: steps.append(e) if isinstance(e, IterationEvent) else None
     )
     last = steps[-1]
-    assert SWEEPS - 2 <= len(last.sweeps) <= SWEEPS
+    assert WATCHING.sweeps - 2 <= len(last.sweeps) <= WATCHING.sweeps
     known = {scan.stamp_ns: scan for scan in recording.scans}
     for sweep in last.sweeps:
         end_s = float(known[sweep.stamp_ns].points["offset_ns"].max()) * 1e-9
-        np.testing.assert_allclose(sweep.offset_s, np.linspace(0.0, end_s, INSTANTS), atol=1e-6)
+        np.testing.assert_allclose(sweep.offset_s, np.linspace(0.0, end_s, WATCHING.instants), atol=1e-6)
         R = Rotation.from_quat(sweep.quaternion_xyzw).as_matrix()
         p = np.array(sweep.position_m)
         t_s = (sweep.stamp_ns - truth.epoch_ns) * 1e-9 + np.array(sweep.offset_s)

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.full.joint.begin import bias_nodes
 from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
-from calib_core.full.joint.problem import JointProblem, bin_jacobian
-from calib_core.full.joint.state import MOST_NODES, BiasNodes, Bins, Estimate, Layout
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.settings import CHAIN
+from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
@@ -168,8 +169,7 @@ def test_gradient_is_the_derivative_of_the_cost() -> None:
 def test_bin_jacobian_column_by_column(delta_s: float) -> None:
     """Fails when phi is not carried across the delay (no exp(omega delta)), or the velocity's column is + delta n."""
     problem, e = _problem(5, delta_s=delta_s)
-    a, part = problem.planes_seen(e)
-    J = bin_jacobian(a, part, e, problem.bins.plane)
+    J = problem.bins_seen(e)[1]
     starts = {0: 0, 9: LAYOUT.size}
     assert starts[9] == LAYOUT.size
     for column in range(19):
@@ -183,7 +183,7 @@ def test_bin_jacobian_column_by_column(delta_s: float) -> None:
             else:
                 for j in range(PLANES):
                     shared[LAYOUT.plane(j).start + column - 16] = sign * _UNIT
-            values.append(problem.planes_seen(problem.moved(e, _step(knots, shared)))[0][:, :4])
+            values.append(problem.planes_seen(problem.moved(e, _step(knots, shared)))[:, :4])
         numerical = (values[0] - values[1]) / (2 * _UNIT)
         np.testing.assert_allclose(J[:, :, column], numerical, atol=1e-7, err_msg=str(column))
 
@@ -293,8 +293,8 @@ def test_bias_nodes_interpolate() -> None:
     np.testing.assert_allclose(nodes.at_links(values), np.outer(middles, [1.0, -2.0, 0.5]), atol=1e-12)
     np.testing.assert_allclose(nodes.at_knots(values)[1:-1], np.outer(knots[1:-1], [1.0, -2.0, 0.5]), atol=1e-12)
     hour = BiasNodes.spread(np.arange(0.0, 3600.0, 0.5), 3.0)
-    assert len(hour.times_s) == MOST_NODES
-    np.testing.assert_allclose(np.diff(hour.times_s), 3599.5 / (MOST_NODES - 1))
+    assert len(hour.times_s) == CHAIN.most_nodes
+    np.testing.assert_allclose(np.diff(hour.times_s), 3599.5 / (CHAIN.most_nodes - 1))
     for spacing in (None, 8.0):
         single = BiasNodes.spread(knots, spacing)
         np.testing.assert_array_equal(single.at_knots(np.array([[1.0, 2.0, 3.0]])), np.tile([1.0, 2.0, 3.0], (101, 1)))

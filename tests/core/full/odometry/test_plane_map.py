@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.full.odometry.plane_map import CELL_M, PlaneMap
-from calib_core.full.odometry.register import ScanMotion, TrackSettings, register
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.register import ScanMotion, register
+from calib_core.full.odometry.settings import MAP, TrackSettings
 from calib_core.types import FloatArray, Plane
 
 _FLOOR = Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0)
@@ -81,7 +82,7 @@ def test_a_plane_reaches_on_over_what_is_next_to_it_and_not_across_a_gap() -> No
     planes.spread(np.vstack([next_to, across]), np.zeros(3))
     assert planes.strays(next_to, np.zeros(3)).sum() == 0
     assert planes.strays(across, np.zeros(3)).all()
-    beside = np.array([[2.0, 1.0 + 3.5 * CELL_M, -1.0]])
+    beside = np.array([[2.0, 1.0 + 3.5 * MAP.cell_m, -1.0]])
     assert planes.strays(beside, np.zeros(3)).all()
 
 

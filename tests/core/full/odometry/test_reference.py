@@ -9,7 +9,8 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.events import LogEvent, ignore_event, never_cancel
-from calib_core.full.initialise.begin import BELIEVED, _pairs_start, begin
+from calib_core.full.initialise.begin import _pairs_start, begin
+from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import find_reference, named_planes
@@ -139,6 +140,6 @@ def test_pairs_of_neighbours_alone_give_lag_and_rotation(noisy: tuple[Recording,
     starts, agreed = _pairs_start(ctx)
     late_s = starts[0].time_offset_s - ctx.clocks.offset_s(truth.time_offset_ns)
     turned = log(truth.R_imu_lidar.T @ starts[0].R_imu_lidar)
-    assert agreed.correlation > BELIEVED
+    assert agreed.correlation > AGREEING.believed
     assert abs(late_s) < 0.02
     assert np.degrees(np.linalg.norm(turned)) < 5.0

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from calib_core.full.odometry.plane_map import PlaneMap
-from calib_core.full.odometry.register import ScanMotion, TrackSettings, register, sample_points
+from calib_core.full.odometry.register import ScanMotion, register, sample_points
+from calib_core.full.odometry.settings import TrackSettings
 from calib_core.full.odometry.track import track
 from calib_core.geometry import log
 from calib_core.simulate import Scenario, Truth, generate

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.full.planes.standing import (
-    LEAST_M,
     PlaneSamples,
     Standing,
     doubts,
@@ -85,7 +85,7 @@ def test_a_fault_is_beyond_what_is_usual_and_beyond_plaster() -> None:
     """
     walls = [_of(0.0002, 0.001, 0.9, 1000.0)] * 3
     others = [_of(0.0, 0.005, 1.0), _of(0.02, 0.01, 2.0), _of(0.0, 0.0, 9.0)]
-    doubt = doubts([*walls, *others, _of(0.0001, 0.0009 + LEAST_M / 2, 1.2)])
+    doubt = doubts([*walls, *others, _of(0.0001, 0.0009 + JUDGEMENT.least_m / 2, 1.2)])
     assert [fault_of(row) for row in doubt] == ["", "", "", "bent", "moved", "mixed", ""]
 
 

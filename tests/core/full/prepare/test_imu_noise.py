@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from calib_core.full.prepare.imu_noise import (
-    ACCEL_FLOOR_M_S2_SQRT_HZ,
-    GYRO_FLOOR_RAD_S_SQRT_HZ,
     longest_still,
     measure_imu_noise,
 )
+from calib_core.full.prepare.settings import NOISE
 from calib_core.simulate import SCENARIOS, Truth
 from calib_core.simulate.motion import Start
 from calib_core.types import FloatArray
@@ -67,8 +66,8 @@ def test_a_noise_free_sensor_is_held_to_a_floor_and_a_coarse_one_to_its_resoluti
     """Fails when the floor is left out: the solve would divide by zero. Or when the resolution is."""
     t, gyro, accel = _recorded(10.0, 100.0, seed=4, noise=0.0)
     level = measure_imu_noise(t, gyro, accel, None)
-    assert (level.density.gyro_rad_s_sqrt_hz >= GYRO_FLOOR_RAD_S_SQRT_HZ * 0.999).all()
-    assert (level.density.accel_m_s2_sqrt_hz >= ACCEL_FLOOR_M_S2_SQRT_HZ * 0.999).all()
+    assert (level.density.gyro_rad_s_sqrt_hz >= NOISE.gyro_floor_rad_s_sqrt_hz * 0.999).all()
+    assert (level.density.accel_m_s2_sqrt_hz >= NOISE.accel_floor_m_s2_sqrt_hz * 0.999).all()
     assert (level.sample_std < 1e-3).all()
     coarse = measure_imu_noise(
         t, np.zeros((len(t), 3)) + 0.02 * (np.arange(len(t)) % 50 == 0)[:, None], accel, slice(0, 900)

@@ -1,0 +1,70 @@
+"""rooms.md: what came of random rigs in random rooms, of extremes, and of the cluttered room, from the rows of rooms.csv."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+from bench.room_rows import Row, read
+from bench.statistics import FREEDOM
+from bench.store import RESULTS
+
+TABLE = "rooms.md"
+
+
+def report(folder: Path = RESULTS) -> str:
+    """The page."""
+    rows = read(folder)
+    lines = [
+        "# Rooms",
+        "",
+        "Made by `python -m bench.rooms --report`. Random rigs in random rooms (`bench/rigs.py`; lidars at half their rate or",
+        "less). Sigmas: the worst of the seven errors in its own stated sigma; NEES: 7 on average where a covariance is honest.",
+        "",
+    ]
+    drawn = [row for row in rows if row.kind == "drawn"]
+    for title, some in (
+        ("Random rooms, ideal sensors", [row for row in drawn if row.faults == "ideal"]),
+        ("Random rooms, sensors with faults", [row for row in drawn if row.faults != "ideal"]),
+        ("Extremes", [row for row in rows if row.kind == "extreme"]),
+        ("Two persons and ten boxes", [row for row in rows if row.kind == "clutter"]),
+    ):
+        lines += section(title, some)
+    return "\n".join(lines)
+
+
+def section(title: str, rows: Sequence[Row]) -> list[str]:
+    """One table with its summary; nothing where there are no rows."""
+    if not rows:
+        return []
+    solved = [row for row in rows if row.is_solved]
+    worst = max((row.worst_sigmas for row in solved), default=float("nan"))
+    nees = float(np.mean([row.nees for row in solved])) if solved else float("nan")
+    count = max(len(solved), 1)
+    low, high = (float(chi2.ppf(tail, FREEDOM * count)) / count for tail in (0.025, 0.975))
+    lines = [
+        f"## {title}",
+        "",
+        (
+            f"{len(solved)} of {len(rows)} calibrated, the worst error {worst:.1f} of its sigmas, mean NEES {nees:.1f} (95 % of"
+            f" honest ones between {low:.1f} and {high:.1f}). Versions: {', '.join(dict.fromkeys(row.version for row in rows))}."
+        ),
+        "",
+        (
+            "| place | seed | lidar | boxes | persons | deg/s | sensors | status | planes | left out | scans | mm | sigma, mm |"
+            " sigmas | NEES |"
+        ),
+        "| --- | ---: | --- | ---: | ---: | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for row in sorted(rows, key=lambda row: (row.seed, row.place)):
+        error, std = (1e3 * float(np.linalg.norm(v[3:6])) for v in (row.errors, row.stds))
+        numbers = f"{error:.2f} | {std:.2f} | {row.worst_sigmas:.1f} | {row.nees:.1f}" if row.is_solved else "| | |"
+        lines.append(
+            f"| {row.place} | {row.seed} | {row.lidar} | {row.boxes} | {row.walkers} | {row.rate_deg_s:.0f} | {row.faults} | "
+            f"{row.code or row.status} | {row.planes} | {row.left_out} | {row.scans_used}/{row.scans_total} | {numbers} |"
+        )
+    refused = [f"* {row.place} {row.seed}: {row.text}" for row in rows if not row.is_solved]
+    return [*lines, "", *refused, *([""] if refused else [])]

@@ -1,0 +1,166 @@
+"""What following the lidar came to, kept in a folder for the next solve of the same recording.
+
+Other planes chosen, a prior given, the sensors taken for ideal: none of it changes how the lidar moved (`begin.py`: a choice
+of planes neither helps nor hurts there). What is kept is taken only where everything that it depends on is as it was, so
+that a second solve gives the first one's numbers, without following the lidar again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from calib_core.events import Event, LogEvent
+from calib_core.full.initialise.begin import begin, joined
+from calib_core.full.odometry.reference import Followed
+from calib_core.full.odometry.reference_cloud import propose_planes
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.run import Run
+from calib_core.types import FloatArray, Plane
+
+_FILE = "track.npz"
+#: Settings that are asked for only after the lidar was followed.
+_LATER = frozenset(
+    {
+        "points_per_plane_per_scan",
+        "estimate_time_offset",
+        "estimate_planes",
+        "bias_model",
+        "intrinsics",
+        "priors",
+        "max_rounds",
+        "crispness",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A track with what it was made from. found: planes proposed.   extra: given ones that were followed beside them.
+
+    chosen: whether a choice of planes was given.   left: whether the map is not that of the proposals' reference scan, which
+    with a choice it has to be.   said: sentences for a person on the way.
+    """
+
+    followed: Followed
+    found: tuple[Plane, ...]
+    extra: tuple[Plane, ...]
+    chosen: bool
+    left: bool
+    said: tuple[LogEvent, ...]
+
+    def serves(self, given: Sequence[Plane] | None) -> bool:
+        """Whether the same track would be made for this choice of planes."""
+        if self.left and self.chosen != (given is not None):
+            return False
+        return _same(self.extra, joined(self.found, given or [])[len(self.found) :])
+
+
+def follow_or_recall(run: Run, given: Sequence[Plane] | None, folder: Path | None) -> Followed:
+    """The lidar's motion and planes as `begin` has them; from the folder where they lie there, and put there otherwise."""
+    if folder is None:
+        return begin(run, given)
+    key = key_of(run)
+    kept = read_kept(folder / _FILE, key)
+    if kept is not None and kept.serves(given):
+        for event in kept.said:
+            run.on_event(event)
+        return kept.followed
+    said: list[LogEvent] = []
+
+    def listen(event: Event) -> None:
+        if isinstance(event, LogEvent):
+            said.append(event)
+        run.on_event(event)
+
+    listening = replace(run, on_event=listen)
+    found = propose_planes(run.recording, run.settings, on_event=listen, should_cancel=run.should_cancel)
+    followed = begin(listening, given, found)
+    planes = tuple(patch.plane for patch in found.patches)
+    extra = tuple(joined(planes, given or [])[len(planes) :])
+    left = followed.reference != found.reference_scans[0]
+    write_kept(folder / _FILE, key, Kept(followed, planes, extra, given is not None, left, tuple(said)))
+    return followed
+
+
+def key_of(run: Run) -> str:
+    """A digest of all that a track depends on but the planes: the readings, when they were taken, the settings, the program."""
+    settings = run.settings.model_dump_json(exclude=set(_LATER))
+    try:
+        program = version("unsweep")
+    except PackageNotFoundError:
+        program = ""
+    digest = hashlib.sha256(json.dumps([program, run.recording.sha256, settings]).encode())
+    c, imu = run.clocks, run.recording.imu
+    for array in (c.imu_s, c.scan_s, c.sweep_s, c.scan_points, imu.gyro_rad_s, imu.accel_m_s2):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def write_kept(path: Path, key: str, kept: Kept) -> None:
+    """Whole or not at all."""
+    motions, planes = kept.followed.motions, kept.followed.planes
+    words = {
+        "key": key,
+        "chosen": kept.chosen,
+        "left": kept.left,
+        "said": [event.model_dump() for event in kept.said],
+        "names": [[plane.name for plane in some] for some in (planes, kept.found, kept.extra)],
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = path.with_suffix(f".{os.getpid()}.tmp")
+    with new.open("wb") as file:
+        np.savez(
+            file,
+            words=np.array(json.dumps(words)),
+            reference=np.array(kept.followed.reference),
+            planes=_rows(planes),
+            found=_rows(kept.found),
+            extra=_rows(kept.extra),
+            position=np.array([m.position for m in motions]),
+            R=np.array([m.R for m in motions]),
+            vectors=np.array([[m.p, m.omega_rad_s, m.v_m_s] for m in motions]),
+            numbers=np.array([[m.share, m.rms_m, m.std_rad, m.std_m] for m in motions]),
+        )
+    new.replace(path)
+
+
+def read_kept(path: Path, key: str) -> Kept | None:
+    """What was written with this key; None where it was not, or what lies there cannot be read."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            words = json.loads(str(stored["words"]))
+            if words["key"] != key:
+                return None
+            planes, found, extra = (
+                [Plane(name, row[:3], float(row[3])) for name, row in zip(names, stored[rows], strict=True)]
+                for names, rows in zip(words["names"], ("planes", "found", "extra"), strict=True)
+            )
+            columns = zip(stored["position"], stored["R"], stored["vectors"], stored["numbers"], strict=True)
+            motions = [
+                ScanMotion(int(at), R, p, omega, v, *(float(number) for number in numbers))
+                for at, R, (p, omega, v), numbers in columns
+            ]
+            followed = Followed(int(stored["reference"]), planes, motions)
+            said = tuple(LogEvent.model_validate(event) for event in words["said"])
+            return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+
+
+def _rows(planes: Sequence[Plane]) -> FloatArray:
+    return np.array([[*plane.normal, plane.offset_m] for plane in planes], dtype=np.float64).reshape(-1, 4)
+
+
+def _same(some: Sequence[Plane], others: Sequence[Plane]) -> bool:
+    """The same planes under the same names."""
+    names = [plane.name for plane in some] == [plane.name for plane in others]
+    return names and np.array_equal(_rows(some), _rows(others))

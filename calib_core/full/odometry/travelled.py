@@ -1,0 +1,36 @@
+"""How far the lidar came in all, and whether that is standing still: one answer for whoever asks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.settings import FOLLOWING
+from calib_core.geometry import log
+
+
+@dataclass(frozen=True, slots=True)
+class Travelled:
+    """Farthest from the first scan, by turn and by place."""
+
+    turn_deg: float
+    move_m: float
+
+    @property
+    def stood(self) -> bool:
+        """Whether neither is motion."""
+        return self.turn_deg <= FOLLOWING.stood_deg and self.move_m <= FOLLOWING.stood_m
+
+    def __str__(self) -> str:
+        return f"it turned {self.turn_deg:.2f} deg and moved {self.move_m * 1e3:.0f} mm in the whole recording"
+
+
+def travelled(motions: Sequence[ScanMotion]) -> Travelled:
+    """Of the scans that were followed."""
+    first = motions[0]
+    turn_rad = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
+    move_m = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
+    return Travelled(float(np.degrees(turn_rad)), move_m)

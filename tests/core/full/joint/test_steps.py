@@ -1,0 +1,73 @@
+"""The steps of the joint estimation one after the other, told before each, and from any of them on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calib_core.full.joint import solve
+from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.replay import load_estimation, save_estimation
+from calib_core.full.joint.schedule import FULL, Schedule
+from tests.core.full.joint.conftest import Half
+from tests.core.full.joint.test_replay import same
+
+NAMES = [name for name, _, _ in solve.STEPS]
+
+
+def _counting(_data: JointData, state: Estimation, _schedule: Schedule) -> Estimation:
+    """In the place of a step: the state says how many there were."""
+    return replace(state, rounds=state.rounds + 1)
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[Estimation]:
+    """Steps that only count, and the states that the end was reached with."""
+    ends: list[Estimation] = []
+
+    def end(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, None]:
+        ends.append(state)
+        return state, None
+
+    monkeypatch.setattr(solve, "STEPS", tuple((name, share, _counting) for name, share, _ in solve.STEPS))
+    monkeypatch.setattr(solve, "alternate", end)
+    monkeypatch.setattr(solve, "finished", lambda *_: None)
+    return ends
+
+
+def test_a_recording_enters_each_step_once_and_is_told_before_it(half: Half, counted: list[Estimation]) -> None:
+    """Mutations: tell the state after the step; leave a step out; begin one step late."""
+    told: list[tuple[str, int]] = []
+    state = replace(half.state, rounds=0)
+    data = replace(half.data, on_state=lambda name, known: told.append((name, known.rounds)))
+    solve.estimate_jointly(data, state, FULL)
+    assert told == [(name, place) for place, name in enumerate(NAMES)]
+    assert [end.rounds for end in counted] == [len(NAMES)]
+    told.clear()
+    solve.estimate_jointly(data, state, FULL, first="sensors")
+    assert told == [("sensors", 0), ("settle", 1)]
+    assert [end.rounds for end in counted] == [len(NAMES), 2]
+
+
+def test_shares_of_the_progress_go_on_from_one_another() -> None:
+    """Mutation: a step that begins before the one before it has ended."""
+    shares = [share for _, share, _ in solve.STEPS]
+    assert shares[0][0] == 0.0
+    assert [end for _, end in shares[:-1]] == [begin for begin, _ in shares[1:]]
+    assert all(begin <= end <= 1.0 for begin, end in shares)
+
+
+def test_the_last_step_from_a_file_ends_where_it_did_from_memory(half: Half, tmp_path: Path) -> None:
+    """Settling and all points again, from what was written down before: the same end, bit for bit.
+
+    Mutation: write lengths with fewer digits than they have.
+    """
+    schedule = replace(FULL, planes=None)
+    data = replace(half.data, on_state=lambda name, known: save_estimation(known, tmp_path / name))
+    ends: list[Solved] = [solve.estimate_jointly(data, half.state, schedule, first="settle")]
+    ends.append(solve.estimate_jointly(half.data, load_estimation(tmp_path / "settle"), schedule, first="settle"))
+    assert same(ends[0].estimate, ends[1].estimate)
+    assert ends[0].minimum.cost == ends[1].minimum.cost
+    assert ends[0].rounds == ends[1].rounds
