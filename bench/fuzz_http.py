@@ -89,9 +89,14 @@ class StillLauncher:
 
 @dataclass
 class Findings:
-    """What came back. statuses: how often each.   faults: requests that must not be answered so."""
+    """What came back. statuses: how often each.   faults: requests that must not be answered so.
+
+    asked: how many things, some of which were thought better of.
+    """
 
     statuses: Counter[int] = field(default_factory=Counter)
+    asked: int = 0
+    slowest_s: float = 0.0
     faults: list[str] = field(default_factory=list)
 
 
@@ -135,11 +140,12 @@ class Fuzzer:
         """Hang up."""
         self._http.close()
 
-    def run(self, count: int) -> Findings:
-        """Ask so many things."""
-        found = Findings()
-        for _ in range(count):
+    def run(self, count: int, *, longest_s: float = float("inf")) -> Findings:
+        """Ask so many things, or as many as fit into the time."""
+        found, began_s = Findings(), time.monotonic()
+        while found.asked < count and time.monotonic() - began_s < longest_s:
             self._ask(found)
+            found.asked += 1
         # Whatever was stored by then can be read by everybody.
         for path in ("/api/recordings", "/api/info", "/readyz"):
             status = self._http.get(path).status_code
@@ -161,6 +167,7 @@ class Fuzzer:
             return  # what all others are about
         body = self._body(operation)
         headers = {"Content-Type": "application/json", **self._random.choice(HEADERS)}
+        began_s = time.monotonic()
         try:
             query = {name: value.encode("utf-8", "replace").decode() for name, value in query.items()}
             with self._http.stream(method, path, params=query, content=body, headers=headers) as answer:
@@ -169,6 +176,7 @@ class Fuzzer:
                 text = "" if streams else answer.read().decode("utf-8", "replace")
         except httpx2.HTTPError as error:
             status, text = 599, repr(error)
+        found.slowest_s = max(found.slowest_s, time.monotonic() - began_s)
         found.statuses[status] += 1
         if status >= 500 or "Traceback" in text:
             found.faults.append(f"{status} {method} {path} {query} {headers} {body[:300]!r}: {text[:200]}")
@@ -219,14 +227,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="the longest it may take")
     chosen = parser.parse_args()
     with (
         tempfile.TemporaryDirectory() as name,
         server_of_its_own(Path(name)) as (address, _),
         closing(Fuzzer(address, chosen.seed)) as fuzzer,
     ):
-        found = fuzzer.run(chosen.count)
-    sys.stdout.write(f"{dict(sorted(found.statuses.items()))}\n")
+        found = fuzzer.run(chosen.count, longest_s=60.0 * chosen.minutes)
+    sys.stdout.write(
+        f"asked {found.asked}, slowest answer {found.slowest_s:.2f} s\n{dict(sorted(found.statuses.items()))}\n"
+    )
     for fault in found.faults:
         sys.stdout.write(fault + "\n")
     sys.exit(1 if found.faults else 0)

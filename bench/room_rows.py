@@ -17,7 +17,10 @@ ROWS = "rooms.csv"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One seed. errors, stds: (7,) SI, contract's order, NaN where refused. code: of the first error message."""
+    """One seed. errors, stds: (7,) SI, contract's order, NaN where refused.   code: of the first error message.
+
+    left_out: planes named as left out, -1 where that was not counted.
+    """
 
     place: str
     seed: int

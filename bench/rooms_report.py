@@ -61,10 +61,11 @@ def section(title: str, rows: Sequence[Row]) -> list[str]:
     ]
     for row in sorted(rows, key=lambda row: (row.seed, row.place)):
         error, std = (1e3 * float(np.linalg.norm(v[3:6])) for v in (row.errors, row.stds))
+        left_out = str(row.left_out) if row.left_out >= 0 else ""
         numbers = f"{error:.2f} | {std:.2f} | {row.worst_sigmas:.1f} | {row.nees:.1f}" if row.is_solved else "| | |"
         lines.append(
             f"| {row.place} | {row.seed} | {row.lidar} | {row.boxes} | {row.walkers} | {row.rate_deg_s:.0f} | {row.faults} | "
-            f"{row.code or row.status} | {row.planes} | {row.left_out} | {row.scans_used}/{row.scans_total} | {numbers} |"
+            f"{row.code or row.status} | {row.planes} | {left_out} | {row.scans_used}/{row.scans_total} | {numbers} |"
         )
     refused = [f"* {row.place} {row.seed}: {row.text}" for row in rows if not row.is_solved]
     return [*lines, "", *refused, *([""] if refused else [])]

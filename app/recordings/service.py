@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 import uuid
@@ -32,13 +33,15 @@ from app.storage.atomic import sync_folder
 from app.storage.files import DataFolder, display_name, suffix_of
 from app.storage.records import RecordingRecord
 from app.storage.sizes import tree_size
-from app.storage.store import RecordingStore
+from app.storage.store import DocumentStore, RecordingStore
 from app.uploads.inbox import Inbox, Part
 from app.uploads.protocol import Checksum, TusError, number_of
 from calib_core import api
 from calib_core.settings import ReadSettings
 
 _LOG = logging.getLogger("unsweep")
+#: The document that a person writes.
+NOTE = "note"
 
 UNREADABLE = ErrorFacts(
     code="recording.unreadable",
@@ -55,6 +58,7 @@ class RecordingService:
     def __init__(
         self,
         store: RecordingStore,
+        documents: DocumentStore,
         files: DataFolder,
         folder: RecordingsFolder,
         jobs: JobService,
@@ -63,6 +67,7 @@ class RecordingService:
         settings: AppSettings,
     ) -> None:
         self._store = store
+        self._documents = documents
         self._files = files
         self._folder = folder
         self._jobs = jobs
@@ -113,6 +118,7 @@ class RecordingService:
         return Recording(
             id=record.id,
             name=record.name,
+            note=self._note_of(record),
             size_bytes=record.size_bytes,
             received_bytes=self.received_bytes(record),
             origin=record.origin,
@@ -125,6 +131,13 @@ class RecordingService:
             latest_job=self._jobs.latest(record.id),
             verdict=verdict_of(record),
         )
+
+    def _note_of(self, record: RecordingRecord) -> str:
+        try:
+            note = json.loads(self._documents.read(record.id, NOTE) or '""')
+        except ValueError:  # somebody else's words in the store cost the note, not the list
+            return ""
+        return note if isinstance(note, str) else ""
 
     def _has_planes(self, record: RecordingRecord) -> bool:
         try:
@@ -289,9 +302,11 @@ class RecordingService:
 
     def change(self, record: RecordingRecord, change: ChangeRecording) -> Recording:
         """The recording renamed or to be read another way; in the latter case it is inspected again."""
-        wanted = change.model_dump(exclude_unset=True, exclude={"name"})
+        wanted = change.model_dump(exclude_unset=True, exclude={"name", "note"})
         if change.name is not None:
             record = self._store.save(replace(record, name=display_name(change.name)))
+        if change.note is not None:
+            self._documents.write(record.id, NOTE, json.dumps(change.note.strip()))
         before = reading_of(record)
         after = self._merged(before or ReadSettings(), wanted)
         if after != before:

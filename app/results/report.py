@@ -160,6 +160,22 @@ def _settings(result: CalibrationResult) -> list[tuple[str, str, bool]]:
     """Name, value, and whether it is not the default."""
     defaults = CalibrateSettings().model_dump(mode="json")
     return [
-        (name.replace("_", " "), json.dumps(value), value != defaults.get(name))
+        (name.replace("_", " "), _value(value), value != defaults.get(name))
         for name, value in result.provenance.settings.items()
     ]
+
+
+def _value(value: object) -> str:
+    """A setting as people write it: what is null was found in the recording, or has no bound."""
+    match value:
+        case None:
+            return "as found"
+        case True | False:
+            return "yes" if value else "no"
+        case str():
+            return value
+        case {"magnitude_m_s2": magnitude, "std_m_s2": std}:
+            return f"{magnitude:g} ± {std:g} m/s²"
+        case [] | {}:
+            return "none"
+    return json.dumps(value)

@@ -1,7 +1,7 @@
 """How well each scan agrees with the planes: the plot on which a bad scan is found.
 
 rms_m    spread of the scan's points about their nearest planes, de-skewed, points within GATE_M only
-share    how many of its points those are
+share    how many of its points are as near to a plane as the scene colours them by it; the others are grey there
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from app.results.thickness import GATE_M as ON_PLANE_M
 from app.results.thickness import nearest_plane, outlines_of
 from app.schemas.results import ScanQuality
 from calib_core import api
@@ -45,7 +46,7 @@ def measure_scans(recording: Recording, trajectory: Trajectory, planes: Sequence
         )
         on = owner >= 0
         rms_m.append(float(np.sqrt(np.mean(np.square(dist_m[on], dtype=np.float64)))) if on.any() else None)
-        share.append(float(on.mean()))
+        share.append(float((on & (np.abs(dist_m) <= ON_PLANE_M)).mean()))
     return ScanQuality(t_s=t_s, rms_m=rms_m, share=share, points_each=POINTS)
 
 

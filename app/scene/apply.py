@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from app.scene.aim import Stage, Stand, hidden, stand
 from app.scene.cutaway import pieces
+from app.scene.cycle import Cycle, pierced
 from app.scene.doorless import DoorlessViser
 from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
 from app.scene.region import frustum_sides
@@ -107,6 +108,7 @@ class ShownScene:
         self._content = Content((), "")
         self._behind: frozenset[int] = frozenset()
         self._labelled = False
+        self._cycle = Cycle()
         self._server.scene.set_up_direction("+z")
 
         def clicked(event: viser.SceneClickEvent) -> None:
@@ -252,8 +254,16 @@ class ShownScene:
         )
         patch = sheet.patch
         if patch is not None:
-            handle.on_click(lambda _: self._on_patch(patch))
+            handle.on_click(
+                lambda event: self._clicked(patch, np.array(event.ray_origin), np.array(event.ray_direction))
+            )
         return cast(_Node, handle)
+
+    def _clicked(self, patch: int, origin_m: FloatArray, direction: FloatArray) -> None:
+        """A sheet was clicked; clicked again at the same place, the ones behind it take turns."""
+        sheets = [put.item for put in list(self._nodes.values()) if isinstance(put.item, Sheet) and put.node.visible]
+        for meant in self._cycle.click(patch, pierced(sheets, origin_m, direction), origin_m, direction):
+            self._on_patch(meant)
 
     def _put_floor(self, floor: Floor) -> _Node:
         grid = self._server.scene.add_grid(

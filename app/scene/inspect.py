@@ -15,7 +15,7 @@ import numpy as np
 
 from app.planes import palette
 from app.planes.palette import Colors
-from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
+from app.results.thickness import GATE_M, nearest_plane, outlines_of, rigid_map_points, spread
 from app.scene.aim import Stage
 from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
@@ -27,7 +27,7 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, Recording, Sca
 Source = Literal["raw", "deskewed", "old"]
 
 #: Colours: how far from a plane a point still takes its colour, and where the residual's scale ends.
-PLANE_GATE_M = 0.10
+PLANE_GATE_M = GATE_M
 RESIDUAL_GATE_M = 0.30
 RESIDUAL_HALF_M = 0.05
 #: Scans accumulated in the map.

@@ -21,6 +21,7 @@ class Recording(WireModel):
 
     id: RecordId
     name: str = Field(description="for people; never used as a path", examples=["room.bag"])
+    note: str = Field(default="", description="what a person wrote about it")
     size_bytes: int = Field(description="of the source; while receiving, the announced size")
     received_bytes: int = Field(description="how much of an upload has arrived; equals size_bytes afterwards")
     origin: Origin
@@ -57,6 +58,7 @@ class ChangeRecording(WireModel):
     """
 
     name: str | None = Field(default=None, min_length=1, max_length=200)
+    note: str | None = Field(default=None, max_length=2000, description="what a person writes about it; empty: nothing")
     lidar_topic: str | None = None
     imu_topic: str | None = None
     start_s: float | None = Field(default=None, ge=0, description="seconds after the recording's start", examples=[2.0])
@@ -149,6 +151,7 @@ class ServerFacts(WireModel):
     limits: WeakLimits = Field(description="beyond which standard deviation an axis is weak")
     axis_names: dict[str, str] = Field(description="by the axis's name in the covariance's order")
     imu_presets: list[str] = Field(description="IMUs whose noise is known by name")
+    lidar_presets: list[str] = Field(description="lidars of whose lasers it is known what to expect")
 
 
 class NewShareLink(WireModel):

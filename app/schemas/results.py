@@ -35,7 +35,9 @@ class ScanQuality(WireModel):
 
     t_s: list[float] = Field(description="of each scan's first point, after the first scan's")
     rms_m: list[float | None] = Field(description="spread about the nearest planes of the points within 0.3 m of one")
-    share: list[float | None] = Field(description="how many of the scan's points those are, 0..1")
+    share: list[float | None] = Field(
+        description="points near enough to a plane to be coloured by it in the scene, 0..1"
+    )
     points_each: int = Field(description="points looked at of each scan, at most")
 
 

@@ -45,7 +45,7 @@ from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core import __version__, api
-from calib_core.presets import IMU_PRESETS
+from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS
 
 #: Scenarios offered as samples, and their titles; the first is the one click away.
 SAMPLES = {
@@ -89,7 +89,9 @@ class Services:
             make_order=Orders(recording_store, self.files, settings.job_limits()).of,
             looks_of=self.planes.looks,
         )
-        self.recordings = RecordingService(recording_store, self.files, self.folder, self.jobs, bus, settings=settings)
+        self.recordings = RecordingService(
+            recording_store, documents, self.files, self.folder, self.jobs, bus, settings=settings
+        )
         self.keeping = Keeping(recording_store, self.files, self.jobs, self.recordings, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
@@ -147,6 +149,7 @@ class Services:
             limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
             axis_names=AXIS_NAMES,
             imu_presets=[preset.name for preset in IMU_PRESETS],
+            lidar_presets=[preset.name for preset in LIDAR_PRESETS],
             samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
         )
 

@@ -80,3 +80,15 @@ describe("what a solve is told", () => {
     ].forEach((row, i) => row.forEach((value, j) => expect(matrix[i]?.[j]).toBeCloseTo(value)));
   });
 });
+
+describe("what only experts need", () => {
+  // Mutations: an empty field sent as nought; the preset of the run before kept when "as recognised" is chosen.
+  it("sends a lidar, a seed and rounds as chosen, and what is usual where nothing is", () => {
+    const draft = draftOf({ ...before, lidar: "VLP-16", random_seed: 7, max_rounds: 20 });
+    expect([draft.lidar, draft.seed, draft.rounds]).toEqual(["VLP-16", "7", "20"]);
+    const usual = settingsOf({ ...draft, lidar: "", seed: "", rounds: "" }, before);
+    expect([usual?.lidar, usual?.random_seed, usual?.max_rounds]).toEqual([null, 0, 12]);
+    expect(settingsOf({ ...draft, rounds: "0" }, before)).toBeNull();
+    expect(settingsOf({ ...draft, seed: "1.5" }, before)).toBeNull();
+  });
+});

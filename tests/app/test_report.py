@@ -183,3 +183,11 @@ def test_readings_are_foretold_by_the_true_motion_and_not_by_one_that_is_late():
     assert late is not None
     assert late.gyro_rms_rad_s > 10 * compared.gyro_rms_rad_s
     assert late.accel_rms_m_s2 > 5 * compared.accel_rms_m_s2
+
+
+def test_settings_are_told_in_words(page):
+    """Mutation: null and true as JSON has them; gravity's spread left out."""
+    assert "gravity 9.807 ± 0.02 m/s²" in page
+    assert "estimate planes yes" in page
+    assert "imu noise as found" in page
+    assert "priors none" in page

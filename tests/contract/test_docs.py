@@ -18,6 +18,7 @@ PAGES = (
     "docs/architecture.md",
     "docs/contract.md",
     "docs/formats.md",
+    "docs/security.md",
     "tests/README.md",
     "calib_core/CONVENTIONS.md",
 )
@@ -93,7 +94,7 @@ def test_every_page_and_picture_that_is_linked_is_there(page: str) -> None:
 
 
 def test_every_file_that_a_docstring_or_a_comment_names_is_there() -> None:
-    """Mutations: a file moved, and its name left in another's docstring; look at docstrings only."""
+    """But for pages that a campaign writes. Mutations: a file moved, and its name left in a docstring; look at no comments."""
     there = ["/" + path.relative_to(ROOT).as_posix() for path in _sources()]
     missing = [
         f"{path.relative_to(ROOT)}: {name}"
@@ -101,7 +102,9 @@ def test_every_file_that_a_docstring_or_a_comment_names_is_there() -> None:
         if path.suffix == ".py"
         for text in _prose(path.read_text(encoding="utf-8"))
         for name in re.findall(r"(?<![\w*{<>.-])((?:[\w-]+/)*[\w-]+\.(?:py|md))\b", text)
-        if name not in ELSEWHERE and not any(other.endswith("/" + name) for other in there)
+        if name not in ELSEWHERE
+        and not (path.is_relative_to(ROOT / "bench") and name.endswith(".md"))
+        and not any(other.endswith("/" + name) for other in there)
     ]
     assert missing == []
 

@@ -163,6 +163,22 @@ def serious_faults(page: Page) -> list[str]:
     ]
 
 
+#: A desk, a tablet held upright, a telephone.
+SIZES = ((1280, 720), (820, 1180), (390, 844))
+
+
+def faults_in_all_sizes(page: Page) -> list[str]:
+    """What axe finds serious, and what sticks out of the window, at each size; the desk's size is left behind."""
+    found: list[str] = []
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        found += [f"{width}: {fault}" for fault in serious_faults(page)]
+        too_wide = int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
+        found += [f"{width}: {too_wide} px stick out"] if too_wide > 0 else []
+    page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
+    return found
+
+
 def keep_screenshot(page: Page, name: str, scheme: str) -> None:
     """A picture for the documentation, where the environment asks for one."""
     if os.environ.get("UNSWEEP_SCREENSHOTS") != "1":

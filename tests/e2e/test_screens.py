@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.e2e.support import Api, keep_screenshot, serious_faults, until, wait_for_cloud
+from tests.e2e.support import Api, faults_in_all_sizes, keep_screenshot, serious_faults, until, wait_for_cloud
 
 #: Either is right for ten seconds of good motion; which one depends on what the doctor asks of a standstill.
 VERDICT = re.compile("Good to calibrate|Usable, with limits")
@@ -24,8 +24,16 @@ def test_start(page: Page, solved: tuple[str, str], scheme: str) -> None:
     row = page.get_by_role("link", name="room.bag").first
     expect(row).to_contain_text("Calibrated")
     expect(page.get_by_role("button", name="Try the sample")).to_be_enabled()
-    assert serious_faults(page) == []
+    assert faults_in_all_sizes(page) == []
     keep_screenshot(page, "start", scheme)
+    page.get_by_role("button", name="How to record").click()
+    guide = page.get_by_role("dialog", name="How to record")
+    guide.get_by_text("On a car", exact=True).click()
+    expect(guide.get_by_role("img", name=re.compile("^Bad: Straight ahead on level ground"))).to_be_visible()
+    assert serious_faults(page) == []
+    keep_screenshot(page, "guide", scheme)
+    page.keyboard.press("Escape")
+    expect(guide).to_have_count(0)
     page.keyboard.press("?")
     keys = page.get_by_role("dialog", name="Keyboard")
     expect(keys).to_contain_text("Try the sample")
@@ -48,7 +56,7 @@ def test_recording(page: Page, solved: tuple[str, str], scheme: str) -> None:
     expect(recognised.get_by_role("listitem").first).to_be_visible()
     for plot in ("Rate of turn, °", "Acceleration, m", "Time from scan to scan, as received, ms"):
         expect(page.get_by_role("figure", name=re.compile(f"^{plot}"))).to_be_visible()
-    assert serious_faults(page) == []
+    assert faults_in_all_sizes(page) == []
     keep_screenshot(page, "recording", scheme)
     start = page.get_by_role("slider", name="Start of the span")
     start.focus()
@@ -67,7 +75,7 @@ def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     sentence = page.get_by_role("status", name="Do these planes determine the answer")
     expect(sentence).to_contain_text("planes")
     wait_for_cloud(page)
-    assert serious_faults(page) == []
+    assert faults_in_all_sizes(page) == []
     keep_screenshot(page, "planes", scheme)
     before = sentence.inner_text()
     box = page.get_by_role("checkbox").first

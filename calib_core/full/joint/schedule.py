@@ -197,6 +197,9 @@ class Limits:
     #: `lever_arm_std_m` is the length of no machine, but of a motion that points do not lie on.
     lever_arm_m: float = 10.0
     lever_arm_std_m: float = 0.1
+    #: So many times its prior's standard deviation no parameter of a working sensor is: lasers off by a decimetre. A few
+    #: times is a sensor worse than its data sheet, which the solve may well find.
+    sensor_sigmas: float = 12.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ import {
   type Recording,
   type View,
 } from "./client";
+import { asLimits, useOwnLimits } from "./ownlimits";
 
 /** The thing an id belongs to comes first, so that everything of one recording can be refreshed at once. */
 export const keys = {
@@ -49,9 +50,16 @@ export const factsQuery = queryOptions({
 /** Nothing is weak until the server has said what is. */
 const unlimited: Limits = { rotation_deg: Infinity, translation_m: Infinity, time_offset_s: Infinity };
 
-/** Beyond which standard deviation an axis is weak. */
-export function useLimits(): Limits {
+/** Beyond which standard deviation the server calls an axis weak. */
+export function useUsualLimits(): Limits {
   return useQuery(factsQuery).data?.limits ?? unlimited;
+}
+
+/** Beyond which standard deviation an axis is not known well enough here: by one's own limits, where there are any. */
+export function useLimits(): Limits {
+  const usual = useUsualLimits();
+  const { own } = useOwnLimits();
+  return own === null ? usual : asLimits(own);
 }
 
 export const recordingsQuery = queryOptions({

@@ -85,7 +85,8 @@ export function LinePlot({
             ...axis,
             size: 24,
             space: 48,
-            values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${xUnit}` : String(tick))),
+            values: (_, ticks) =>
+              ticks.map((tick, i) => (i === ticks.length - 1 && fitsTick(xUnit) ? `${tick} ${xUnit}` : String(tick))),
           },
           // A low plot gets three ticks too.
           {
@@ -133,6 +134,7 @@ export function LinePlot({
       <figcaption className={css.caption}>
         <span>
           {label} <span className={css.unit}>{yUnit}</span>
+          {!fitsTick(xUnit) && <span className={css.unit}> by {xUnit}</span>}
         </span>
         {hovered !== null && x[hovered] !== undefined && (
           <span className={`num ${css.hovered ?? ""}`} aria-hidden="true">
@@ -152,6 +154,11 @@ export function LinePlot({
       <div ref={box} className={css.canvas} style={{ height }} />
     </figure>
   );
+}
+
+/** A longer word beside the last tick would be cut off by the plot's edge. */
+function fitsTick(unit: string): boolean {
+  return unit.length <= 3;
 }
 
 /** uPlot leaves out ticks of a logarithmic axis by handing null where its types promise a number. */

@@ -35,6 +35,7 @@ const controls: Readonly<Record<string, string>> = {
   "random-seed": "Random seed",
   "max-rounds": "Most rounds",
   intrinsics: "Sensors' own errors",
+  lidar: "Lidar",
 };
 
 /** Values as people write them. */
@@ -95,6 +96,7 @@ export function plain(text: string): string {
       },
     )
     .replace(/ \+- /g, " ± ")
+    .replace(/\bm\/s2\b/g, "m/s²")
     .replace(/\b(rad_s|deg_s|m_s2)\b/g, (unit) => valueName(unit));
 }
 

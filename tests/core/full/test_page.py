@@ -10,7 +10,10 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
+from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.run import Run
+from calib_core.settings import CalibrateSettings
 
 
 @dataclass(frozen=True)
@@ -73,3 +76,37 @@ def test_where_every_scan_was_followed_there_is_nothing_to_leave_out(monkeypatch
         solved(monkeypatch, estimator, followed=10)
     assert len(estimator.asked) == 1
     assert solved(monkeypatch, Estimator("wrong"), followed=10).name == "wrong"
+
+
+def test_sensors_that_run_away_are_held_and_counted_instead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole estimation again, with the sensors as their data sheets have them and their doubts in the error bars.
+
+    Mutations: let the refusal through; solve again with the same settings; confine the second solve to the followed scans.
+    """
+    estimator = Estimator(SensorsAstray("solve.sensors_astray", "too large"), "right")
+    monkeypatch.setattr(page, "estimate_jointly", estimator)
+    asked: list[str] = []
+
+    def begin(run: Any, *_: object) -> tuple[None, State, float]:
+        asked.append(run.settings.intrinsics)
+        return None, State(), 1.0
+
+    monkeypatch.setattr(page, "begin", begin)
+    monkeypatch.setattr(page, "implausible", lambda *_: None)
+    unused: Any = None
+    recording: Any = SimpleNamespace(scans=range(10))
+    said: list[str] = []
+    run = Run(
+        recording,
+        CalibrateSettings(),
+        unused,
+        unused,
+        unused,
+        lambda event: said.append(getattr(event, "code", "")),
+        unused,
+    )
+    track: Any = SimpleNamespace(motions=range(6))
+    held, end = page.solve_with_sensors(run, track, unused, unused, None, may_add_planes=True)
+    assert (end.iterations, held.settings.intrinsics, asked) == (7, "consider", ["auto", "consider"])
+    assert [schedule for schedule, _ in estimator.asked] == [FULL, FULL]
+    assert said == ["sensor.astray"]

@@ -989,6 +989,11 @@ export interface components {
             lidar_topic?: string | null;
             /** Name */
             name?: string | null;
+            /**
+             * Note
+             * @description what a person writes about it; empty: nothing
+             */
+            note?: string | null;
             /** Point Time Field */
             point_time_field?: string | null;
             /** Point Time Reference */
@@ -2567,6 +2572,12 @@ export interface components {
              */
             name: string;
             /**
+             * Note
+             * @description what a person wrote about it
+             * @default
+             */
+            note: string;
+            /**
              * Origin
              * @enum {string}
              */
@@ -2922,7 +2933,7 @@ export interface components {
             rms_m: (number | null)[];
             /**
              * Share
-             * @description how many of the scan's points those are, 0..1
+             * @description points near enough to a plane to be coloured by it in the scene, 0..1
              */
             share: (number | null)[];
             /**
@@ -2950,6 +2961,11 @@ export interface components {
              * @description IMUs whose noise is known by name
              */
             imu_presets: string[];
+            /**
+             * Lidar Presets
+             * @description lidars of whose lasers it is known what to expect
+             */
+            lidar_presets: string[];
             /** @description beyond which standard deviation an axis is weak */
             limits: components["schemas"]["WeakLimits"];
             /** Max Upload Bytes */

@@ -77,7 +77,7 @@ function Strip({
         </span>
         <span className="dim">
           scan {shown + 1}
-          {share === null || share === undefined ? "" : `, ${Math.round(share * 100)} % on planes`}
+          {share === null || share === undefined ? "" : `, ${percentText(share)} within 10 cm of a plane`}
         </span>
       </figcaption>
       <div
@@ -143,6 +143,12 @@ function Strip({
       </div>
     </figure>
   );
+}
+
+/** All of them only where not one is left out. */
+function percentText(share: number): string {
+  const percent = Math.round(share * 100);
+  return share < 1 && percent === 100 ? "over 99 %" : `${percent} %`;
 }
 
 function ordered([a, b]: TimeSpan): TimeSpan {

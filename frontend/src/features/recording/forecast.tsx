@@ -14,6 +14,19 @@ interface ForecastProps {
   said: readonly string[];
 }
 
+function same(one: string, other: string): boolean {
+  return bare(one) === bare(other);
+}
+
+function bare(text: string): string {
+  return text.toLowerCase().replace(/\.$/, "");
+}
+
+/** What other programs print after a colon begins small; here it stands for itself. */
+function sentenceOf(text: string): string {
+  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
+}
+
 /** What a solve would know, before it is run, and the planes that rests on. */
 export function Forecast({ forecast, planes, said }: ForecastProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
@@ -25,7 +38,7 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
       data-weak={forecast.parameters.length === 0 || forecast.weak.length > 0}
     >
       <h2>What a solve would know</h2>
-      {headline !== "" && !said.includes(headline) && <p>{headline}</p>}
+      {headline !== "" && !said.some((sentence) => same(sentence, headline)) && <p>{sentenceOf(headline)}</p>}
       {planes !== null && planes !== undefined && planes.text !== "" && <p className="dim">{planes.text}</p>}
       {forecast.parameters.length > 0 && (
         <ul className={css.forecast}>

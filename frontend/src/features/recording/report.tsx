@@ -4,6 +4,7 @@ import { useChangeRecording } from "../../api/queries";
 import { fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
+import { GuideButton } from "../guide/dialog";
 import { Evidence } from "./evidence";
 import { Forecast } from "./forecast";
 import { fixOf, fixText } from "./fixes";
@@ -64,6 +65,7 @@ export function Report({ recording, report }: { recording: Recording; report: Do
               <li key={sentence}>{sentence}</li>
             ))}
           </ul>
+          <GuideButton />
         </section>
       )}
       <Evidence timeline={report.timeline} />
@@ -113,14 +115,19 @@ function FindingCard({
       <LevelIcon level={finding.level === "info" ? "info" : finding.level} />
       <div>
         <p>{finding.text}</p>
-        {finding.consequence !== "" && <p className={css.consequence}>{finding.consequence}</p>}
+        {finding.consequence !== "" && (
+          <p className={css.consequence}>
+            {finding.consequence.charAt(0).toUpperCase()}
+            {finding.consequence.slice(1)}
+          </p>
+        )}
         {finding.evidence.length > 0 && (
           <dl className={css.evidence}>
             {finding.evidence.map((item) => (
               <div key={item.name}>
                 <dt>{item.name.replaceAll("_", " ")}</dt>
                 <dd className="num">
-                  {typeof item.value === "number" ? short(item.value) : item.value} {item.unit}
+                  {typeof item.value === "number" ? short(item.value) : item.value} {item.unit.replace(/\/s2\b/, "/s²")}
                 </dd>
               </div>
             ))}

@@ -15,6 +15,7 @@ import { rateOf } from "../start/rate";
 import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { hasArrived } from "../workspace/state";
+import { Note } from "./note";
 import { Report } from "./report";
 import { Reading } from "./reading";
 import { Sensors } from "./sensors";
@@ -62,6 +63,7 @@ export function RecordingScreen() {
                 `, ${duration(recording.report.duration_s)}`}
             </span>
           </p>
+          <Note key={recording.note} recording={recording} />
         </Section>
         {arrived && (
           <Section title="In use already?">

@@ -1,16 +1,27 @@
-import { NativeSelect, Skeleton } from "@mantine/core";
+import { Button, NativeSelect, Skeleton } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
-import type { Run } from "../../api/client";
-import { resultQuery } from "../../api/queries";
+import { Link } from "react-router";
+import type { CalibrationResult, Recording, Run } from "../../api/client";
+import { recordingsQuery, resultQuery } from "../../api/queries";
 import { fixed, withSigma } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
+import { writeOld } from "../inspect/oldtext";
 import { differences } from "./difference";
 import css from "./result.module.css";
 
 /** An answer this many sigmas from another is not the same answer. */
 const apart = 3;
+
+/** Where even three standard deviations are wider than this, agreement says nothing: what audits allow by themselves. */
+const telling = { "°": 0.5, mm: 20, ms: 2 } as const;
+
+interface CompareProps {
+  recording: Recording;
+  runs: readonly Run[];
+  shown: string;
+}
 
 function answered(run: Run): boolean {
   return run.job.result?.kind === "solve" && run.job.result.translation_m !== null;
@@ -22,47 +33,85 @@ function title(run: Run, runs: readonly Run[]): string {
   return `Run ${number}, ${run.job.settings.method === "paper" ? "as published" : "full"}, ${when}`;
 }
 
-/** Any two answers of this recording side by side: what differs, and whether by more than both are unsure of. */
-export function Compare({ runs, shown }: { runs: readonly Run[]; shown: string }) {
+/** The newest answers of other recordings: the same rig on another day, or another rig. */
+function useOthers(recording: Recording): { value: string; label: string }[] {
+  const recordings = useQuery(recordingsQuery).data ?? [];
+  return recordings
+    .filter((one) => one.id !== recording.id)
+    .flatMap((one) => {
+      const job = one.latest_job;
+      if (job?.result?.kind !== "solve" || job.result.translation_m === null) return [];
+      return [{ value: job.id, label: one.name }];
+    });
+}
+
+/** Any two answers side by side: what differs, whether by more than both are unsure of, and both clouds. */
+export function Compare({ recording, runs, shown }: CompareProps) {
   const known = runs.filter(answered);
-  const [firstId, setFirst] = useState(known.find((run) => run.job.id !== shown)?.job.id ?? "");
-  const [secondId, setSecond] = useState(known.find((run) => run.job.id === shown)?.job.id ?? known[0]?.job.id ?? "");
-  if (known.length < 2) return null;
-  const data = known.map((run) => ({ value: run.job.id, label: title(run, runs) }));
+  const others = useOthers(recording);
+  const mine = known.map((run) => ({ value: run.job.id, label: title(run, runs) }));
+  const [first, setFirst] = useState<string | null>(null);
+  const [second, setSecond] = useState<string | null>(null);
+  const from = first ?? known.find((run) => run.job.id !== shown)?.job.id ?? others[0]?.value;
+  const to = second ?? known.find((run) => run.job.id === shown)?.job.id ?? known[0]?.job.id;
+  if (from === undefined || to === undefined) return null;
+  const data = [
+    { group: "This recording", items: mine },
+    ...(others.length === 0 ? [] : [{ group: "Other recordings", items: others }]),
+  ];
   return (
-    <Section title="Compare two runs">
+    <Section title="Compare two answers">
       <div className={css.compareHead}>
         <NativeSelect
           size="xs"
           label="From"
           data={data}
-          value={firstId}
+          value={from}
           onChange={(event) => setFirst(event.currentTarget.value)}
         />
         <NativeSelect
           size="xs"
           label="to"
           data={data}
-          value={secondId}
+          value={to}
           onChange={(event) => setSecond(event.currentTarget.value)}
         />
       </div>
-      <Differences firstId={firstId} secondId={secondId} />
+      <Differences firstId={from} secondId={to} recording={recording} runs={known} />
     </Section>
   );
 }
 
-function Differences({ firstId, secondId }: { firstId: string; secondId: string }) {
+interface DifferencesProps {
+  firstId: string;
+  secondId: string;
+  recording: Recording;
+  runs: readonly Run[];
+}
+
+function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
   const first = useQuery(resultQuery(firstId));
   const second = useQuery(resultQuery(secondId));
   if (first.isPending || second.isPending) return <Skeleton height={180} />;
   if (first.isError || second.isError) return <Fault error={first.error ?? second.error} />;
   const found = differences(first.data, second.data);
   if (found === null) return <p className="dim small">One of them has no answer to compare.</p>;
+  const far = found.filter(({ value, sigma }) => sigma > 0 && Math.abs(value) / sigma > apart);
+  const blind = found.filter(({ unit, sigma }) => apart * sigma > telling[unit]);
+  // The clouds of this recording, de-skewed with the one and with the other.
+  const here = runs.find((run) => run.job.id === secondId) ?? runs.find((run) => run.job.id === firstId);
+  const other = here?.job.id === secondId ? first.data : second.data;
   return (
     <>
+      <p>
+        {far.length === 0
+          ? blind.length === 0
+            ? "They agree: nothing differs by more than three standard deviations."
+            : `Nothing differs by more than three standard deviations, but those are too wide to tell in ${blind.map(({ name }) => name.toLowerCase()).join(", ")}.`
+          : `They differ beyond three standard deviations in ${far.map(({ name }) => name.toLowerCase()).join(", ")}.`}
+      </p>
       <table className={css.compare}>
-        <caption className="sr-only">Differences of the two runs with one standard deviation</caption>
+        <caption className="sr-only">Differences of the two answers with one standard deviation</caption>
         <tbody>
           {found.map(({ name, unit, value, sigma }) => {
             const text = withSigma(value, sigma);
@@ -82,6 +131,27 @@ function Differences({ firstId, secondId }: { firstId: string; secondId: string 
       <p className="dim small">
         σ is of the difference, as if each run had a recording of its own; turns are about the lidar&rsquo;s axes.
       </p>
+      {here !== undefined && (
+        <Button
+          component={Link}
+          to={`/r/${recording.id}/inspect?${cloudsQuery(here.job.id, other)}`}
+          variant="default"
+          size="compact-sm"
+        >
+          See both clouds
+        </Button>
+      )}
     </>
   );
+}
+
+/** Inspect, with one answer as the run's own and the other as the extrinsic beside it. */
+function cloudsQuery(jobId: string, other: CalibrationResult): string {
+  const pose = other.T_imu_lidar;
+  const query = new URLSearchParams({ job: jobId, show: "side", against: "old", map: "1" });
+  if (pose !== null) {
+    const { translation_m, quaternion_xyzw } = pose;
+    query.set("old", writeOld({ translation_m, quaternion_xyzw, time_offset_s: other.time_offset_s }));
+  }
+  return query.toString();
 }

@@ -2,6 +2,7 @@ import { Button } from "@mantine/core";
 import { Link, useNavigate } from "react-router";
 import type { CalibrationResult, ChangeRecording, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/queries";
+import { GuideButton } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./result.module.css";
@@ -78,12 +79,14 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
         >
           Open a new recording
         </Button>
+        <GuideButton />
       </div>
-      <p className="dim small">
-        {motions.length > 0
-          ? `Record again like this: ${motions.join(" ")}`
-          : "If none of it helps, record again: stand still for two seconds, then turn briskly to and fro about all three axes for half a minute, 1 to 10 m from walls and floor."}
-      </p>
+      {motions.length === 0 && (
+        <p className="dim small">
+          If none of it helps, record again: stand still for two seconds, then turn briskly to and fro about all three
+          axes for half a minute, 1 to 10 m from walls and floor.
+        </p>
+      )}
       {change.isError && <Fault error={change.error} />}
     </section>
   );

@@ -1,5 +1,6 @@
 import { SegmentedControl } from "@mantine/core";
 import type { CalibrationResult, Limits } from "../../api/client";
+import { useOwnLimits } from "../../api/ownlimits";
 import { useLimits } from "../../api/queries";
 import { fixed, withSigma } from "../../ui/format";
 import { Frames } from "./frames";
@@ -20,6 +21,7 @@ const angles = ["Roll", "Pitch", "Yaw"] as const;
 /** The transform in either direction, the time offset, and one standard deviation of each number. */
 export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps) {
   const limits = useLimits();
+  const { own } = useOwnLimits();
   const [to, from] = direction === "imu_lidar" ? ["IMU", "lidar"] : ["lidar", "IMU"];
   const offsetS = result.time_offset_s ?? 0;
   const offset = withSigma(offsetS * 1000, (result.uncertainty?.time_offset_std_s ?? 0) * 1000);
@@ -76,9 +78,10 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
         <Frames matrix={pose.matrix} base={to} other={from} />
       </div>
       <p className="dim small">
-        The bar is one standard deviation against the limit of a weak answer ({shortLimits(limits)}), on a logarithmic
-        scale; angles turn about the {from}&rsquo;s axes. A reading stamped t by the IMU was taken at t{" "}
-        {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s clock{clockText(result)}.
+        The bar is one standard deviation against {own === null ? "the limit of a weak answer" : "your own limit"} (
+        {shortLimits(limits)}), on a logarithmic scale; angles turn about the {from}&rsquo;s axes. A reading stamped t
+        by the IMU was taken at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s
+        clock{clockText(result)}.
       </p>
       <div className={css.copies}>
         <CopyBox

@@ -16,9 +16,10 @@ export function Quality({ result, asked }: { result: CalibrationResult; asked: n
     ...(quality.points_used > 0 ? fit : []),
     ["Scans used", `${count(quality.scans_used)} of ${count(quality.scans_total)}`],
     ...(result.T_imu_lidar === null ? [] : answered(result)),
-    ["Took", duration(quality.duration_s)],
+    ["Solve alone took", duration(quality.duration_s)],
     ["Lidar", provenance.recording.lidar_topic],
     ["IMU", provenance.recording.imu_topic],
+    ["Frames", `${provenance.recording.lidar_frame_id} to ${provenance.recording.imu_frame_id}`],
   ];
   return (
     <section aria-label="What the answer rests on">

@@ -17,6 +17,7 @@ import { CommandSection } from "./command";
 import { Exports } from "./exports";
 import { History } from "./history";
 import { poseOf, type Direction } from "./inverse";
+import { OwnLimitsSection, OwnVerdict } from "./ownlimits";
 import { PoseCard } from "./pose";
 import { Quality } from "./quality";
 import { NextSteps } from "./nextsteps";
@@ -116,7 +117,8 @@ function RunResult({ recording, run, runs }: { recording: Recording; run: Run; r
         <Section title="Runs of this recording">
           <History runs={runs} shown={run.job.id} />
         </Section>
-        <Compare key={run.job.id} runs={runs} shown={run.job.id} />
+        <Compare key={run.job.id} recording={recording} runs={runs} shown={run.job.id} />
+        {answered && <OwnLimitsSection />}
       </Panel>
     </>
   );
@@ -130,7 +132,10 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
   const weak = new Set(result.observability.weak_directions?.map((one) => one.text));
   return (
     <div className={css.document}>
-      <Verdict result={result} text={verdict} />
+      <div>
+        <Verdict result={result} text={verdict} />
+        <OwnVerdict result={result} />
+      </div>
       {toneOf(
         result.status,
         result.messages.map((message) => message.code),

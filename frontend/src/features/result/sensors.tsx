@@ -37,6 +37,7 @@ export function OwnErrors({ result }: { result: CalibrationResult }) {
   return (
     <section aria-label="What the sensors themselves add">
       <h2>What the sensors themselves add</h2>
+      {result.imu_frame !== "" && <p className="dim small">The IMU&rsquo;s axes here are {result.imu_frame}.</p>}
       <ul className={css.bullets}>
         {sentences.map((message) => (
           <li key={message.text}>{message.text}</li>

@@ -17,12 +17,18 @@ export interface Draft {
   biasModel: string;
   imuSampling: string;
   intrinsics: string;
+  lidar: string;
+  seed: string;
+  rounds: string;
 }
 
 const intrinsicsChoices = ["auto", "consider", "off"] as const;
 
 /** Blocks chosen one by one, as a select holds them. */
 export const chosenBlocks = "blocks";
+
+/** Most rounds of association and solve, where nothing else is said. */
+export const usualRounds = 12;
 
 /** The choices of a run, as a draft of the next one. */
 export function draftOf(settings: Served): Draft {
@@ -45,6 +51,9 @@ export function draftOf(settings: Served): Draft {
     biasModel: settings.bias_model,
     imuSampling: settings.imu_sampling,
     intrinsics: Array.isArray(settings.intrinsics) ? chosenBlocks : settings.intrinsics,
+    lidar: settings.lidar ?? "",
+    seed: settings.random_seed === 0 ? "" : String(settings.random_seed),
+    rounds: settings.max_rounds === usualRounds ? "" : String(settings.max_rounds),
   };
 }
 
@@ -55,8 +64,10 @@ export function settingsOf(draft: Draft, before: Served): Partial<Settings> | nu
   const fieldDeg = optional(draft.fieldDeg, (value) => value > 0 && value <= 180, paper ? 45 : null);
   const gravity = gravityOf(draft);
   const priors = draft.priors.map(priorOf);
-  if (points === undefined || fieldDeg === undefined || gravity === undefined || priors.some((prior) => prior === null))
-    return null;
+  const seed = optional(draft.seed, (value) => Number.isInteger(value) && value >= 0, 0) ?? undefined;
+  const rounds = optional(draft.rounds, (value) => Number.isInteger(value) && value > 0, usualRounds) ?? undefined;
+  if (points === undefined || fieldDeg === undefined || gravity === undefined) return null;
+  if (seed === undefined || rounds === undefined || priors.some((prior) => prior === null)) return null;
   return {
     method: draft.method,
     points_per_plane_per_scan: points,
@@ -68,9 +79,11 @@ export function settingsOf(draft: Draft, before: Served): Partial<Settings> | nu
     imu_sampling: draft.imuSampling === "even" ? "even" : draft.imuSampling === "as-stamped" ? "as-stamped" : "detect",
     imu_noise: draft.imuNoise === "" ? null : draft.imuNoise,
     excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
-    // Blocks that were named one by one stay as they were; so does the lidar.
+    // Blocks that were named one by one stay as they were.
     intrinsics: intrinsicsChoices.find((choice) => choice === draft.intrinsics) ?? before.intrinsics,
-    lidar: before.lidar ?? null,
+    lidar: draft.lidar === "" ? null : draft.lidar,
+    random_seed: seed,
+    max_rounds: rounds,
     ...(gravity === null ? {} : { gravity }),
   };
 }

@@ -6,12 +6,12 @@ import { sparse } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
-import { chosenBlocks, draftOf, settingsOf, type Draft } from "./draft";
+import { chosenBlocks, draftOf, settingsOf, usualRounds, type Draft } from "./draft";
 import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
 
-type Choice = "gravity" | "imuNoise" | "biasModel" | "imuSampling" | "intrinsics";
+type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "intrinsics";
 
 interface SolveOptionsProps {
   /** Of the run that is shown; what it chose stays chosen. */
@@ -25,7 +25,8 @@ interface SolveOptionsProps {
 export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsProps) {
   const [draft, setDraft] = useState<Draft>(() => draftOf(before));
   const [guess, setGuess] = useState<OldExtrinsic | null>(null);
-  const presets = useQuery(factsQuery).data?.imu_presets ?? [];
+  const facts = useQuery(factsQuery).data;
+  const presets = facts?.imu_presets ?? [];
   const set = (part: Partial<Draft>) => setDraft((old) => ({ ...old, ...part }));
   const paper = draft.method === "paper";
   const settings = settingsOf(draft, before);
@@ -85,6 +86,10 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               { value: "", label: "as measured" },
               ...presets.map((name) => ({ value: name, label: name })),
             ])}
+            {choice("lidar", "Lidar", [
+              { value: "", label: "as recognised" },
+              ...(facts?.lidar_presets ?? []).map((name) => ({ value: name, label: name })),
+            ])}
             {choice("biasModel", "Biases", [
               { value: "random-walk", label: "drift slowly" },
               { value: "constant", label: "constant" },
@@ -115,6 +120,22 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               placeholder={paper ? "45" : "all around"}
               value={draft.fieldDeg}
               onChange={(event) => set({ fieldDeg: event.currentTarget.value })}
+            />
+            <TextInput
+              size="xs"
+              inputMode="numeric"
+              label="Most rounds"
+              placeholder={String(usualRounds)}
+              value={draft.rounds}
+              onChange={(event) => set({ rounds: event.currentTarget.value })}
+            />
+            <TextInput
+              size="xs"
+              inputMode="numeric"
+              label="Seed of the plane search"
+              placeholder="0"
+              value={draft.seed}
+              onChange={(event) => set({ seed: event.currentTarget.value })}
             />
           </div>
           <Switch

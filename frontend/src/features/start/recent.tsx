@@ -73,7 +73,9 @@ function Found({ recordings, onOpen }: { recordings: readonly Recording[]; onOpe
           />
         </div>
       )}
-      {found.length === 0 && <p className="dim small">No recording has “{wanted}” in its name or its state.</p>}
+      {found.length === 0 && (
+        <p className="dim small">No recording has “{wanted}” in its name, its state or its note.</p>
+      )}
       <ul>
         {found.map((recording) => (
           <Row key={recording.id} recording={recording} onOpen={onOpen} />
@@ -86,14 +88,14 @@ function Found({ recordings, onOpen }: { recordings: readonly Recording[]; onOpe
 type Order = "newest" | "name" | "largest" | "standing";
 const tones: readonly Tone[] = ["good", "warning", "error", "info"];
 
-/** The recordings that have all the words in their name or state, in the wanted order. */
+/** The recordings that have all the words in their name, state or note, in the wanted order. */
 export function listed(recordings: readonly Recording[], wanted: string, order: Order): Recording[] {
   const words = wanted
     .toLowerCase()
     .split(/\s+/)
     .filter((word) => word !== "");
   const found = recordings.filter((recording) => {
-    const text = `${recording.name} ${standingOf(recording).text}`.toLowerCase();
+    const text = `${recording.name} ${standingOf(recording).text} ${recording.note}`.toLowerCase();
     return words.every((word) => text.includes(word));
   });
   switch (order) {
@@ -155,6 +157,11 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <span>·</span>
           <span className="nowrap">{ago(Date.parse(recording.created_at), now)}</span>
         </span>
+        {recording.note !== "" && (
+          <span className={css.note} title={recording.note}>
+            {recording.note}
+          </span>
+        )}
       </Link>
       <Menu position="bottom-end" returnFocus={false} onClose={() => setSure(false)}>
         <Menu.Target>

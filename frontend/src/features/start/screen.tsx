@@ -3,6 +3,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useNavigate } from "react-router";
 import { factsQuery, useOpenRecording } from "../../api/queries";
+import { GuideDialog } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import { Shell } from "../../ui/shell";
@@ -21,6 +22,7 @@ export function StartScreen() {
   const open = useOpenRecording();
   const { dragging, chooseFile, chooseFolder } = useDropZone();
   const [folderOpen, setFolderOpen] = useState(false);
+  const [guideOpen, setGuideOpen] = useState(false);
   const show = (id: string) => void navigate(`/r/${id}/recording`);
   const samples = facts.data?.samples ?? [];
   const firstSample = samples[0];
@@ -29,6 +31,7 @@ export function StartScreen() {
   useShortcuts("Start page", [
     { keys: "o", label: "Choose a file", run: chooseFile },
     { keys: "d", label: "Choose a bag's folder", run: chooseFolder },
+    { keys: "g", label: "How to record", run: () => setGuideOpen(true) },
     ...(firstSample === undefined
       ? []
       : [{ keys: "s", label: "Try the sample", run: () => openSample(firstSample.scenario) }]),
@@ -105,6 +108,12 @@ export function StartScreen() {
               )}
             </div>
           </section>
+          <p className={css.guide}>
+            <span className="dim">No recording yet, or one that was refused?</span>
+            <Button variant="subtle" size="compact-sm" onClick={() => setGuideOpen(true)}>
+              How to record
+            </Button>
+          </p>
           {[open.error, facts.error]
             .filter((error) => error !== null)
             .slice(0, 1)
@@ -116,6 +125,7 @@ export function StartScreen() {
         </div>
         <RecentRecordings onOpen={show} />
       </main>
+      {guideOpen && <GuideDialog onClose={() => setGuideOpen(false)} />}
       {folderOpen && <FolderDialog onClose={() => setFolderOpen(false)} onOpened={show} />}
     </Shell>
   );

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from calib_core.errors import Refused
-from calib_core.full.joint.bounds import last_move, require_bounds, require_rest
+from calib_core.full.joint.bounds import SensorsAstray, last_move, require_bounds, require_rest
 from calib_core.full.joint.estimation import Estimation
+from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from calib_core.solver.information import covariance
 from tests.core.full.joint.conftest import Half
 
@@ -51,3 +52,22 @@ def test_what_still_moves_beyond_its_own_sigma_has_not_settled(half: Half) -> No
     assert last_move(half.state, much)[0][6] == pytest.approx(2.5 * std_s)
     with pytest.raises(Refused, match=r"the time offset still moved by .* ms, 2\.5 times its standard deviation"):
         require_rest(half.state, much, 1.0)
+
+
+def test_a_sensor_that_no_one_builds_is_told_as_that(half: Half) -> None:
+    """Twelve times its prior, whichever way, of any block. Mutations: leave the check out; look at the first block only; take
+    the signed value."""
+    blocks = (
+        NuisanceBlock("gyroscope_scale", ("x", "y", "z"), np.full(3, 0.01)),
+        NuisanceBlock("accelerometer_scale", ("x", "y", "z"), np.full(3, 0.01)),
+    )
+    state = replace(half.state, nuisance=Nuisance(blocks))
+    for value, astray in ((0.1, False), (-0.13, True)):
+        values = np.array([0.0, 0.02, 0.0, 0.0, 0.0, value])
+        there = replace(state, estimate=replace(state.estimate, nuisance=values))
+        if not astray:
+            require_bounds(half.data, there, there)
+            continue
+        with pytest.raises(SensorsAstray, match="accelerometer scale 13 times as large as") as refused:
+            require_bounds(half.data, there, there)
+        assert refused.value.code == "solve.sensors_astray"
