@@ -21,6 +21,7 @@ import numpy as np
 
 from calib_core.factors.laser_kernels import (
     FEATURES,
+    HEIGHT,
     OF_COLUMN,
     collapse_features_kernel,
     correct_kernel,
@@ -97,12 +98,23 @@ def collapse_features(
     lasers: int,
     group: IntArray,
     middle: IntArray,
+    patch: IntArray | None = None,
+    patches: int = 1,
 ) -> LaserSums:
-    """The kept points' moments. laser: (N,).   group: (S,) of each slice.   middle: (G,) slice in the middle of each group."""
+    """The kept points' moments. laser: (N,).   group: (S,) of each slice.   middle: (G,) slice in the middle of each group.
+
+    patch: (N,) of the plane that each point lies on, of so many `patches`: then moments are of (group, plane, patch, laser),
+    and "laser" counts patch * lasers + laser.
+    """
     n_planes = len(normals)
     n_lidar = normals @ hits.poses.R
     R, p = steps_to_middles(hits.poses, group, middle)
-    cells = len(middle) * n_planes * lasers
+    cells, cluster, keys = len(middle) * n_planes * lasers, np.zeros(0, np.int64), None
+    if patch is not None:
+        unit = (group[hits.slice_index] * n_planes + hits.plane) * patches + patch
+        keys, place = np.unique((unit * lasers + laser)[keep], return_inverse=True)
+        cells, cluster = len(keys), np.zeros(len(keep), np.int64)
+        cluster[keep] = place
     cross, gram, count = (
         np.zeros((cells, FEATURES, 5)),
         np.zeros((cells, FEATURES, FEATURES)),
@@ -110,9 +122,12 @@ def collapse_features(
     )
     collapse_features_kernel(
         keep, hits.plane, hits.slice_index, hits.x_hit, hits.d, hits.cosine, weight, laser, n_lidar, group,
-        R, p, lasers, cross, gram, count,
+        R, p, lasers, cross, gram, count, cluster,
     )  # fmt: skip
-    return LaserSums.filled(cross, gram, count, n_planes, lasers)
+    if keys is None:
+        return LaserSums.filled(cross, gram, count, n_planes, lasers)
+    pair, of = np.divmod(keys, patches * lasers)
+    return LaserSums(pair // n_planes, pair % n_planes, of, cross.astype(np.float32), gram.astype(np.float32))
 
 
 def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -172,15 +187,17 @@ def move_and_sum_features(
 
 
 def feature_changes(change: FloatArray) -> FloatArray:
-    """(L, 7) what the features' coefficients change by, from the changes of the columns: (L, 8), or (L, 8, ..)."""
+    """(L, 7) what the features' coefficients change by, from the changes of the columns: (L, 9), or (L, 9, ..)."""
     out = np.zeros((len(change), FEATURES, *change.shape[2:]))
     for column, feature in enumerate(OF_COLUMN):
         out[:, feature] += change[:, column]
+    for feature in (0, 4):
+        out[:, feature] -= change[:, HEIGHT]
     return out
 
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
-    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 8)."""
+    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 9)."""
     squares = np.empty(len(factors.laser))
     features_squares_kernel(
         factors.pair, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares

@@ -10,9 +10,11 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, Lase
 #: Of a point: by its range, elevation, azimuth, its range's scale, its incidence, its azimuth as the encoder's eccentricity
 #: moves it, sine and cosine (factors/laser_features.py).
 FEATURES = 7
-#: Columns of a cluster, and each one's feature: the laser's offset, elevation, azimuth and scale, everybody's offset, incidence,
-#: sine and cosine.
-COLUMNS = 8
+#: Columns of a cluster, and what a unit of each adds to the features' coefficients: the laser's offset, elevation, azimuth and
+#: scale, everybody's offset, incidence, sine and cosine; last the surface's height where the points lie, towards the lidar,
+#: which shortens every distance alike: minus the cosine and minus one less the cosine.
+COLUMNS = 9
+HEIGHT = COLUMNS - 1
 OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6])
 
 
@@ -132,11 +134,13 @@ def collapse_features_kernel(
     cross: FloatArray,
     gram: FloatArray,
     count: IntArray,
+    cluster: IntArray,
 ) -> None:
     """Adds weight f y' to cross and weight f f' to gram of (group, plane, laser), f the features, y = [x_hit, 1, d].
 
     cross: (G P L, 7, 5).   gram: (G P L, 7, 7).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
-    group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.
+    group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.   cluster:
+    (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.
     """
     n_planes = n_lidar.shape[1]
     f, y = np.empty(FEATURES), np.empty(5)
@@ -144,7 +148,7 @@ def collapse_features_kernel(
         if not keep[i] or laser[i] >= lasers:
             continue
         s, j = slice_index[i], plane[i]
-        b = (group[s] * n_planes + j) * lasers + laser[i]
+        b = cluster[i] if cluster.shape[0] > 0 else (group[s] * n_planes + j) * lasers + laser[i]
         add_features(x_hit[i], d[i], cosine[i], weight[i], n_lidar[s, j], R[s], p[s], cross[b], gram[b], f, y)
         count[b] += 1
 
@@ -225,7 +229,7 @@ def add_features_kernel(
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
 
     pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 7, 5),
-    gram: (B, 7, 7).   column_of: (L, 8) shared columns, -1 for none.   change: (L, 7) of the features' coefficients since
+    gram: (B, 7, 7).   column_of: (L, 9) shared columns, -1 for none.   change: (L, 7) of the features' coefficients since
     the clusters were made.   gradient: (K, 9).
     """
     width = J.shape[2]
@@ -255,17 +259,27 @@ def add_features_kernel(
                 force += gram[b, f, e] * change[j, e]
             for c in range(COLUMNS):
                 column = column_of[j, c]
-                if OF_COLUMN[c] != f or column < 0:
+                if column < 0:
                     continue
-                gradient_shared[column] += force
+                factor = 1.0
+                if c == HEIGHT:
+                    if f == 1 or f == 2 or f == 3 or f > 4:  # noqa: PLR1714  no tuple in compiled code
+                        continue
+                    factor = -1.0
+                elif OF_COLUMN[c] != f:
+                    continue
+                gradient_shared[column] += factor * force
                 for i in range(9):
-                    border[k, i, column] += by_knot[i]
+                    border[k, i, column] += factor * by_knot[i]
                 for e in range(shared):
-                    mixed[column, place[e]] += by_knot[9 + e]
-                for e in range(COLUMNS):
+                    mixed[column, place[e]] += factor * by_knot[9 + e]
+                for e in range(HEIGHT):
                     other = column_of[j, e]
                     if other >= 0:
-                        corner[column, other] += gram[b, f, OF_COLUMN[e]]
+                        corner[column, other] += factor * gram[b, f, OF_COLUMN[e]]
+                other = column_of[j, HEIGHT]
+                if other >= 0:
+                    corner[column, other] -= factor * (gram[b, f, 0] + gram[b, f, 4])
         for i in range(9):
             gradient[k, i] += pull[i]
         for e in range(shared):

@@ -44,8 +44,9 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
     plain = assess(information, priors, frozen_offset=frozen)
     considered = None
     added: FloatArray = np.zeros((7, 7))
-    if solved.nuisance.blocks and run.settings.intrinsics == "consider":
-        considered = consider(problem, estimate, solved.nuisance.prior_std)
+    sensors = solved.nuisance.sensors
+    if sensors.blocks and run.settings.intrinsics == "consider":
+        considered = consider(problem, estimate, sensors.prior_std)
         added = considered.added
     stated = plain.covariance / UNITS / UNITS[:, None]
     found = tuple(disagreements(problem, estimate, stated))

@@ -30,24 +30,26 @@ class Considered:
 
 def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -> Considered:
     """The parameters held at their priors' means, at the optimum of the rest. Raises NotPositiveDefinite."""
-    own = problem.layout(estimate).nuisance()
+    start = problem.layout(estimate).nuisance().start
+    own = slice(start, start + len(prior_std))
     frozen = tuple(column for column in problem.frozen if not own.start <= column < own.stop)
     system = replace(problem, frozen=frozen).linearise(estimate)
     solution = solve_arrow(system)
-    free = np.setdiff1d(np.arange(own.start), frozen)
+    size = problem.layout(estimate).size
+    free = np.setdiff1d(np.arange(size), [*frozen, *range(own.start, own.stop)])
     A = solution.information[np.ix_(free, free)]
     B = solution.information[free, own]
     shift = covariance(A).matrix @ B * prior_std
-    every = np.zeros((own.start, len(prior_std)))
+    every = np.zeros((size, len(prior_std)))
     every[free] = shift
     seven = every[:CALIBRATION] / UNITS[:, None]
-    value = estimate.nuisance + solution.step_shared[own]
+    value = estimate.nuisance[: len(prior_std)] + solution.step_shared[own]
     return Considered(seven @ seven.T, value, parameter_std(solution.information, own, free))
 
 
 def parameter_std(information: FloatArray, own: slice, free: FloatArray | None = None) -> FloatArray:
     """(N,) standard deviations of the parameters in columns `own`, everything else marginal. free: the other columns."""
-    others = np.arange(own.start) if free is None else free
+    others = np.setdiff1d(np.arange(len(information)), np.arange(own.start, own.stop)) if free is None else free
     columns = np.concatenate([others, np.arange(own.start, own.stop)]).astype(np.int64)
     variance = np.diag(covariance(information[np.ix_(columns, columns)]).matrix)
     return np.asarray(np.sqrt(np.maximum(variance[len(others) :], 0.0)))

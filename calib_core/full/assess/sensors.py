@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.full.assess.considered import Considered, parameter_std
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
+from calib_core.full.prepare.nuisance import sensor_block
 from calib_core.intrinsics import UNITS
 from calib_core.result import Intrinsic
 
@@ -35,25 +36,27 @@ class SensorFindings:
 
 def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFindings:
     """Of a solved recording. considered: where the parameters were held."""
-    if not solved.nuisance.blocks:
+    sensors = solved.nuisance.sensors
+    if not sensors.blocks:
         return SensorFindings((), ())
     values, state = solved.estimate.nuisance, "estimated"
     if considered is not None:
         values, std, state = considered.value, considered.std, "considered"
     else:
         assert solved.minimum.solution is not None
-        own = solved.problem.layout(solved.estimate).nuisance()
+        start = solved.problem.layout(solved.estimate).nuisance().start
+        own = slice(start, start + sensors.size)
         std = parameter_std(solved.minimum.solution.information, own)
     parameters = []
-    for each in solved.nuisance.blocks:
-        place = solved.nuisance.places[each.block]
+    for each in sensors.blocks:
+        place = sensors.places[each.block]
         for name, value, own_std, prior in zip(each.names, values[place], std[place], each.prior_std, strict=True):
             parameters.append(
                 Intrinsic.model_validate(
                     {
                         "block": each.block,
                         "name": name,
-                        "unit": UNITS[each.block],
+                        "unit": UNITS[sensor_block(each)],
                         "value": float(value),
                         "std": float(own_std),
                         "prior_std": float(prior),

@@ -28,7 +28,7 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
-from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, Nuisance
+from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import workers
@@ -116,6 +116,9 @@ class View:
         hits.plane[hits.plane >= len(e.normals)] = -1
         if errors is not None and errors.incidence_m:
             hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
+        if self.nuisance.surface is not None:
+            # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
+            hits.d[:] -= self.nuisance.surface.heights_m(hits, self.nuisance.values(e.nuisance, SURFACE))
         if stride > 1:
             self.thinned[key] = hits
         return hits
@@ -146,9 +149,10 @@ class View:
             return None
         centre_s, groups = self._laser_groups(positions)
         laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
+        surface = self.nuisance.surface
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=groups.lasers, group=groups.group,
-            middle=groups.middle,
+            middle=groups.middle, patch=None if surface is None else surface.of(hits), patches=self.nuisance.patches + 1,
         )  # fmt: skip
         return self._laser_micro(positions, centre_s[groups.middle], groups, sums)
 
@@ -194,7 +198,7 @@ class View:
 
     def _lidar_in_play(self) -> bool:
         """Whether any of the lidar's own parameters is an unknown."""
-        return any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS))
+        return any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS, SURFACE))
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
@@ -286,7 +290,7 @@ def associate(
         micro = view.whole_scan(position, noise, gate, extents)
         return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
 
-    if cap is None and stride == 1:
+    if cap is None and stride == 1 and view.nuisance.surface is None:
         return Micro.joined(view.over_scans(positions, whole, on_scans))
 
     def some(batch: Sequence[int]) -> Micro:

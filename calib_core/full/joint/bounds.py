@@ -52,7 +52,7 @@ def _std(state: Estimation) -> FloatArray:
 def _require_sensors(state: Estimation, most: float) -> None:
     """Raises SensorsAstray where a parameter is further from its prior than a sensor that works can be."""
     at = 0
-    for block in state.nuisance.blocks:
+    for block in state.nuisance.sensors.blocks:
         values = state.estimate.nuisance[at : at + len(block.prior_std)]
         away = np.abs(values) / block.prior_std
         if away.max(initial=0.0) > most:

@@ -79,7 +79,7 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     chi2, points = plane_chi2(problem, state.estimate)
     if points.sum() == 0:
         return state
-    badness = over_usual(chi2, points) / rules.worst_scatter
+    badness = scatter = over_usual(chi2, points) / rules.worst_scatter
     if settled:
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
         badness = np.maximum(badness, wandering / rules.worst_wandering)
@@ -90,20 +90,21 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
         return state
     dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
     say_left_out(data.run, dropped, doubt[~keep])
-    return only_planes(state, keep, rules)
+    return only_planes(state, keep, (scatter < 1.0) & (doubt[:, 2] < 1.0), rules)
 
 
-def only_planes(state: Estimation, keep: BoolArray, rules: PlaneSet) -> Estimation:
-    """With some of the planes (P,), the others put aside; points have to be given anew.
+def only_planes(state: Estimation, keep: BoolArray, single: BoolArray, rules: PlaneSet) -> Estimation:
+    """With some of the planes (P,), the others put aside; points have to be given anew. single: (P,) which are one surface.
 
     A wall that is left out still stands where it meets another, and what lies in that edge is not the other's. One that is
     parallel to a plane that stays, and near it, is the same surface seen twice: put aside, it would claim that one's points.
+    Clutter taken for a plane has no edge at all.
     """
     planes = tuple(plane for plane, kept in zip(state.planes, keep, strict=True) if kept)
     e = state.estimate
     alike = e.normals[~keep] @ e.normals[keep].T > np.cos(np.radians(rules.same_normal_deg))
     near = np.abs(e.offsets_m[~keep][:, None] - e.offsets_m[keep]) < rules.same_surface_m
-    aside = np.flatnonzero(~keep)[~(alike & near).any(axis=1)]
+    aside = np.flatnonzero(~keep)[~(alike & near).any(axis=1) & single[~keep]]
     estimate = replace(
         e,
         normals=e.normals[keep],

@@ -259,5 +259,5 @@ def _frozen(data: JointData, problem: JointProblem, estimate: Estimate) -> tuple
             columns = layout.plane(j)
             frozen.extend(range(columns.start, columns.stop))
     if settings.intrinsics == "consider":
-        frozen.extend(range(layout.nuisance().start, layout.nuisance().stop))
+        frozen.extend(range(layout.nuisance().start, layout.nuisance().start + data.sensors.size))
     return tuple(frozen)

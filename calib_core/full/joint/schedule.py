@@ -174,6 +174,19 @@ class Settling:
 
 
 @dataclass(frozen=True, slots=True)
+class Surfaces:
+    """Where walls are off flat, the heights of their patches are unknowns too."""
+
+    #: Of a patch, one standard deviation: walls are off flat by 2 to 5 mm over a few metres.
+    height_std_m: float = 0.003
+    #: So much from place to place, beyond chance by so many standard deviations, is worth it: half of what a good wall has.
+    least_m: float = 0.0005
+    sigmas: float = 6.0
+    #: Knots times lasers: each takes three clusters of moments then. Beyond, error bars alone count what is bent.
+    most_clusters: int = 400_000
+
+
+@dataclass(frozen=True, slots=True)
 class Limits:
     """Where an answer has left what the stages before have found, and no descent brings it back."""
 
@@ -204,6 +217,7 @@ class Schedule:
     instead: tuple[Round, ...] = ()
     #: The first round in which the sensors' own parameters are unknowns: with them in place, planes are told from clutter.
     sensors: Round = Round(gate_m=0.05, iterations=8, hold=False)
+    surfaces: Surfaces = Surfaces()
     sampling: Sampling = Sampling()
     limits: Limits = Limits()
 
@@ -215,7 +229,7 @@ class Schedule:
         if self.planes is not None:
             rounds += 1
         if self.settling is not None:
-            rounds += self.settling.rounds * (1 if self.planes is None else 1 + self.planes.turns)
+            rounds += self.settling.rounds * (2 if self.planes is None else 2 + self.planes.turns)
             rounds += self.settling.descents(most_fixed_point)
         return rounds
 

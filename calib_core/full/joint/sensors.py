@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.factors.laser_features import LaserErrors
-from calib_core.factors.laser_kernels import COLUMNS
-from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, Nuisance
+from calib_core.factors.laser_kernels import COLUMNS, HEIGHT
+from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, SURFACE, Nuisance
 from calib_core.imu.intrinsics import ImuIntrinsics, bias_equivalents
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.intrinsics import NAMES
@@ -21,7 +21,7 @@ class SensorColumns:
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
     links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
-    lidar's time at which it adds nothing.   laser_places: (lasers, 8), columns as in factors/laser_kernels.py.
+    lidar's time at which it adds nothing.   laser_places: (lasers, 9), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -104,8 +104,11 @@ def sensor_columns(
 
 
 def laser_places(nuisance: Nuisance) -> IntArray:
-    """(lasers, 8) of each laser's parameters and of everybody's two; -1 for what is not in play."""
-    lasers = max(nuisance.lasers, 1)
+    """(U, 9) of each laser's parameters, of everybody's, and of each patch; -1 for what is not in play.
+
+    U: lasers, or each of these on each patch, and on none: patch * lasers + laser.
+    """
+    lasers, patches = max(nuisance.lasers, 1), nuisance.patches
     places = np.full((lasers, COLUMNS), -1)
     for column, block in enumerate(LASER_BLOCKS):
         start = nuisance.start(block)
@@ -114,5 +117,8 @@ def laser_places(nuisance: Nuisance) -> IntArray:
     places[:, len(LASER_BLOCKS)] = nuisance.start("range_offset")
     places[:, len(LASER_BLOCKS) + 1] = nuisance.start("incidence")
     if nuisance.start("eccentricity") >= 0:
-        places[:, len(LASER_BLOCKS) + 2 :] = nuisance.start("eccentricity") + np.arange(2)
+        places[:, len(LASER_BLOCKS) + 2 : HEIGHT] = nuisance.start("eccentricity") + np.arange(2)
+    if patches:
+        places = np.tile(places, (patches + 1, 1))
+        places[: patches * lasers, HEIGHT] = nuisance.places[SURFACE].start + np.arange(patches).repeat(lasers)
     return places

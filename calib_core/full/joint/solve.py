@@ -16,6 +16,7 @@ from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
 from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settling
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
+from calib_core.full.joint.surface import admit_surface
 
 
 def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, first: str = "coarse") -> Solved:
@@ -77,9 +78,12 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     """To rest with a part of the points, without planes that turn out to be none."""
     assert schedule.settling is not None
     state = settle(data, state, schedule.settling, schedule.sampling)
-    if schedule.planes is None:
-        return state
-    return settle_without_doubtful(data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling)
+    if schedule.planes is not None:
+        state = settle_without_doubtful(
+            data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling
+        )
+    uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
+    return state if uneven is state else settle(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
 
 
 def settle_without_doubtful(

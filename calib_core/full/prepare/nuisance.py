@@ -8,11 +8,13 @@ there (columns, priors, the covariance that is marginal over them) goes by the t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
+from calib_core.factors.patches import SurfacePatches
 from calib_core.full.prepare.settings import LASERS
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
 from calib_core.presets import find_imu_prior, find_lidar_prior
@@ -35,22 +37,29 @@ LASER_BLOCKS: tuple[Block, ...] = (
     "laser_range_scale",
 )
 LIDAR_BLOCKS: tuple[Block, ...] = ("eccentricity", "range_offset", "incidence")
+#: Of the room, not of the sensors: how far patches of planes lie before them. Admitted where walls turn out to be bent.
+SURFACE: Literal["surface"] = "surface"
+AnyBlock = Block | Literal["surface"]
 
 
 @dataclass(frozen=True, slots=True)
 class NuisanceBlock:
     """One kind of parameter. names: of its members.   prior_std: (n,) about zero, each in the block's unit."""
 
-    block: Block
+    block: AnyBlock
     names: tuple[str, ...]
     prior_std: FloatArray
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """The blocks in play, one after the other; their values are one vector (N,) in this order, in the blocks' units."""
+    """The blocks in play, one after the other; their values are one vector (N,) in this order, in the blocks' units.
+
+    surface: where the patches are whose heights are in play, None where none is.
+    """
 
     blocks: tuple[NuisanceBlock, ...] = ()
+    surface: SurfacePatches | None = field(default=None, compare=False)
 
     @cached_property
     def size(self) -> int:
@@ -63,25 +72,48 @@ class Nuisance:
         return np.concatenate([np.zeros(0), *(each.prior_std for each in self.blocks)])
 
     @cached_property
-    def places(self) -> dict[Block, slice]:
+    def places(self) -> dict[str, slice]:
         """Where each block's values lie in the vector."""
         ends = np.cumsum([0, *(len(each.names) for each in self.blocks)])
         return {each.block: slice(int(a), int(b)) for each, a, b in zip(self.blocks, ends, ends[1:], strict=False)}
 
-    def start(self, block: Block) -> int:
+    def start(self, block: AnyBlock) -> int:
         """Where a block's values begin; -1 where it is not in play."""
         place = self.places.get(block)
         return -1 if place is None else place.start
 
-    def values(self, vector: FloatArray, block: Block) -> FloatArray:
+    def values(self, vector: FloatArray, block: AnyBlock) -> FloatArray:
         """A block's part of a vector (N,); zeros where it is not in play (lasers: none)."""
         place = self.places.get(block)
-        return np.zeros(len(NAMES.get(block, ()))) if place is None else vector[place]
+        return np.zeros(0 if block == SURFACE else len(NAMES.get(block, ()))) if place is None else vector[place]
+
+    @property
+    def patches(self) -> int:
+        """Patches of planes whose height is unknown; they come last."""
+        place = self.places.get(SURFACE)
+        return 0 if place is None else place.stop - place.start
+
+    @property
+    def sensors(self) -> Nuisance:
+        """Without what is the room's."""
+        return Nuisance(tuple(each for each in self.blocks if each.block != SURFACE))
+
+    def with_surface(self, surface: SurfacePatches, std_m: float) -> Nuisance:
+        """With the heights of patches as unknowns, after all others."""
+        block = NuisanceBlock(SURFACE, surface.names, np.full(surface.count, std_m))
+        return Nuisance((*self.blocks, block), surface)
 
     @property
     def lasers(self) -> int:
         """Lasers that are told apart; 0 where none are."""
         return max((len(self.values(self.prior_std, block)) for block in LASER_BLOCKS), default=0)
+
+
+def sensor_block(of: NuisanceBlock) -> Block:
+    """The sensors' own block that this is: not the room's."""
+    if of.block == SURFACE:
+        raise ValueError("a surface is no sensor's")
+    return of.block
 
 
 def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:

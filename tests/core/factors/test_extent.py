@@ -158,3 +158,28 @@ def test_what_was_seen_outside_of_an_outline_is_as_if_it_had_not_been() -> None:
     found = np.argwhere(survey.finish(within).inside[0])
     np.testing.assert_array_equal(found, board)
     assert not survey.finish().inside[0, 530, 530]
+
+
+def test_cells_that_lie_off_the_others_are_left_out() -> None:
+    """A wall's edge with another that is not known: a tenth of the returns there are that one's, all on one side.
+
+    A bent wall, whose cells are as far off each in its way, keeps them. Mutations: no such rule; the usual not looked at; chance
+    not allowed for.
+    """
+    rng = np.random.default_rng(3)
+    column = np.repeat(np.arange(500, 520), 400)
+    cell = np.stack([np.full(len(column), 500), column], axis=1)
+    plane, on = np.zeros(len(cell), np.int64), np.ones(len(cell), bool)
+    noise = 0.5 * rng.normal(size=len(cell))
+
+    def inside(off: np.ndarray) -> np.ndarray:
+        survey = ExtentSurvey.empty(NORMALS[:1])
+        survey.add(plane, cell, on, off)
+        return survey.finish().inside[0, 500, 500:520]
+
+    edge = noise + np.where(column == 519, 0.5, 0.0)
+    np.testing.assert_array_equal(inside(edge), np.arange(20) < 19)
+    assert inside(noise + np.where(column % 2, 0.5, -0.5)).all()
+    few = np.arange(len(column)) % 400 < np.where(column == 510, 8, 400)
+    plane, cell, on = plane[few], cell[few], on[few]
+    assert inside((noise + np.where(column == 510, 0.5, 0.0))[few]).all()

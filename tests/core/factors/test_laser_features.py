@@ -127,8 +127,39 @@ def test_changed_parameters_add_what_their_points_say() -> None:
         (f.T @ y)[None],
         (f.T @ f)[None],
     )
-    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 8))
+    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 9))
     moved = feature_changes(change)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
     assert features_squares(factors, a, change)[0] == pytest.approx(after @ after - before @ before)
-    np.testing.assert_allclose(moved, [change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:]])
+    offset, *others, height = change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:]
+    expected = np.array([offset, *others])
+    expected[[0, 4]] -= height
+    np.testing.assert_allclose(moved, expected)
+
+
+def test_a_patch_s_height_shortens_every_distance_alike() -> None:
+    """Its column in the features' coefficients is minus one for whatever cosine: of each point's features, minus one.
+
+    Mutations: the cosine alone; the sign. And moments of a patch are those of its points, laser by laser (mutation: patch and
+    laser exchanged in the cluster's number).
+    """
+    scene = bins._scene(6, slices=3)
+    rng = np.random.default_rng(6)
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    keep, weight = hits.plane >= 0, rng.uniform(1.0, 2.0, len(hits.plane))
+    laser = rng.integers(0, LASERS, len(hits.plane)).astype(np.uint16)
+    patch = rng.integers(0, 4, len(hits.plane))
+    sums = collapse_features(
+        hits, keep, weight, bins.NORMALS, laser=laser, lasers=LASERS,
+        group=np.zeros(3, np.int64), middle=np.array([1]), patch=patch, patches=4,
+    )  # fmt: skip
+    change = np.zeros((1, 9))
+    change[0, 8] = 1.0
+    coefficients = feature_changes(change)[0]
+    seen = 0
+    for plane, unit, cross in zip(sums.plane, sums.laser, sums.cross, strict=True):
+        mine = keep & (hits.plane == plane) & (patch == unit // LASERS) & (laser == unit % LASERS)
+        assert coefficients @ cross[:, 4] == pytest.approx(-(weight[mine] @ hits.d[mine]), rel=1e-4, abs=1e-3)
+        assert coefficients @ cross[:, 3] == pytest.approx(-weight[mine].sum(), rel=1e-5)
+        seen += int(mine.sum())
+    assert seen == keep.sum()

@@ -13,7 +13,7 @@ from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.full.joint import plane_set
 from calib_core.full.joint.estimation import Estimation, MapPlane
-from calib_core.full.joint.plane_set import drop_planes, kept_planes, new_ones, over_usual, with_planes
+from calib_core.full.joint.plane_set import drop_planes, kept_planes, new_ones, only_planes, over_usual, with_planes
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.residuals import misfit, plane_misfit
 from calib_core.full.joint.schedule import PlaneSet
@@ -100,6 +100,22 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     assert len(state.planes) == 4  # what was known before is as it was
     assert said == ["b does not fit the motion that the others share: left out"]
     assert drop_planes(data, state, PlaneSet(worst_scatter=100.0)) is state
+
+
+def test_a_wall_that_is_left_out_still_stands_in_its_edges() -> None:
+    """Put aside, in whatever frame comes next; but not the same surface seen twice, which would claim the other's points.
+
+    Mutations: nothing put aside, all put aside, clutter put aside, the frame's change left out.
+    """
+    normals = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.9998, 0.02, 0.0], [0.0, 0.0, 1.0]])
+    state = state_of(normals, np.array([1.0, 2.0, 1.1, 0.5]), *(MapPlane(name) for name in "abcd"))
+    keep, every = np.array([True, True, False, False]), np.ones(4, bool)
+    assert only_planes(state, keep, ~every, PlaneSet()).estimate.aside_offsets_m.size == 0
+    left = only_planes(state, keep, every, PlaneSet())
+    np.testing.assert_array_equal(left.estimate.aside_normals, normals[3:])
+    np.testing.assert_array_equal(left.estimate.aside_offsets_m, [0.5])
+    moved = left.estimate.seen_from(np.eye(3), np.array([0.0, 0.0, 0.25]))
+    np.testing.assert_array_equal(moved.aside_offsets_m, [0.75])
 
 
 def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:

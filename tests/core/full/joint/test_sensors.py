@@ -9,11 +9,12 @@ import pytest
 
 from calib_core.factors.imu import link_residuals
 from calib_core.factors.laser_features import LaserFactors
+from calib_core.factors.patches import SurfacePatches
 from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import laser_places, sensor_columns
 from calib_core.full.joint.state import Bins, Estimate
-from calib_core.full.prepare.nuisance import Nuisance, choose_nuisance
+from calib_core.full.prepare.nuisance import SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
@@ -26,6 +27,11 @@ NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate
 #: Columns of a laser -> features of a point: offset, elevation, azimuth, scale, everybody's offset, incidence, eccentricity.
 FEATURE = (0, 1, 2, 3, 0, 4, 5, 6)
 MIDDLE_S = 0.11
+#: The same in a room of two patches, each of its own height.
+BENT = NUISANCE.with_surface(
+    SurfacePatches(np.eye(3)[:1], np.where(np.arange(9).reshape(1, 3, 3) < 2, np.arange(9).reshape(1, 3, 3), -1), 4),
+    0.003,
+)
 
 
 class Case:
@@ -34,6 +40,7 @@ class Case:
     def __init__(self, seed: int, nuisance: Nuisance = NUISANCE) -> None:
         rng = np.random.default_rng(seed)
         base, estimate = plain._problem(seed)
+        self.nuisance = nuisance
         # Large for the lidar's; for the IMU's, a link's turn by its bias is the first order's.
         scale = np.where(np.arange(nuisance.size) < 16, 1.0, 30.0) * nuisance.prior_std
         laid_out = scale * rng.normal(size=nuisance.size)
@@ -47,11 +54,16 @@ class Case:
         n = len(self.pair)
         self.y = np.concatenate([rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1)
         self.f = rng.normal(size=(n, 7))
+        self.patch = rng.integers(0, nuisance.patches + 1, n)
+        unit = self.patch * LASERS + self.laser
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
         clusters = [
-            (q, j) for q in range(len(pairs)) for j in range(LASERS) if ((self.pair == q) & (self.laser == j)).any()
+            (q, j)
+            for q in range(len(pairs))
+            for j in range(LASERS * (nuisance.patches + 1))
+            if ((self.pair == q) & (unit == j)).any()
         ]
-        mine = [(self.pair == q) & (self.laser == j) for q, j in clusters]
+        mine = [(self.pair == q) & (unit == j) for q, j in clusters]
         lasers = LaserFactors(
             base.bins.knot,
             base.bins.plane,
@@ -76,8 +88,9 @@ class Case:
         p = self.problem
         links = link_residuals(p.links, e.states, e.gravity, *p.bias_changes(e))
         b = p.bins
-        rate = NUISANCE.start("clock_rate")
+        rate = self.nuisance.start("clock_rate")
         places = laser_places(NUISANCE)
+        heights = np.append(self.nuisance.values(e.nuisance - b.nuisance, SURFACE), 0.0)
         change = e.nuisance - b.nuisance
         out = []
         for i in range(len(self.pair)):
@@ -89,6 +102,7 @@ class Case:
             n = e.normals[j]
             seen = np.append(e.R_imu_lidar.T @ R.T @ n, n @ (R @ e.p_imu_lidar + origin) + e.offsets_m[j])
             own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(8))
+            own -= heights[self.patch[i]] * (self.f[i, 0] + self.f[i, 4])
             out.append(seen @ self.y[i, :4] + self.y[i, 4] + own)
         prior, _ = prior_rows(p.priors, p.nodes, e, p.layout(e))
         return np.concatenate([links.ravel(), out, prior])
@@ -99,7 +113,7 @@ class Case:
         shared = p.layout(e).size
         size = plain.KNOTS * 9 + shared
         unit = np.full(size, 1e-5)
-        unit[size - NUISANCE.size :] = 1e-3 * p.priors.nuisance_std
+        unit[size - self.nuisance.size :] = 1e-3 * p.priors.nuisance_std
         columns = []
         for i in range(size):
             step = np.zeros(size)
@@ -135,11 +149,12 @@ def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
     return H, np.concatenate([system.gradient.ravel(), system.gradient_shared])
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_normal_equations_are_those_of_single_points_with_their_lasers(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT)])
+def test_normal_equations_are_those_of_single_points_with_their_lasers(seed: int, nuisance: Nuisance) -> None:
     """Mutations: the incidence's feature read for the scale's column, the rate's lever without the middle, a parameter's
-    change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's."""
-    case = Case(seed)
+    change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's; a patch's height
+    with the other sign, or by the cosine alone, or without what two heights share."""
+    case = Case(seed, nuisance)
     r, J = case.stacked(case.estimate), case.numerical_jacobian()
     assert case.problem.cost(case.estimate) == pytest.approx(0.5 * r @ r, rel=1e-9)
     H, g = _written_out(case)

@@ -1,0 +1,79 @@
+"""Walls that are not flat: whether they are, and the heights of their patches as unknowns where so (factors/patches.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.factors.lidar_plane import select
+from calib_core.factors.patches import SurfacePatches, patches_of
+from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.round import coarse_stride, gate_of, present_view
+from calib_core.full.joint.schedule import Sampling, Surfaces
+from calib_core.types import FloatArray
+
+
+def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling: Sampling) -> Estimation:
+    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given."""
+    if state.support is None or state.nuisance.patches or not data.run.settings.estimate_planes:
+        return state
+    lasers = max(data.sensors.lasers, 1)
+    patches = patches_of(state.support)
+    if patches.count < 2 or state.knots * lasers > rules.most_clusters:
+        return state
+    weight, off = patch_sums(data, state, patches, sampling)
+    bend_m = bend_beyond_noise_m(weight, off, rules)
+    if bend_m < rules.least_m:
+        return state
+    data.run.say(
+        "info",
+        "planes.uneven",
+        f"the planes are off flat by {bend_m * 1e3:.1f} mm from place to place: their shape is estimated along, in "
+        f"{patches.count} patches",
+    )
+    nuisance = state.nuisance.with_surface(patches, rules.height_std_m)
+    heights = np.zeros(patches.count)
+    return replace(
+        state,
+        nuisance=nuisance,
+        estimate=replace(state.estimate, nuisance=np.append(state.estimate.nuisance, heights)),
+        priors=replace(state.priors, nuisance_std=nuisance.prior_std),
+        observations=None,
+        minimum=None,
+    )
+
+
+def patch_sums(
+    data: JointData, state: Estimation, patches: SurfacePatches, sampling: Sampling
+) -> tuple[FloatArray, FloatArray]:
+    """Of each patch's points, thinned: sum of weights [1/m^2] and of weighted distances [1/m], (N,) each."""
+    view, gate = present_view(data, state), gate_of(state, 0.0, sampling)
+    stride = coarse_stride(data, state, sampling)
+
+    def some(batch: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        hits = view.hits(batch, gate, stride)
+        keep, weight = select(hits, state.lidar_noise, gate, state.support)
+        patch, weight = patches.of(hits)[keep], weight[keep]
+        return (
+            np.bincount(patch, weight, patches.count + 1)[:-1].astype(np.float64),
+            np.bincount(patch, weight * hits.d[keep], patches.count + 1)[:-1].astype(np.float64),
+        )
+
+    parts = view.over_batches(state.positions, stride, some)
+    return np.sum([w for w, _ in parts], axis=0), np.sum([d for _, d in parts], axis=0)
+
+
+def bend_beyond_noise_m(weight: FloatArray, off: FloatArray, rules: Surfaces) -> float:
+    """Root mean square of what the patches' means have beyond noise; 0 where chance makes as much.
+
+    weight, off: (N,) sums of weights and of weighted distances.
+    """
+    seen = weight > 0
+    square = off[seen] ** 2 / weight[seen]
+    count = len(square)
+    if count < 2 or float(square.sum()) < count + rules.sigmas * np.sqrt(2.0 * count):
+        return 0.0
+    excess = (square - 1.0) / weight[seen]
+    return float(np.sqrt(max(np.average(excess, weights=weight[seen]), 0.0)))

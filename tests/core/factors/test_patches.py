@@ -1,0 +1,58 @@
+"""Patches of planes against their own places, and heights between them against a plane through four corners."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from calib_core.factors.lidar_plane import Gate, find_hits
+from calib_core.factors.patches import SurfacePatches, patches_of
+from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
+from calib_core.geometry import plane_axes
+from tests.core.factors import test_bins as bins
+
+WIDTH = 4
+
+
+def _patches() -> SurfacePatches:
+    """A square of patches about the origin of each plane's grid."""
+    inside = np.zeros((3, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
+    inside[:, HALF_CELLS - 40 : HALF_CELLS + 40, HALF_CELLS - 40 : HALF_CELLS + 40] = True
+    return patches_of(PlaneExtents(bins.NORMALS, inside))
+
+
+def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
+    """Mutations: patches not numbered through all planes, their width not grown with the area."""
+    patches = _patches()
+    assert patches.count == len(patches.names) == len(set(patches.names)) <= 260
+    assert patches.width * CELL_M >= 0.8
+    few = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
+    few[0, HALF_CELLS : HALF_CELLS + 8, HALF_CELLS : HALF_CELLS + 8] = True
+    small = patches_of(PlaneExtents(bins.NORMALS[:1], few))
+    assert (small.width, small.count) == (4, 4)
+
+
+def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> None:
+    """Heights that are linear in the place come back exactly wherever four patches are about.
+
+    Mutations: middles half a patch aside; rows for columns; a hit's own patch instead of what is between.
+    """
+    scene = bins._scene(3)
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    patches = _patches()
+    plane, row, column = np.nonzero(patches.number >= 0)
+    slope = np.array([[0.001, -0.002], [0.003, 0.001], [-0.002, 0.004]])
+    width_m = patches.width * CELL_M
+    middle_m = (np.stack([row, column], axis=1) + 0.5) * width_m - HALF_CELLS * CELL_M
+    values = np.einsum("ni,ni->n", slope[plane], middle_m)
+    found = patches.heights_m(hits, values)
+    seen = hits.plane >= 0
+    R, p = scene.poses.R[hits.slice_index], scene.poses.p[hits.slice_index]
+    there = (R @ hits.x_hit[..., None])[..., 0] + p
+    place = np.einsum("nij,nj->ni", plane_axes(bins.NORMALS)[np.maximum(hits.plane, 0)], there)
+    expected = np.einsum("ni,ni->n", slope[np.maximum(hits.plane, 0)], place)
+    well_within = seen & (np.abs(place).max(axis=1) < 40 * CELL_M - 1.5 * width_m)
+    assert well_within.sum() > 100
+    np.testing.assert_allclose(found[well_within], expected[well_within], atol=1e-9)
+    assert (patches.of(hits)[well_within] < patches.count).all()
+    assert found[~seen] == pytest.approx(0.0)
