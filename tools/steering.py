@@ -71,7 +71,7 @@ STEERED = ("calib_core/full", "calib_core/planes")
 #: Named numbers that nobody chose: mathematics, the contract's units, the layout of a matrix.
 FACTS = frozenset({
     "CALIBRATION", "GRAVITY", "BIAS_START", "UNITS", "LIMITS", "STANDING", "_TAPERED", "_NORMAL_MAD", "_DEGREES", "_QUARTILES",
-    "_UNIFORM_STDS", "_GOLDEN", "_UPPER_CENTRE", "_UPPER_44", "_ROW_KEY", "_BIN_COLUMNS",
+    "_UNIFORM_STDS", "_GOLDEN", "_UPPER_CENTRE", "_UPPER_44", "_ROW_KEY", "_BIN_COLUMNS", "_LASERS_SHARE",
 })  # fmt: skip
 #: Calls whose numbers are shapes, digits or the share of a job that is done.
 _SHAPES = frozenset({"zeros", "empty", "eye", "full", "reshape", "broadcast_to", "round", "tell", "stage", "portion"})

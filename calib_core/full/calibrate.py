@@ -8,7 +8,7 @@ Every stage refuses (`Refused`) what it cannot give, in a sentence for a person.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,6 @@ from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
-from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.schedule import FULL
@@ -39,26 +38,29 @@ def calibrate_full(
     _require_motion(run, followed)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     counted = followed if planes is None else replace(followed, planes=list(planes))
-    run, solved = solve_with_sensors(run, counted, lidar, start, guess, may_add_planes=planes is None)
-    wider = 1.0 if planes is None else weigh_chosen(run, solved)
-    return answer(run, solved, weigh(run, solved, at_least=wider))
+
+    def answered(run: Run) -> Answer:
+        solved = solve(run, counted, lidar, start, guess, may_add_planes=planes is None)
+        wider = 1.0 if planes is None else weigh_chosen(run, solved)
+        return answer(run, solved, weigh(run, solved, at_least=wider))
+
+    return with_sensors_held(run, answered)
 
 
-def solve_with_sensors(
-    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None, *, may_add_planes: bool
-) -> tuple[Run, Solved]:
-    """The joint estimation; where the sensors' own parameters run away in it, with them held at their priors and counted in
-    the error bars. Returns the run as it was solved, too."""
+def with_sensors_held(run: Run, answered: Callable[[Run], Answer]) -> Answer:
+    """What `answered` gives; where its solve is refused while the sensors' own parameters are unknowns, what it gives with them
+    held at their priors and counted in the error bars: what runs away with them may be determined without."""
     try:
-        return run, solve(run, followed, lidar, start, guess, may_add_planes=may_add_planes)
-    except SensorsAstray:
+        return answered(run)
+    except Refused as refused:
+        if not refused.code.startswith("solve.") or run.settings.intrinsics in {"off", "consider"}:
+            raise
         text = (
-            "the sensors' own parameters did not settle: the sensors are taken as their data sheets have them, and what they may "
-            "be off by is counted in the error bars"
+            "with the sensors' own parameters as unknowns the solve found no answer: the sensors are taken as their data sheets "
+            "have them, and what they may be off by is counted in the error bars"
         )
         run.say("warning", "sensor.astray", text)
-    held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
-    return held, solve(held, followed, lidar, start, guess, may_add_planes=may_add_planes)
+    return answered(replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"})))
 
 
 def solve(
@@ -73,8 +75,6 @@ def solve(
         if _all_followed(run, followed) or implausible(run, solved) is None:
             return solved
         iterations = solved.iterations
-    except SensorsAstray:
-        raise
     except Refused:
         if _all_followed(run, followed):
             raise

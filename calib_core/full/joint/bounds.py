@@ -17,13 +17,8 @@ from calib_core.types import FloatArray
 _CURE = "some planes are not flat or do not stand still: leave out what can move or bend"
 
 
-class SensorsAstray(Refused):
-    """The sensors' own parameters have left what any sensor can be: without them the recording may well have its answer."""
-
-
 def require_bounds(data: JointData, before: Estimation, after: Estimation) -> None:
     """Raises Refused where a round has left what the stages before have found, or was one too many."""
-    _require_sensors(after, data.limits.sensor_sigmas)
     _require_near_start(data, after)
     if after.rounds > data.most_rounds:
         _refuse(before, after, f"the solve did not come to rest in the {data.most_rounds} rounds that it may take")
@@ -49,14 +44,15 @@ def _std(state: Estimation) -> FloatArray:
     return np.sqrt(np.diag(covariance(state.information).matrix)[:CALIBRATION])
 
 
-def _require_sensors(state: Estimation, most: float) -> None:
-    """Raises SensorsAstray where a parameter is further from its prior than a sensor that works can be."""
+def require_sensors(state: Estimation, most: float) -> None:
+    """Raises Refused where a parameter is further from its prior than a sensor that works can be. For the end of a solve: on
+    the way, with a door still among the planes, one may well go astray and come back."""
     at = 0
     for block in state.nuisance.sensors.blocks:
         values = state.estimate.nuisance[at : at + len(block.prior_std)]
         away = np.abs(values) / block.prior_std
         if away.max(initial=0.0) > most:
-            raise SensorsAstray(
+            raise Refused(
                 "solve.sensors_astray",
                 f"the solve needs a {block.block.replace('_', ' ')} {away.max():.0f} times as large as sensors of this kind "
                 f"have it; {_CURE}",

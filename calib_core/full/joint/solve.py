@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
+from calib_core.full.joint.bounds import require_sensors
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes
 from calib_core.full.joint.problem import JointProblem
@@ -31,6 +32,7 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
     assert schedule.settling is not None
     rest = data.portion(WATCHING.settled_share, 1.0)
     state, problem = alternate(rest, state, schedule.settling, schedule.sampling)
+    require_sensors(state, data.limits.sensor_sigmas)
     return finished(data, state, problem)
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
-from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
@@ -78,35 +77,45 @@ def test_where_every_scan_was_followed_there_is_nothing_to_leave_out(monkeypatch
     assert solved(monkeypatch, Estimator("wrong"), followed=10).name == "wrong"
 
 
-def test_sensors_that_run_away_are_held_and_counted_instead(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The whole estimation again, with the sensors as their data sheets have them and their doubts in the error bars.
-
-    Mutations: let the refusal through; solve again with the same settings; confine the second solve to the followed scans.
-    """
-    estimator = Estimator(SensorsAstray("solve.sensors_astray", "too large"), "right")
-    monkeypatch.setattr(page, "estimate_jointly", estimator)
+def asked_of(mode: str, *outcomes: Refused | str) -> tuple[list[str], list[str], Any]:
+    """With which sensors an answer was asked for, what was said meanwhile, and what came of it."""
     asked: list[str] = []
-
-    def begin(run: Any, *_: object) -> tuple[None, State, float]:
-        asked.append(run.settings.intrinsics)
-        return None, State(), 1.0
-
-    monkeypatch.setattr(page, "begin", begin)
-    monkeypatch.setattr(page, "implausible", lambda *_: None)
-    unused: Any = None
-    recording: Any = SimpleNamespace(scans=range(10))
     said: list[str] = []
+    left = list(outcomes)
+
+    def answered(run: Run) -> Any:
+        asked.append(run.settings.intrinsics)
+        outcome = left.pop(0)
+        if isinstance(outcome, Refused):
+            raise outcome
+        return outcome
+
+    unused: Any = None
     run = Run(
-        recording,
-        CalibrateSettings(),
+        unused,
+        CalibrateSettings(intrinsics=mode),
         unused,
         unused,
         unused,
         lambda event: said.append(getattr(event, "code", "")),
         unused,
     )
-    track: Any = SimpleNamespace(motions=range(6))
-    held, end = page.solve_with_sensors(run, track, unused, unused, None, may_add_planes=True)
-    assert (end.iterations, held.settings.intrinsics, asked) == (7, "consider", ["auto", "consider"])
-    assert [schedule for schedule, _ in estimator.asked] == [FULL, FULL]
-    assert said == ["sensor.astray"]
+    try:
+        return asked, said, page.with_sensors_held(run, answered)
+    except Refused as refused:
+        return asked, said, refused.code
+
+
+def test_sensors_that_run_away_are_held_and_counted_instead() -> None:
+    """The whole estimation again, with the sensors as their data sheets have them and their doubts in the error bars; once, and
+    only where sensors were unknowns and the solve is what was refused.
+
+    Mutations: let the refusal through; solve again with the same settings; hold them whatever was refused; try again for ever.
+    """
+    ran_away, still = Refused("solve.offset_ran_away", "too far"), Refused("motion.undetermined", "nothing turns")
+    assert asked_of("auto", ran_away, "right") == (["auto", "consider"], ["sensor.astray"], "right")
+    assert asked_of("auto", ran_away, ran_away) == (["auto", "consider"], ["sensor.astray"], ran_away.code)
+    assert asked_of("auto", still) == (["auto"], [], still.code)
+    for ideal in ("off", "consider"):
+        assert asked_of(ideal, ran_away) == ([ideal], [], ran_away.code)
+    assert asked_of("auto", "right") == (["auto"], [], "right")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import Refused
-from calib_core.full.joint.bounds import SensorsAstray, last_move, require_bounds, require_rest
+from calib_core.full.joint.bounds import last_move, require_bounds, require_rest, require_sensors
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from calib_core.solver.information import covariance
@@ -66,8 +66,8 @@ def test_a_sensor_that_no_one_builds_is_told_as_that(half: Half) -> None:
         values = np.array([0.0, 0.02, 0.0, 0.0, 0.0, value])
         there = replace(state, estimate=replace(state.estimate, nuisance=values))
         if not astray:
-            require_bounds(half.data, there, there)
+            require_sensors(there, half.data.limits.sensor_sigmas)
             continue
-        with pytest.raises(SensorsAstray, match="accelerometer scale 13 times as large as") as refused:
-            require_bounds(half.data, there, there)
+        with pytest.raises(Refused, match="accelerometer scale 13 times as large as") as refused:
+            require_sensors(there, half.data.limits.sensor_sigmas)
         assert refused.value.code == "solve.sensors_astray"
