@@ -22,7 +22,7 @@ MAY_IMPORT = {
     "planes": {"geometry"},
     "factors": {"imu", "geometry"},
     "solver": {"geometry", "threads"},
-    "documents": set(),
+    "documents": {"geometry"},
     "maps": {"geometry", "deskew"},
     "readers": {"maps"},
     "exporters": {"geometry"},

@@ -83,12 +83,13 @@ class JointProblem:
         """The normal equations at an estimate."""
         layout = self.layout(estimate)
         system = ArrowSystem.zeros(len(self.readings.knots_s), 9, layout.size)
-        # At the same time: both fill the knots' own blocks, of which the bins get some for themselves, but the border and
-        # the corner in columns of their own.
+        # At the same time: both fill the knots' own blocks and the corner, of which the bins get some for themselves, but the
+        # border in columns of their own.
         own = replace(
             system,
             diagonal=np.zeros_like(system.diagonal),
             gradient=np.zeros_like(system.gradient),
+            corner=np.zeros_like(system.corner),
             gradient_shared=np.zeros_like(system.gradient_shared),
         )
         links = workers().submit(self._add_links, system, estimate, layout)
@@ -96,6 +97,7 @@ class JointProblem:
         links.result()
         system.diagonal += own.diagonal
         system.gradient += own.gradient
+        system.corner += own.corner
         system.gradient_shared += own.gradient_shared
         system.cost += own.cost
         residual, jacobian = prior_rows(self.priors, self.nodes, estimate, layout)
