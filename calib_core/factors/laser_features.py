@@ -147,14 +147,14 @@ class LaserFactors:
     plane: IntArray
     pair: IntArray
     laser: IntArray
-    cross: Float32Array
+    cross: FloatArray
     gram: Float32Array
 
     @staticmethod
     def empty() -> LaserFactors:
         """None at all."""
         none = np.zeros(0, np.int64)
-        cross, gram = np.zeros((0, FEATURES, 5), np.float32), np.zeros((0, FEATURES, FEATURES), np.float32)
+        cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES), np.float32)
         return LaserFactors(none, none, none, none, cross, gram)
 
     def within(self, first: int, last: int) -> LaserFactors:
@@ -174,13 +174,15 @@ class LaserFactors:
 
 def move_and_sum_features(
     sums: LaserSums, use: IntArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
-) -> tuple[IntArray, Float32Array, Float32Array]:
+) -> tuple[IntArray, FloatArray, Float32Array]:
     """Moments with their hits moved, x -> R x + p, and summed over equal keys: keys in order (K,), cross, gram.
+
+    Where the hits are follows the motion: in single precision each gathering would round it anew, and no descent would rest.
 
     use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
     """
     keys, place = np.unique(key, return_inverse=True)
-    cross = np.zeros((len(keys), FEATURES, 5), np.float32)
+    cross = np.zeros((len(keys), FEATURES, 5))
     gram = np.zeros((len(keys), FEATURES, FEATURES), np.float32)
     gather_features_kernel(sums.cross, sums.gram, use, R, p, pose, place, cross, gram)
     return keys, cross, gram

@@ -162,7 +162,7 @@ def gather_features_kernel(
     p: FloatArray,
     pose: IntArray,
     place: IntArray,
-    total_cross: Float32Array,
+    total_cross: FloatArray,
     total_gram: Float32Array,
 ) -> None:
     """Adds moments (B, 7, 5), (B, 7, 7) to those at their places, with their hits moved by x -> R x + p of their pose.
@@ -186,7 +186,7 @@ def features_squares_kernel(
     pair: IntArray,
     laser: IntArray,
     a: FloatArray,
-    cross: Float32Array,
+    cross: FloatArray,
     gram: Float32Array,
     change: FloatArray,
     squares: FloatArray,
@@ -215,7 +215,7 @@ def add_features_kernel(
     laser: IntArray,
     J: FloatArray,
     a: FloatArray,
-    cross: Float32Array,
+    cross: FloatArray,
     gram: Float32Array,
     column_of: IntArray,
     change: FloatArray,

@@ -125,6 +125,17 @@ class MicroBins:
     scatter: FloatArray
     count: IntArray
 
+    def together(self, R: FloatArray, p: FloatArray, group: IntArray, middle: IntArray) -> MicroBins:
+        """Slices of one group as one, with the hits moved to where the lidar is at the slice in its middle.
+
+        R (S, 3, 3), p (S, 3): of each slice, to its group's middle.   group: (S,).   middle: (G,) slices.
+        """
+        planes = int(self.plane.max(initial=0)) + 1
+        key = group[self.slice_index] * planes + self.plane
+        keys, scatter = move_and_sum(self.scatter, R, p, self.slice_index, key)
+        count = np.bincount(np.searchsorted(keys, key), self.count, len(keys)).astype(np.int64)
+        return MicroBins(middle[keys // planes], keys % planes, scatter[:, *np.triu_indices(5)], count)
+
 
 def find_hits(
     points_m: Float32Array,

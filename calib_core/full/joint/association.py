@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from calib_core.factors.fused import LaserGroups, scan_moments
-from calib_core.factors.laser_features import LaserErrors, LaserSums, collapse_features
+from calib_core.factors.laser_features import LaserErrors, LaserSums, collapse_features, steps_to_middles
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -141,23 +141,24 @@ class View:
             return np.asarray(points["ring"])
         return np.zeros(len(points), np.uint16)
 
-    def laser_micro(
+    def collapsed(
         self, positions: Sequence[int], hits: Hits, keep: BoolArray, weight: FloatArray, stride: int
-    ) -> LaserMicro | None:
-        """The kept points' moments for the lidar's own parameters; None where none of these is in play."""
+    ) -> Micro:
+        """The kept points' moments, with those for the lidar's own parameters where any of these is in play."""
+        bins = collapse(hits, keep, weight, len(self.estimate.normals))
         if not self._lidar_in_play():
-            return None
-        centre_s, groups = self._laser_groups(positions)
+            return self.micro(positions, bins)
+        groups = self._laser_groups(positions)
         laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
         surface = self.nuisance.surface
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=groups.lasers, group=groups.group,
             middle=groups.middle, patch=None if surface is None else surface.of(hits), patches=self.nuisance.patches + 1,
         )  # fmt: skip
-        return self._laser_micro(positions, centre_s[groups.middle], groups, sums)
+        return self._with_lasers(positions, bins, hits.poses, groups, sums)
 
-    def _laser_groups(self, positions: Sequence[int]) -> tuple[FloatArray, LaserGroups]:
-        """Slices go together that go to one knot, as they do when they are gathered: their middles' times, (S,), and which."""
+    def _laser_groups(self, positions: Sequence[int]) -> LaserGroups:
+        """Slices go together that go to one knot, as they do when they are gathered."""
         counts = [self._slices(i) for i in positions]
         centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
         knot = self.motion.nearest_knot(centre_s - self.estimate.time_offset_s)
@@ -165,36 +166,42 @@ class View:
         begins[np.cumsum(counts)[:-1]] = True
         first = np.flatnonzero(begins)
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
-        return centre_s, LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle)
+        return LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle)
 
-    def _laser_micro(
-        self, positions: Sequence[int], middle_s: FloatArray, groups: LaserGroups, sums: LaserSums
-    ) -> LaserMicro:
-        counts = [self._slices(i) for i in positions]
-        scan = np.repeat(np.asarray(positions, np.int64), counts)[groups.middle][sums.group]
-        return LaserMicro(middle_s[sums.group], scan, sums)
+    def _with_lasers(
+        self, positions: Sequence[int], bins: MicroBins, poses: SlicePoses, groups: LaserGroups, sums: LaserSums
+    ) -> Micro:
+        """Moments of all points and of each laser's, both by groups of slices, so that the ones are the sum of the others.
+
+        Where one kind followed the motion slice by slice and the other group by group, what a shift of the map does to them
+        would differ by a millionth, and millions of points would pull offset and incidence of all lasers, which together are
+        such a shift where planes face three ways, as far as that takes.
+        """
+        micro = self.micro(
+            positions, bins.together(*steps_to_middles(poses, groups.group, groups.middle), groups.group, groups.middle)
+        )
+        time_s, scan = self._instants(positions, groups.middle[sums.group])
+        return replace(micro, lasers=LaserMicro(time_s, scan, sums))
 
     def whole_scan(self, position: int, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> Micro:
         """All points of one scan, laid on planes and collapsed in one go."""
-        e = self.estimate
-        centre_s, groups = self._laser_groups([position])
-        in_play = self._lidar_in_play()
+        e, poses = self.estimate, self.slice_poses(position)
+        groups = self._laser_groups([position]) if self._lidar_in_play() else None
         bins, sums = scan_moments(
             self.scans[position].points,
-            self.slice_poses(position),
+            poses,
             (np.vstack([e.normals, e.aside_normals]), np.append(e.offsets_m, e.aside_offsets_m), len(e.normals)),
             noise,
             gate,
             extents,
             errors=self._errors(),
             told_apart=self.nuisance.lasers > 0,
-            groups=groups if in_play else None,
+            groups=groups,
             field_of_view_deg=self.settings.field_of_view_deg,
         )
-        micro = self.micro([position], bins)
-        if sums is None:
-            return micro
-        return replace(micro, lasers=self._laser_micro([position], centre_s[groups.middle], groups, sums))
+        if groups is None or sums is None:
+            return self.micro([position], bins)
+        return self._with_lasers([position], bins, poses, groups, sums)
 
     def _lidar_in_play(self) -> bool:
         """Whether any of the lidar's own parameters is an unknown."""
@@ -206,11 +213,14 @@ class View:
 
     def micro(self, positions: Sequence[int], bins: MicroBins) -> Micro:
         """Bins of scans whose slices are in a row, each with its time and scan."""
+        return Micro(*self._instants(positions, bins.slice_index), bins.plane, bins.scatter, bins.count)
+
+    def _instants(self, positions: Sequence[int], slice_index: IntArray) -> tuple[FloatArray, IntArray]:
+        """The centres of slices that are counted through scans, and of which scan each is."""
         first = self._first_slices(positions)
-        which = np.searchsorted(first, bins.slice_index, side="right") - 1
+        which = np.searchsorted(first, slice_index, side="right") - 1
         scan = np.asarray(positions, np.int64)[which]
-        time_s = self.clocks.scan_s[scan] + (bins.slice_index - first[which] + 0.5) * SLICE_S
-        return Micro(time_s, scan, bins.plane, bins.scatter, bins.count)
+        return self.clocks.scan_s[scan] + (slice_index - first[which] + 0.5) * SLICE_S, scan
 
     def slice_poses(self, position: int) -> SlicePoses:
         """The lidar at the centres of a scan's slices."""
@@ -282,7 +292,6 @@ def associate(
     on_scans: OnScans = _ignore,
 ) -> Micro:
     """The micro-bins of the given scans. stride: use every so many-th point.   on_scans: told how many are done."""
-    n_planes = len(view.estimate.normals)
     cap = view.settings.points_per_plane_per_scan
 
     def whole(position: int) -> Micro:
@@ -298,13 +307,9 @@ def associate(
         keep, weight = select(hits, noise, gate, extents)
         if cap is not None:
             keep = _capped(hits, keep, cap, seed=view.settings.random_seed + batch[0])
-        micro = view.micro(batch, collapse(hits, keep, weight, n_planes))
-        return replace(
-            micro,
-            lasers=view.laser_micro(batch, hits, keep, weight, stride),
-            nuisance=view.estimate.nuisance,
-            time_offset_s=view.estimate.time_offset_s,
-        )
+        e = view.estimate
+        micro = view.collapsed(batch, hits, keep, weight, stride)
+        return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
 
     if cap is None:
         return Micro.joined(view.over_batches(positions, stride, some, on_scans))

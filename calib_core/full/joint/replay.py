@@ -71,8 +71,9 @@ def _read(kind: object, written: Json, arrays: Arrays, known: Mapping[object, ob
         return None if written is None else arrays[str(written[_ARRAY])]
     origin, arguments = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
-        (only,) = (argument for argument in arguments if argument is not type(None))
-        return _read(only, written, arrays, known)
+        # Of several kinds all are words: a name of one set or of another reads the same.
+        first = next(argument for argument in arguments if argument is not type(None))
+        return _read(first, written, arrays, known)
     if origin is tuple and isinstance(written, list):
         each = [arguments[0]] * len(written) if len(arguments) == 2 and arguments[1] is Ellipsis else arguments
         return tuple(_read(a, item, arrays, known) for a, item in zip(each, written, strict=True))

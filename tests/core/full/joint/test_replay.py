@@ -14,6 +14,7 @@ from calib_core.full.joint.propagate import advance, begin
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.round import one_round
 from calib_core.full.joint.schedule import FULL, Propagation
+from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 
 
@@ -33,10 +34,13 @@ def same(one: object, other: object) -> bool:
 def test_a_state_comes_back_as_it_was(half: Half, tmp_path: Path) -> None:
     """Every field: outlines, held directions, support, points, the minimum with its information.
 
-    Mutations: leave a field out; write arrays as numbers of JSON; read tuples as lists.
+    Mutations: leave a field out; write arrays as numbers of JSON; read tuples as lists; one kind of word for all blocks.
     """
     planes = (MapPlane("given", np.arange(9.0).reshape(3, 3)), *half.state.planes[1:])
-    state = replace(begin(half.data, half.state, FULL, Propagation()).state, planes=planes)
+    sensors = Nuisance(
+        (NuisanceBlock("clock_rate", ("all",), np.ones(1)), NuisanceBlock("surface", ("0", "1"), np.ones(2)))
+    )
+    state = replace(begin(half.data, half.state, FULL, Propagation()).state, planes=planes, nuisance=sensors)
     save_estimation(state, tmp_path / "state")
     again = load_estimation(tmp_path / "state")
     assert state.support is not None
