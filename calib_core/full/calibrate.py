@@ -23,7 +23,7 @@ from calib_core.full.joint.begin import begin
 from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.schedule import FULL
-from calib_core.full.joint.solve import estimate_jointly
+from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
@@ -39,28 +39,38 @@ def calibrate_full(
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     counted = followed if planes is None else replace(followed, planes=list(planes))
 
-    def answered(run: Run) -> Answer:
-        solved = solve(run, counted, lidar, start, guess, may_add_planes=planes is None)
+    def solved(run: Run) -> Solved:
+        return solve(run, counted, lidar, start, guess, may_add_planes=planes is None)
+
+    def judged(run: Run, solved: Solved) -> Answer:
         wider = 1.0 if planes is None else weigh_chosen(run, solved)
         return answer(run, solved, weigh(run, solved, at_least=wider))
 
-    return with_sensors_held(run, answered)
+    return with_sensors_held(run, solved, judged)
 
 
-def with_sensors_held(run: Run, answered: Callable[[Run], Answer]) -> Answer:
-    """What `answered` gives; where its solve is refused while the sensors' own parameters are unknowns, what it gives with them
-    held at their priors and counted in the error bars: what runs away with them may be determined without."""
+def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
+    """What is judged of what is solved. Where that is refused while the sensors' own parameters are unknowns, the same with them
+    held at their priors, which keeps what would run away with them: let go once all else is known; and where they still run
+    away, held to the end and counted in the error bars."""
     try:
-        return answered(run)
+        return judged(run, solved(run))
     except Refused as refused:
         if not refused.code.startswith("solve.") or run.settings.intrinsics in {"off", "consider"}:
             raise
-        text = (
-            "with the sensors' own parameters as unknowns the solve found no answer: the sensors are taken as their data sheets "
-            "have them, and what they may be off by is counted in the error bars"
-        )
-        run.say("warning", "sensor.astray", text)
-    return answered(replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"})))
+    held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
+    without = solved(held)
+    try:
+        return judged(run, estimate_sensors_too(run, without, FULL))
+    except Refused as refused:
+        if not refused.code.startswith("solve."):
+            raise
+    text = (
+        "with the sensors' own parameters as unknowns the solve found no answer: the sensors are taken as their data sheets "
+        "have them, and what they may be off by is counted in the error bars"
+    )
+    run.say("warning", "sensor.astray", text)
+    return judged(held, without)
 
 
 def solve(

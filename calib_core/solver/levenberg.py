@@ -19,9 +19,12 @@ from calib_core.solver.arrow import ArrowSolution, ArrowSystem, NotPositiveDefin
 E = TypeVar("E")
 #: Of a cost: what summing hundreds of thousands of squares in double precision cannot tell apart.
 COST_ROUND_OFF = 1e-12
+#: The least damping beside none, a share of each unknown's own curvature. A sensor's parameters that trade with the rotation
+#: are held by a billionth of it: a larger damping leaves nothing of a step along such a valley (seen: 1e-6, a hundred steps).
+_LEAST_DAMPING = 1e-9
 #: Steps tried at one linearisation, each ten times as damped as the one before: from none at all to a thousand times the
 #: curvature.
-_TRIALS = 12
+_TRIALS = 15
 
 
 class Problem(Protocol[E]):
@@ -105,7 +108,7 @@ def _descend(
             try:
                 solution, used = solve_arrow(system, damping=damping), damping
             except NotPositiveDefinite:
-                damping = max(damping * 10.0, 1e-9)
+                damping = max(damping * 10.0, _LEAST_DAMPING)
                 continue
             if iteration == 0 and not np.isfinite(first):
                 first = solution.predicted_decrease
@@ -115,7 +118,7 @@ def _descend(
             accepted = bool(np.isfinite(new_cost) and new_cost <= cost + COST_ROUND_OFF * abs(cost))
             if accepted or negligible:
                 break
-            damping = max(damping * 10.0, 1e-6)
+            damping = max(damping * 10.0, _LEAST_DAMPING)
         if solution is None:
             return Minimum(estimate, cost, None, Outcome.SINGULAR, iteration + 1, first), system, used
         if accepted:
@@ -127,5 +130,5 @@ def _descend(
             return Minimum(estimate, cost, solution, Outcome.CONVERGED, iteration + 1, first), system, used
         if not accepted:
             return Minimum(estimate, cost, solution, Outcome.STALLED, iteration + 1, first), system, used
-        damping = 0.0 if damping <= 1e-6 else damping * 0.1
+        damping = 0.0 if damping <= _LEAST_DAMPING else damping * 0.1
     return Minimum(estimate, cost, solution, Outcome.EXHAUSTED, max_iterations, first), system, used

@@ -143,7 +143,7 @@ class Estimation:
 
 @dataclass(frozen=True)
 class Solved:
-    """The end of the joint estimation. map_time_s: of the first used scan, lidar clock."""
+    """The end of the joint estimation. map_time_s: of the first used scan, lidar clock.   data, state: to go on from there."""
 
     problem: JointProblem
     estimate: Estimate
@@ -154,7 +154,9 @@ class Solved:
     planes: tuple[MapPlane, ...]
     rounds: int
     iterations: int
-    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
+    nuisance: Nuisance
+    data: JointData
+    state: Estimation
 
     @property
     def map_pose(self) -> tuple[FloatArray, FloatArray]:

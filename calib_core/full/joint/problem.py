@@ -22,8 +22,8 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.settings import CHAIN
-from calib_core.full.joint.state import GRAVITY, BiasNodes, Bins, Estimate, Layout
-from calib_core.geometry import exp, plane_axes
+from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Bins, Estimate, Layout
+from calib_core.geometry import exp, hat, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.threads import workers
@@ -104,12 +104,11 @@ class JointProblem:
         system.corner += jacobian.T @ jacobian
         system.gradient_shared += jacobian.T @ residual
         system.cost += 0.5 * float(residual @ residual)
-        # The map frame is free to move as a whole: the gauge knot's pose stays where it is. Velocity that nothing
-        # constrains (a knot between two silences) stays put as well.
         every, pose, vel = np.arange(9), np.arange(6), np.arange(6, 9)
-        held = every if self.hold_velocity else pose
-        if self.hold_velocity or not self.planes_hold_frame:
-            system.diagonal[self.gauge_knot, held, held] += CHAIN.gauge
+        if self.hold_velocity:
+            system.diagonal[self.gauge_knot, every, every] += CHAIN.gauge
+        elif not self.planes_hold_frame:
+            self._hold_frame(system, estimate)
         else:
             # Planes that were not all in view leave the chain free to shift: held to a metre, m/s and rad it stays in place.
             system.diagonal[self.gauge_knot, every, every] += CHAIN.loose_gauge
@@ -119,6 +118,21 @@ class JointProblem:
         system.corner[planes, planes] += CHAIN.plane  # a plane that no point sees stays where it is
         system.frozen = self.frozen
         return system
+
+    def _hold_frame(self, system: ArrowSystem, estimate: Estimate) -> None:
+        """The map frame is free to move as a whole: the lidar's pose at the gauge knot stays where it is.
+
+        Not the IMU's: where its axes turn against the lidar, the whole map would have to turn with them, along an arc that a
+        step of straight lines leaves by millimetres, and no step would be taken.
+        """
+        R, R_c, p_c = estimate.states.R[self.gauge_knot], estimate.R_imu_lidar, estimate.p_imu_lidar
+        J = np.zeros((6, 9 + CALIBRATION))
+        J[:3, :3], J[:3, 9:12] = R_c.T, np.eye(3)
+        J[3:, :3], J[3:, 3:6], J[3:, 12:15] = -R @ hat(p_c), np.eye(3), R
+        held = CHAIN.gauge * J.T @ J
+        system.diagonal[self.gauge_knot] += held[:9, :9]
+        system.border[self.gauge_knot, :, :CALIBRATION] += held[:9, 9:]
+        system.corner[:CALIBRATION, :CALIBRATION] += held[9:, 9:]
 
     def moved(self, estimate: Estimate, solution: ArrowSolution) -> Estimate:
         """The estimate after a step."""

@@ -18,6 +18,7 @@ from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settlin
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
 from calib_core.full.joint.surface import admit_surface
+from calib_core.full.run import Run
 
 
 def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, first: str = "coarse") -> Solved:
@@ -32,6 +33,19 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
     assert schedule.settling is not None
     rest = data.portion(WATCHING.settled_share, 1.0)
     state, problem = alternate(rest, state, schedule.settling, schedule.sampling)
+    require_sensors(state, data.limits.sensor_sigmas)
+    return finished(data, state, problem)
+
+
+def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved:
+    """From where a solve with the sensors held came to rest, with them let go, as the run has it. Raises Refused.
+
+    What would run away with them while the motion is rough, does not when all else is known.
+    """
+    assert schedule.settling is not None
+    data = replace(solved.data, run=run)
+    state = settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling)
+    state, problem = alternate(data, state, schedule.settling, schedule.sampling)
     require_sensors(state, data.limits.sensor_sigmas)
     return finished(data, state, problem)
 
@@ -144,6 +158,8 @@ def finished(data: JointData, state: Estimation, problem: JointProblem) -> Solve
         rounds=state.rounds,
         iterations=state.iterations,
         nuisance=state.nuisance,
+        data=data,
+        state=state,
     )
 
 
