@@ -20,6 +20,7 @@ from app.server.errors import install_error_handler
 from app.server.headers import SecurityHeaders
 from app.server.metrics import CountRequests, Metrics
 from app.server.patience import PatientH11
+from app.server.process import settle_process
 from app.server.security import Gatekeeper
 from app.server.services import Services
 from app.server.sessions import Sessions
@@ -101,6 +102,11 @@ class Server(uvicorn.Server):
     def startup_error(self) -> ApiError | None:
         """Why the server did not start, in a sentence, which is told instead of a traceback."""
         return getattr(self._app.state, "startup_error", None)
+
+    def run(self, sockets: list[socket] | None = None) -> None:
+        """Serve until told to stop. The process is the server's."""
+        settle_process()
+        super().run(sockets)
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Stop."""

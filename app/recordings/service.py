@@ -225,7 +225,7 @@ class RecordingService:
             raise self._empty(name)
         record = await to_thread.run_sync(self.announce_upload, name, length or 0)
         await self.receive_first(record, request.receive, None)
-        return await to_thread.run_sync(self.wire, self.get(record.id))
+        return await to_thread.run_sync(lambda: self.wire(self.get(record.id)))
 
     async def receive_first(self, record: RecordingRecord, receive: Receive, checksum: Checksum | None) -> int:
         """The bytes that come with an announcement. Where they cannot be kept nothing was announced."""

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from functools import cached_property
 
 from sqlalchemy import event
 
@@ -111,6 +112,8 @@ class Services:
         self.jobs.recover()
         self.recordings.resume(datetime.now(UTC))
         self._launcher.prepare()
+        # The first page that is opened asks for it; twenty that were open when a server ended ask at once.
+        threading.Thread(target=self.server_facts, name="facts", daemon=True).start()
         self.scenes.start()
         self.keeping.start()
 
@@ -139,10 +142,15 @@ class Services:
 
     def server_facts(self) -> ServerFacts:
         """What a client needs to know before anything else."""
+        return self._fixed_facts.model_copy(update={"recordings_folder": self.folder.offered})
+
+    @cached_property
+    def _fixed_facts(self) -> ServerFacts:
+        """What does not change. Loads much of the library, once."""
         texts = api.scenarios()
         return ServerFacts(
             version=__version__,
-            recordings_folder=self.folder.offered,
+            recordings_folder=False,
             max_upload_bytes=self.settings.max_upload_bytes,
             upload_suffixes=list(SUFFIXES),
             export_formats=list(api.export_names()),
