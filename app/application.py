@@ -24,6 +24,7 @@ from app.server.process import settle_process
 from app.server.security import Gatekeeper
 from app.server.services import Services
 from app.server.sessions import Sessions
+from app.server.streams import ForgiveLeaving
 from app.settings import AppSettings
 from calib_core import __version__
 
@@ -76,6 +77,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
     app.include_router(uploads.tus)
     install_client(app)
     # The last one added is the first to see a request.
+    app.add_middleware(ForgiveLeaving)
     app.add_middleware(CompressText)
     app.add_middleware(Gatekeeper, settings=settings, sessions=app.state.sessions)
     app.add_middleware(SecurityHeaders)
