@@ -114,7 +114,7 @@ class Server(uvicorn.Server):
         """Stop."""
         services: Services | None = getattr(self._app.state, "services", None)
         if services is not None:
-            await services.recordings.stop_uploads()
+            await services.arrivals.stop_uploads()
             await to_thread.run_sync(services.end_streams)
         await super().shutdown(sockets)
 

@@ -25,6 +25,7 @@ from app.events import (
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
+from app.recordings.arriving import Arrivals
 from app.recordings.folder import RecordingsFolder
 from app.recordings.keeping import Keeping
 from app.recordings.service import RecordingService
@@ -90,9 +91,8 @@ class Services:
             make_order=Orders(recording_store, self.files, settings.job_limits()).of,
             looks_of=self.planes.looks,
         )
-        self.recordings = RecordingService(
-            recording_store, documents, self.files, self.folder, self.jobs, bus, settings=settings
-        )
+        self.recordings = RecordingService(recording_store, documents, self.files, self.folder, self.jobs, bus)
+        self.arrivals = Arrivals(recording_store, self.files, self.recordings, bus, settings=settings)
         self.keeping = Keeping(recording_store, self.files, self.jobs, self.recordings, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
@@ -110,7 +110,7 @@ class Services:
         """Take up what an earlier server left."""
         self.files.remove_all_unpacked()
         self.jobs.recover()
-        self.recordings.resume(datetime.now(UTC))
+        self.arrivals.resume(datetime.now(UTC))
         self._launcher.prepare()
         # The first page that is opened asks for it; twenty that were open when a server ended ask at once.
         threading.Thread(target=self.server_facts, name="facts", daemon=True).start()
