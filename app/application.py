@@ -32,6 +32,8 @@ from calib_core import __version__
 WEBSOCKET_MESSAGE_BYTES = 2**16
 #: The longest head of a request, all its headers: a long path and a cookie fit many times.
 MAX_HEAD_BYTES = 2**15
+#: What the web server says, with a traceback, of text in a websocket that is none: it closes it, and nothing is wrong here.
+BROWSERS_FAULT = "Invalid UTF-8 sequence received"
 #: How long open requests may take to end when the server stops.
 STOP_GRACE_S = 3
 
@@ -98,7 +100,9 @@ class Server(uvicorn.Server):
     def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
         super().__init__(config)
         self._app = app
-        logging.getLogger("uvicorn.error").addFilter(lambda _: self.startup_error is None)
+        logging.getLogger("uvicorn.error").addFilter(
+            lambda record: self.startup_error is None and not record.getMessage().startswith(BROWSERS_FAULT)
+        )
 
     @property
     def startup_error(self) -> ApiError | None:

@@ -8,7 +8,7 @@ from app.arrays.trajectory import write_trajectory
 from bench import kills
 from tests.app.support import world
 
-WAYS = (("server killed", "writing"), ("worker killed", "solving"), ("full disk", "writing"))
+WAYS = (("server killed", "writing"), ("worker killed", "solving"))
 
 
 @pytest.fixture
