@@ -20,9 +20,11 @@ from app.server.errors import install_error_handler
 from app.server.headers import SecurityHeaders
 from app.server.metrics import CountRequests, Metrics
 from app.server.patience import PatientH11
+from app.server.process import settle_process
 from app.server.security import Gatekeeper
 from app.server.services import Services
 from app.server.sessions import Sessions
+from app.server.streams import ForgiveLeaving
 from app.settings import AppSettings
 from calib_core import __version__
 
@@ -30,6 +32,8 @@ from calib_core import __version__
 WEBSOCKET_MESSAGE_BYTES = 2**16
 #: The longest head of a request, all its headers: a long path and a cookie fit many times.
 MAX_HEAD_BYTES = 2**15
+#: What the web server says, with a traceback, of text in a websocket that is none: it closes it, and nothing is wrong here.
+BROWSERS_FAULT = "Invalid UTF-8 sequence received"
 #: How long open requests may take to end when the server stops.
 STOP_GRACE_S = 3
 
@@ -75,6 +79,7 @@ def create_app(settings: AppSettings, *, launcher: Launcher | None = None) -> Fa
     app.include_router(uploads.tus)
     install_client(app)
     # The last one added is the first to see a request.
+    app.add_middleware(ForgiveLeaving)
     app.add_middleware(CompressText)
     app.add_middleware(Gatekeeper, settings=settings, sessions=app.state.sessions)
     app.add_middleware(SecurityHeaders)
@@ -95,18 +100,25 @@ class Server(uvicorn.Server):
     def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
         super().__init__(config)
         self._app = app
-        logging.getLogger("uvicorn.error").addFilter(lambda _: self.startup_error is None)
+        logging.getLogger("uvicorn.error").addFilter(
+            lambda record: self.startup_error is None and not record.getMessage().startswith(BROWSERS_FAULT)
+        )
 
     @property
     def startup_error(self) -> ApiError | None:
         """Why the server did not start, in a sentence, which is told instead of a traceback."""
         return getattr(self._app.state, "startup_error", None)
 
+    def run(self, sockets: list[socket] | None = None) -> None:
+        """Serve until told to stop. The process is the server's."""
+        settle_process()
+        super().run(sockets)
+
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Stop."""
         services: Services | None = getattr(self._app.state, "services", None)
         if services is not None:
-            await services.recordings.stop_uploads()
+            await services.arrivals.stop_uploads()
             await to_thread.run_sync(services.end_streams)
         await super().shutdown(sockets)
 

@@ -17,6 +17,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,6 +62,10 @@ HEADERS: tuple[dict[str, str], ...] = (
     {"Origin": "null"},
 )
 _MARK = "@@raw-number-{}@@"
+#: Levels of what is nested deepest.
+DEEPEST = 2000
+#: Things asked between two lines on how far it is.
+LINE_EVERY = 500
 
 
 class StillLauncher:
@@ -98,6 +103,13 @@ class Findings:
     asked: int = 0
     slowest_s: float = 0.0
     faults: list[str] = field(default_factory=list)
+
+    def add(self, other: Findings) -> None:
+        """What somebody else has found, too."""
+        self.statuses += other.statuses
+        self.asked += other.asked
+        self.slowest_s = max(self.slowest_s, other.slowest_s)
+        self.faults += other.faults
 
 
 @contextmanager
@@ -146,6 +158,8 @@ class Fuzzer:
         while found.asked < count and time.monotonic() - began_s < longest_s:
             self._ask(found)
             found.asked += 1
+            if found.asked % LINE_EVERY == 0:
+                sys.stderr.write(f"asked {found.asked}, {len(found.faults)} faults, slowest {found.slowest_s:.2f} s\n")
         # Whatever was stored by then can be read by everybody.
         for path in ("/api/recordings", "/api/info", "/readyz"):
             status = self._http.get(path).status_code
@@ -198,7 +212,10 @@ class Fuzzer:
         value: Json = json.loads(json.dumps(self._random.choice(list(examples.values()))["value"]))
         for _ in range(self._random.randint(0, 3)):
             value = self._spoilt(value, depth=0)
-        text = json.dumps(value)
+        try:
+            text = json.dumps(value)
+        except RecursionError:  # nested twice: deeper than this program itself can write
+            text = "[" * DEEPEST + "]" * DEEPEST
         for number, raw in enumerate(RAW_NUMBERS):
             text = text.replace(f'"{_MARK.format(number)}"', raw)
         raw_body = text.encode("utf-8", "replace")
@@ -231,19 +248,33 @@ class Fuzzer:
         return self._random.choice([None, True, -1, 2**70, 1e308, [], {}, [value] * 300, {"op": "undo"}, 0.5])
 
 
+def fuzz(address: str, *, seed: int, count: int, at_once: int, longest_s: float = float("inf")) -> Findings:
+    """So many things asked by several fuzzers at once, each by a seed of its own and about a recording of its own."""
+
+    def ask(number: int) -> Findings:
+        with closing(Fuzzer(address, seed + number)) as fuzzer:
+            return fuzzer.run(count // at_once + (number < count % at_once), longest_s=longest_s)
+
+    found = Findings()
+    with ThreadPoolExecutor(at_once) as pool:
+        for each in pool.map(ask, range(at_once)):
+            found.add(each)
+    return found
+
+
 def main() -> None:
     """Ask, and say what came back."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--at-once", type=int, default=1, help="so many ask side by side; more than one are not repeatable"
+    )
     parser.add_argument("--minutes", type=float, default=float("inf"), help="the longest it may take")
     chosen = parser.parse_args()
-    with (
-        tempfile.TemporaryDirectory() as name,
-        server_of_its_own(Path(name)) as (address, _),
-        closing(Fuzzer(address, chosen.seed)) as fuzzer,
-    ):
-        found = fuzzer.run(chosen.count, longest_s=60.0 * chosen.minutes)
+    with tempfile.TemporaryDirectory() as name, server_of_its_own(Path(name)) as (address, _):
+        longest_s = 60.0 * chosen.minutes
+        found = fuzz(address, seed=chosen.seed, count=chosen.count, at_once=chosen.at_once, longest_s=longest_s)
     sys.stdout.write(
         f"asked {found.asked}, slowest answer {found.slowest_s:.2f} s\n{dict(sorted(found.statuses.items()))}\n"
     )

@@ -17,9 +17,10 @@ import signal
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import cycle, islice
 from pathlib import Path
 from typing import cast
 
@@ -51,8 +52,10 @@ class Seen:
 class Rounds:
     """All rounds over one data directory."""
 
-    def __init__(self, servers: Servers, data_dir: Path, chance: random.Random) -> None:
+    def __init__(self, servers: Servers, data_dir: Path, chance: random.Random, *, hurry: float = 1.0) -> None:
+        """Begin.   hurry: how much of the time between a mark and a round's moment is waited."""
         self.seen = Seen()
+        self._hurry = hurry
         self._servers = servers
         self._data_dir = data_dir
         self._chance = chance
@@ -78,7 +81,7 @@ class Rounds:
     def play(self, what: str, where: str) -> None:
         """One round."""
         job_id = self._get_somewhere(where)
-        time.sleep(self._chance.uniform(0.0, LATEST_S[where]))
+        time.sleep(self._hurry * self._chance.uniform(0.0, LATEST_S[where]))
         self._disturb(what)
         until(lambda: self._job(job_id)["state"] in ENDED)
         self.seen.ways[f"{what}, {where}"] += 1
@@ -176,18 +179,26 @@ def workers(victim: Victim) -> Sequence[int]:
     return found
 
 
-def run(rounds: int, seed: int, folder: Path) -> tuple[Seen, Tally]:
-    """All rounds."""
+#: All that can happen, wherever it can.
+EVERY_WAY = tuple((what, where) for where in WHERE for what in WHAT)
+
+
+def run(
+    ways: Iterable[tuple[str, str]],
+    seed: int,
+    folder: Path,
+    *,
+    entry: str = "bench.kill_jobs:run_job",
+    hurry: float = 1.0,
+) -> tuple[Seen, Tally]:
+    """A round for each of the ways, about the recording `room.bag` in the folder.   entry: the jobs."""
     tally, chance = Tally(), random.Random(seed)
-    ways = [(what, where) for where in WHERE for what in WHAT]
-    bag, kept, data_dir = folder / "room.bag", folder / "kept", folder / "data"
+    kept, data_dir = folder / "kept", folder / "data"
     os.environ[KEPT] = str(kept)
-    api.simulate("paper-fast", bag, duration_s=3.0)
-    with Servers(data_dir, tally, entry="bench.kill_jobs:run_job") as servers:
-        all_rounds = Rounds(servers, data_dir, chance)
-        all_rounds.prepare(bag, kept)
-        for number in range(rounds):
-            what, where = ways[number % len(ways)]
+    with Servers(data_dir, tally, entry=entry) as servers:
+        all_rounds = Rounds(servers, data_dir, chance, hurry=hurry)
+        all_rounds.prepare(folder / "room.bag", kept)
+        for number, (what, where) in enumerate(ways):
             all_rounds.play(what, where)
             print(f"round {number}: {what}, {where}; wrong so far: {all_rounds.seen.wrong}", flush=True)
         all_rounds.finish()
@@ -201,7 +212,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="unsweep-kills-") as folder:
-        seen, tally = run(chosen.rounds, chosen.seed, Path(folder))
+        api.simulate("paper-fast", Path(folder) / "room.bag", duration_s=3.0)
+        seen, tally = run(islice(cycle(EVERY_WAY), chosen.rounds), chosen.seed, Path(folder))
     print(f"rounds: {dict(seen.ways)}")
     print(f"disturbed jobs were found: {dict(seen.ended)}; documents compared: {seen.checked_results}")
     print(f"starts: {len(tally.starts_s)}, slowest {max(tally.starts_s):.1f} s, median {tally.median_start_s():.1f} s")

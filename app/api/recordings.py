@@ -38,7 +38,7 @@ async def upload_recording(
     name: Annotated[str, Query(min_length=1, max_length=200, examples=["room.bag"])],
 ) -> Recording:
     """Upload a recording in one request, for scripts: the body is the file. Browsers use /api/uploads (tus)."""
-    return await services.recordings.receive(name, request)
+    return await services.arrivals.receive(name, request)
 
 
 @router.get("/{recording_id}")

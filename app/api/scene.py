@@ -6,8 +6,9 @@ Down to the browser everything passes; up from it only what messages.py admits.
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated
+from typing import Annotated, cast
 
+import anyio
 from anyio import to_thread
 from fastapi import APIRouter, Depends, Path, Response, WebSocket
 from fastapi.responses import HTMLResponse
@@ -18,13 +19,15 @@ from websockets.typing import Subprotocol
 from app.errors import ApiError, Unavailable
 from app.scene.messages import admitted
 from app.scene.page import scene_page
-from app.server.deps import RecordingDep, ServicesDep, get_recording, get_services
+from app.server.deps import RecordingDep, ServicesDep, get_recording, services_of
 
 router = APIRouter(include_in_schema=False)
 
 #: Close codes of our own: no such recording; the scene could not be opened.
 GONE = 4404
 TRY_AGAIN = 1013
+#: Threads that wait for scenes to be made: a page full of browsers that come at once leaves the others to everybody.
+DIALLING = 8
 
 
 @router.get("/scene/{recording_id}/", dependencies=[Depends(get_recording)])
@@ -45,9 +48,9 @@ def download_scene(services: ServicesDep, recording: RecordingDep) -> HTMLRespon
 @router.websocket("/scene/{recording_id}/")
 async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(pattern="^[0-9a-f]{32}$")]) -> None:
     """Everything the browser and its viser server say to each other. Origin and token were checked before this."""
-    services = get_services(browser)
+    services = services_of(browser)
     try:
-        line = await to_thread.run_sync(services.scenes.dial, recording_id)
+        line = await to_thread.run_sync(services.scenes.dial, recording_id, limiter=_dialling(browser))
     except Unavailable:
         await browser.close(TRY_AGAIN)
         return
@@ -70,7 +73,8 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
         await browser.close(TRY_AGAIN)
         return
     await browser.accept(subprotocol=upstream.subprotocol)
-    services.scenes.watcher_came(recording_id, +1)
+    # In a thread: whoever composes this scene anew holds its lock, and everybody else's requests would wait as well.
+    await to_thread.run_sync(services.scenes.watcher_came, recording_id, +1)
     tasks = [asyncio.create_task(_downward(upstream, browser)), asyncio.create_task(_upward(browser, upstream))]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -78,8 +82,9 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        services.scenes.watcher_came(recording_id, -1)
-        await upstream.close()
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(services.scenes.watcher_came, recording_id, -1)
+            await upstream.close()
 
 
 async def _downward(upstream: ClientConnection, browser: WebSocket) -> None:
@@ -99,3 +104,11 @@ async def _upward(browser: WebSocket, upstream: ClientConnection) -> None:
                 await upstream.send(said)
     except ConnectionClosed:
         return
+
+
+def _dialling(browser: WebSocket) -> anyio.CapacityLimiter:
+    """The limiter of the application, which belongs to its event loop."""
+    state = browser.app.state
+    if not hasattr(state, "dialling"):
+        state.dialling = anyio.CapacityLimiter(DIALLING)
+    return cast(anyio.CapacityLimiter, state.dialling)

@@ -67,7 +67,7 @@ async def create_upload(services: ServicesDep, request: Request) -> Response:
     if with_bytes:
         check_body(request.headers)
     checksum = checksum_of(request.headers)
-    uploads = services.recordings
+    uploads = services.arrivals
     record = await to_thread.run_sync(uploads.announce_upload, announced.name, announced.size_bytes, announced.sha256)
     headers = {"Location": f"/api/uploads/{record.id}", "X-Recording-Id": record.id, **_expiry(services, record)}
     if with_bytes:
@@ -88,7 +88,7 @@ async def append_bytes(services: ServicesDep, upload: UploadDep, request: Reques
     """Append bytes at the offset. With the last one the recording is there, and is inspected."""
     check_body(request.headers)
     offset, checksum = number_of(request.headers, "upload-offset"), checksum_of(request.headers)
-    reached = await services.recordings.receive_part(upload, request, offset, checksum)
+    reached = await services.arrivals.receive_part(upload, request, offset, checksum)
     headers = {"Upload-Offset": str(reached), "X-Recording-Id": upload.id, **_expiry(services, upload)}
     return Response(status_code=204, headers=headers)
 
@@ -96,11 +96,11 @@ async def append_bytes(services: ServicesDep, upload: UploadDep, request: Reques
 @tus.delete("/{upload_id}")
 async def terminate_upload(services: ServicesDep, upload: UploadDep) -> Response:
     """Give up an upload that is still arriving: nothing of it stays."""
-    await services.recordings.give_up(upload)
+    await services.arrivals.give_up(upload)
     return Response(status_code=204)
 
 
 def _expiry(services: ServicesDep, record: RecordingRecord) -> dict[str, str]:
     """When an unfinished upload is removed unless it goes on."""
-    expires = services.recordings.expires_at(record, datetime.now(UTC))
+    expires = services.arrivals.expires_at(record, datetime.now(UTC))
     return {} if expires is None else {"Upload-Expires": format_datetime(expires, usegmt=True)}

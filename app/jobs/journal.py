@@ -19,6 +19,10 @@ def number_of(event_id: str | None) -> int | None:
     return int(event_id) if event_id and _NUMBER.fullmatch(event_id) else None
 
 
+#: So many entries are fetched one by one from the end; more are cut out of a copy of all.
+FEW = 64
+
+
 class Journal(Generic[Entry]):
     """Entries numbered from `first`; the newest `limit` are kept. After `close` followers come to their end."""
 
@@ -61,7 +65,10 @@ class Journal(Generic[Entry]):
         with self._lock:
             oldest = self._next - len(self._entries)
             start = max(number, oldest)
-            kept = list(self._entries)[start - oldest :]
+            wanted = max(0, self._next - start)
+            # Followers ask for the newest few, on the event loop, of a journal that may have a hundred thousand.
+            few = (self._entries[place] for place in range(-wanted, 0))
+            kept = list(few) if wanted < FEW else list(self._entries)[start - oldest :]
             return list(enumerate(kept, start=start)), self._closed
 
     async def follow(self, number: int) -> AsyncIterator[tuple[int, Entry]]:

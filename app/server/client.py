@@ -12,6 +12,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.errors import NotFound
+from app.server.streams import is_stream
 
 #: Beside the rooms, where the build puts it.
 STATIC = Path(__file__).parents[1] / "static"
@@ -46,8 +47,8 @@ class CompressText:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on, through the compressor where that helps."""
-        streaming = scope["type"] != "http" or scope["path"].endswith("/events")
-        await (self._plain if streaming else self._compressing)(scope, receive, send)
+        untouched = scope["type"] != "http" or is_stream(scope)
+        await (self._plain if untouched else self._compressing)(scope, receive, send)
 
 
 def install_client(app: FastAPI, static: Path = STATIC) -> None:

@@ -14,9 +14,14 @@ from app.storage.records import JobRecord, RecordingRecord
 _ID = Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits")
 
 
-def get_services(connection: HTTPConnection) -> Services:
+def services_of(connection: HTTPConnection) -> Services:
     """The services of the application this request came to."""
     return cast(Services, connection.app.state.services)
+
+
+async def get_services(connection: HTTPConnection) -> Services:
+    """The same as a dependency: not in a thread, of which there are only so many, for it looks nothing up."""
+    return services_of(connection)
 
 
 ServicesDep = Annotated[Services, Depends(get_services)]

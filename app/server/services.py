@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from functools import cached_property
 
 from sqlalchemy import event
 
@@ -24,6 +25,7 @@ from app.events import (
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
+from app.recordings.arriving import Arrivals
 from app.recordings.folder import RecordingsFolder
 from app.recordings.keeping import Keeping
 from app.recordings.service import RecordingService
@@ -89,9 +91,8 @@ class Services:
             make_order=Orders(recording_store, self.files, settings.job_limits()).of,
             looks_of=self.planes.looks,
         )
-        self.recordings = RecordingService(
-            recording_store, documents, self.files, self.folder, self.jobs, bus, settings=settings
-        )
+        self.recordings = RecordingService(recording_store, documents, self.files, self.folder, self.jobs, bus)
+        self.arrivals = Arrivals(recording_store, self.files, self.recordings, bus, settings=settings)
         self.keeping = Keeping(recording_store, self.files, self.jobs, self.recordings, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
@@ -109,8 +110,10 @@ class Services:
         """Take up what an earlier server left."""
         self.files.remove_all_unpacked()
         self.jobs.recover()
-        self.recordings.resume(datetime.now(UTC))
+        self.arrivals.resume(datetime.now(UTC))
         self._launcher.prepare()
+        # The first page that is opened asks for it; twenty that were open when a server ended ask at once.
+        threading.Thread(target=self.server_facts, name="facts", daemon=True).start()
         self.scenes.start()
         self.keeping.start()
 
@@ -139,10 +142,15 @@ class Services:
 
     def server_facts(self) -> ServerFacts:
         """What a client needs to know before anything else."""
+        return self._fixed_facts.model_copy(update={"recordings_folder": self.folder.offered})
+
+    @cached_property
+    def _fixed_facts(self) -> ServerFacts:
+        """What does not change. Loads much of the library, once."""
         texts = api.scenarios()
         return ServerFacts(
             version=__version__,
-            recordings_folder=self.folder.offered,
+            recordings_folder=False,
             max_upload_bytes=self.settings.max_upload_bytes,
             upload_suffixes=list(SUFFIXES),
             export_formats=list(api.export_names()),

@@ -103,6 +103,9 @@ SCHEMA_VERSION = Table("schema_version", METADATA, Column("version", Integer, pr
 
 #: What Alembic notes, in its own table.
 REVISION = Table("alembic_version", METADATA, Column("version_num", String(32), primary_key=True))
+#: Connections kept, and no more: one opened for a moment and closed again leaves its descriptors to the others, which
+#: SQLite may close only when none of them holds a lock. A transaction takes milliseconds; who finds none free waits.
+CONNECTIONS = 8
 #: The number of stores that Alembic keeps. Up to 2 it was all there was; programs of that time refuse a larger one.
 NUMBER = 3
 
@@ -111,7 +114,12 @@ def open_database(url: str) -> Engine:
     """An engine on a database whose tables are those of this program."""
     try:
         engine = create_engine(
-            url, connect_args={"timeout": 30} if url.startswith("sqlite") else {}, pool_pre_ping=True
+            url,
+            connect_args={"timeout": 30} if url.startswith("sqlite") else {},
+            pool_pre_ping=True,
+            pool_size=CONNECTIONS,
+            max_overflow=0,
+            pool_use_lifo=True,
         )
     except (ArgumentError, NoSuchModuleError) as error:
         raise Unavailable(

@@ -263,6 +263,12 @@ def test_export_prints_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "unsweep.calibration/1" in last_line(capsys)
     assert cli.run(["export", str(tmp_path / "none.json"), "--format", "glim"]) == 2
     assert "none.json" in last_line(capsys)
+    document = json.loads(make_result(np.eye(3), np.ones(3)).to_json())
+    for number in (-1.0, 2.0, float("nan")):  # a mirror, a scale, nothing
+        document["T_imu_lidar"]["matrix"][2][2] = number
+        path.write_text(json.dumps(document))
+        assert cli.run(["export", str(path), "--format", "urdf"]) == 2
+        assert capsys.readouterr().out == ""
 
 
 def test_help_and_version_exit_0(capsys: pytest.CaptureFixture[str]) -> None:

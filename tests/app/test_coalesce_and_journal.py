@@ -122,3 +122,14 @@ def test_threads_that_tell_at_once_send_one_after_the_other_and_nothing_empty():
     assert most == [1]
     assert None not in sent
     assert sum(isinstance(event, LogEvent) for event in sent) == 40 * len(STAGES)
+
+
+@given(count=st.integers(0, 300), limit=st.none() | st.integers(1, 200), number=st.integers(-3, 310))
+def test_what_came_since_is_the_same_however_it_is_fetched(count, limit, number):
+    """Oracle: a range of numbers. Mutations: the few fetched from the wrong end; one too few of them."""
+    journal = Journal(limit=limit)
+    for entry in range(count):
+        journal.append(entry)
+    oldest = max(0, count - (count if limit is None else limit))
+    wanted = range(max(number, oldest), count)
+    assert journal.since(number) == ([(entry, entry) for entry in wanted], False)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -13,6 +17,7 @@ from app.limits import JobLimits, fair_memory_bytes, full_disk
 from app.storage.files import RESERVE_BYTES, RESERVE_NAME
 from tests.app.support.live import serving
 
+ROOT = Path(__file__).resolve().parents[2]
 #: More than the free space within the pages that the store has.
 LONG_JOB = {"kind": "solve", "initial_guess": {"matrix": [[0.5] * 4000] * 4}}
 
@@ -98,3 +103,81 @@ def test_a_store_without_a_page_left_says_so(tmp_path):
         bound(2**30)
         live.http.post(f"/api/jobs/{job_id}/cancel")
         assert live.finish(job_id)["state"] == "cancelled"
+
+
+#: Run in a mount namespace of its own, where a small disk can be had and filled to its last byte.
+FILLED = """
+import os, subprocess, sys
+from pathlib import Path
+from tests.app.support.live import serving
+
+def fill(folder):
+    with (folder / "filling").open("ab", buffering=0) as file:
+        block = bytes(1 << 16)
+        while block:
+            try:
+                file.write(block)
+            except OSError:
+                block = block[: len(block) // 2]
+
+def main():
+    disk = Path(sys.argv[1])
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=48M", "tmpfs", str(disk)], check=True)
+    data = disk / "data"
+    with serving(data) as live:
+        recording = live.ready()
+    assert (data / "reserve").stat().st_size == 8 << 20
+    fill(disk)
+    assert os.statvfs(disk).f_bfree == 0
+    with serving(data) as live:
+        print("started", [found["id"] == recording for found in live.http.get("/api/recordings").json()])
+        fill(disk)
+        print("ready", live.http.get("/readyz").status_code)
+        refused = live.http.put("/api/recordings/upload", params={"name": "b.bag"}, content=b"x" * 10**6)
+        print("upload", refused.status_code, refused.json()["error"]["text"].endswith("."))
+        print("deleted", live.http.delete(f"/api/recordings/{recording}").status_code)
+        (disk / "filling").unlink()
+        print("ready", live.http.get("/readyz").status_code, live.http.get("/api/recordings").json())
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+def can_mount(folder):
+    """Whether a namespace with a disk of its own can be had here."""
+    if shutil.which("unshare") is None or shutil.which("mount") is None:
+        return False
+    made = [*NAMESPACE, "mount", "-t", "tmpfs", "tmpfs", str(folder)]
+    return subprocess.run(made, capture_output=True, check=False).returncode == 0
+
+
+NAMESPACE = ("unshare", "--map-root-user", "--mount")
+
+
+def test_a_server_starts_and_makes_room_on_a_disk_that_is_full_to_the_last_byte(tmp_path):
+    """Oracle: a real disk of 48 MB, filled before the start and again after it.
+
+    Mutations: no reserve given away at the start (no start); rows deleted before files (507).
+    """
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if not can_mount(disk):
+        pytest.skip("no mount namespaces here")
+    program = tmp_path / "filled.py"
+    program.write_text(FILLED, encoding="utf-8")
+    told = subprocess.run(
+        [*NAMESPACE, sys.executable, str(program), str(disk)],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert told.stdout.splitlines() == [
+        "started [True]",
+        "ready 507",
+        "upload 507 True",
+        "deleted 204",
+        "ready 200 []",
+    ], told.stderr[-2000:]

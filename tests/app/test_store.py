@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta, timezone
 
+import psutil
 import pytest
 from sqlalchemy import inspect, text
 
 from app.errors import Unavailable
 from app.server.services import Services
-from app.storage.database import open_database, touch_database
+from app.storage.database import CONNECTIONS, open_database, touch_database
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
 from tests.app.support.live import serving
@@ -42,6 +45,26 @@ def test_a_fresh_store_is_whole_uses_wal_and_opens_again(tmp_path, engine):
     again = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
     touch_database(again)
     again.dispose()
+
+
+def test_many_at_once_share_so_many_descriptors(tmp_path, engine):
+    """Forty threads that all ask: the system's own list of open files stays at two for each connection, and one shared.
+
+    Mutation: connections beyond those kept, opened for a moment: their descriptors stay while any other holds a lock.
+    """
+    store = RecordingStore(engine)
+    together, open_files = threading.Barrier(40), []
+
+    def ask(number):
+        together.wait()
+        store.add(recording(number, datetime.now(UTC)))
+        store.all_newest_first()
+        open_files.append(sum(str(tmp_path) in file.path for file in psutil.Process().open_files()))
+
+    with ThreadPoolExecutor(40) as pool:
+        list(pool.map(ask, range(40)))
+    assert len(store.all_newest_first()) == 40
+    assert max(open_files) <= 2 * CONNECTIONS + 1
 
 
 def test_moments_keep_their_zone_and_their_order(engine):

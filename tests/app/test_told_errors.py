@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import errno
 import logging
+import socket
 import subprocess
 import sys
 
+import httpx2
 import pytest
 
 from app.storage.store import RecordingStore
+from calib_core.events import LogEvent
 from tests.app.support.live import serving
 
 
@@ -80,3 +83,41 @@ def test_no_sentence_tells_where_the_server_keeps_things(tmp_path, caplog):
         assert "worker.log" in answers[-1].json()["error"]["text"]
         for answer in answers:
             assert str(tmp_path) not in answer.text
+
+
+def test_a_page_closed_in_the_middle_of_a_stream_is_no_defect(shared_live, caplog):
+    """Oracle: the server's log once the request has ended. More is on the way than any socket's buffers hold.
+
+    Fails without ForgiveLeaving: a traceback in the log, found by eight fuzzers at once. Mutation of its own: forgiving a
+    stream that fails by itself, see below.
+    """
+    recording_id = shared_live.upload("slow.bag")
+    shared_live.wait(lambda: set(shared_live.job_states(recording_id).values()) == {"done"})
+    job_id = shared_live.start(recording_id)
+    long = LogEvent(level="info", code="test.long", text="x" * 200_000)
+    for _ in range(100):
+        shared_live.services.jobs.logs.write(job_id, long)
+    with socket.create_connection(("127.0.0.1", shared_live.port)) as page:
+        host = shared_live.origin.removeprefix("http://")
+        page.sendall(f"GET /api/jobs/{job_id}/events HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
+        came = page.recv(4096)
+        assert b"200 OK" in came
+        while b"xxx" not in came:
+            came += page.recv(65536)
+    shared_live.wait(lambda: not shared_live.server.server_state.tasks)
+    shared_live.http.post(f"/api/jobs/{job_id}/cancel")
+    shared_live.finish(job_id)
+    assert not [record for record in caplog.records if record.levelname == "ERROR" or record.exc_info]
+
+
+def test_a_stream_that_fails_by_itself_is_a_defect(shared_live, caplog, monkeypatch):
+    """Oracle: an error put in. Mutation: every group of exceptions forgiven."""
+    recording_id = shared_live.ready()
+
+    async def broken(*_):
+        yield next(iter(()))
+
+    monkeypatch.setattr(shared_live.services.feed, "watch", broken)
+    with pytest.raises(httpx2.HTTPError):
+        shared_live.http.get(f"/api/recordings/{recording_id}/events").read()
+    shared_live.wait(lambda: any("defect" in record.message for record in caplog.records))

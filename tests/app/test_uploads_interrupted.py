@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import random
+import signal
 import socket
 import threading
 import time
@@ -37,8 +38,8 @@ def stored(data_dir, recording_id):
     return (data_dir / "recordings" / recording_id / "source.bag").read_bytes()
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_kill_within_a_patch_leaves_the_bytes_that_were_sent(tmp_path, seed):
+@pytest.mark.parametrize(("seed", "end"), [(0, signal.SIGKILL), (1, signal.SIGKILL), (2, signal.SIGTERM)])
+def test_a_kill_or_a_stop_within_a_patch_leaves_the_bytes_that_were_sent(tmp_path, seed, end):
     """Oracle: the file that was sent. Mutation: an offset saved at the PATCH's end while bytes are appended as they come."""
     chance = random.Random(seed)
     content = chance.randbytes(24 * MIB)
@@ -50,7 +51,8 @@ def test_a_kill_within_a_patch_leaves_the_bytes_that_were_sent(tmp_path, seed):
         with victim.patch_begun(where, first, len(content) - first) as sock:
             sock.sendall(content[first : chance.randrange(first, len(content))])
             time.sleep(chance.uniform(0.0, 0.05))
-            victim.kill()
+            victim.process.send_signal(end)
+            victim.process.wait()
     with serving(tmp_path) as victim:
         assert victim.offset(where) >= acknowledged == first
         offset = victim.offset(where)
