@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pydantic import TypeAdapter, ValidationError
 
+from app.jobs.machine import FINAL
 from app.jobs.orders import StoredRequest
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Outcome
@@ -51,10 +52,11 @@ def outcome_of(record: JobRecord) -> Outcome | None:
 def telling(records: Sequence[JobRecord]) -> JobRecord | None:
     """The job that says where a recording stands, of its jobs newest first.
 
-    The newest; but an audit judges somebody else's extrinsic, so it does not stand before a solve that is the newest of
-    the others.
+    What is being done, else the newest solve: its answer is there whatever was read anew or audited since. Without a solve,
+    the newest.
     """
     own = next((record for record in records if record.kind != "audit"), None)
-    if own is not None and own.kind == "solve":
+    if own is not None and own.state not in FINAL:
         return own
-    return records[0] if records else None
+    solve = next((record for record in records if record.kind == "solve"), None)
+    return solve or next(iter(records), None)

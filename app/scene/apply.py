@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from app.scene.aim import Stage, Stand, hidden, stand
 from app.scene.cutaway import pieces
 from app.scene.cycle import Cycle, pierced
-from app.scene.doorless import DoorlessViser
+from app.scene.doorless import DoorlessViser, leaving
 from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
@@ -311,7 +311,7 @@ class ShownScene:
         found = self._stand(fov_rad=float(client.camera.fov), aspect=float(client.camera.aspect))
         if found is None:
             return
-        with client.atomic():
+        with leaving(client), client.atomic():
             client.camera.up_direction = self._stage.up
             client.camera.position, client.camera.look_at = found.eye_m, found.middle_m
         self._cut(found.eye_m)

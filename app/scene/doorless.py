@@ -15,6 +15,7 @@ import socket
 import types
 import uuid
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import ClassVar, cast
 
 import viser
@@ -129,3 +130,8 @@ class DoorlessViser(viser.ViserServer):
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Nothing: a recording does not leave the machine."""
+
+
+def leaving(client: viser.ClientHandle) -> AbstractContextManager[None]:
+    """For words to a browser that may be gone before they are said: viser warns of them, though nothing is amiss."""
+    return client._websock_connection.get_message_buffer().sanctioned_dead_writes()  # noqa: SLF001 - there is no other door

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import msgspec
+import numpy as np
 import psutil
 import pytest
 import viser
@@ -12,6 +13,7 @@ import viser._viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from app.scene.aim import Stand
 from app.scene.messages import admitted
 
 CAMERA = {
@@ -112,6 +114,25 @@ def test_no_browser_can_have_the_scene_published(shared_live, monkeypatch):
     handled = {kind.__name__ for kind in shown._server._connection._incoming_handlers}
     assert not handled & {"ShareUrlRequest", "ShareUrlDisconnect"}
     assert opened == []
+
+
+def test_a_browser_that_leaves_while_it_is_turned_is_no_matter(shared_live, monkeypatch):
+    """The camera of a browser that is gone is aimed, as when it left meanwhile; warnings are errors here.
+
+    Oracle: viser's own list of clients. Mutation: the camera set as for one that stays.
+    """
+    recording_id = shared_live.ready()
+    hub = shared_live.services.scenes
+    with browser(shared_live, recording_id) as socket:
+        socket.send(msgspec.msgpack.encode(CAMERA))
+        shown = hub._open[recording_id].shown
+        shared_live.wait(lambda: len(shown._server.get_clients()) == 1)
+        (client,) = shown._server.get_clients().values()
+    shared_live.wait(lambda: not shown._server.get_clients())
+    assert not np.allclose(client.camera.position, (7.0, 8.0, 9.0))
+    monkeypatch.setattr(shown, "_stand", lambda **_: Stand(np.array([7.0, 8.0, 9.0]), np.zeros(3)))
+    shown._turn(client)
+    np.testing.assert_allclose(client.camera.position, (7.0, 8.0, 9.0))
 
 
 @pytest.mark.parametrize("message", [CAMERA, CLICK, POINTER], ids=lambda message: message["type"])

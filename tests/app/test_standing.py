@@ -7,15 +7,15 @@ from datetime import UTC, datetime
 import pytest
 
 from app.jobs.kept import telling
-from app.schemas.jobs import JobKind
+from app.schemas.jobs import JobKind, JobState
 from app.storage.records import JobRecord
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def kept(number: int, kind: JobKind) -> JobRecord:
-    """A job that is done."""
-    return JobRecord(f"{number:032x}", "r", kind, "done", "{}", None, None, None, NOW, None, None)
+def kept(number: int, kind: JobKind, state: JobState = "done") -> JobRecord:
+    """A job."""
+    return JobRecord(f"{number:032x}", "r", kind, state, "{}", None, None, None, NOW, None, None)
 
 
 @pytest.mark.parametrize(
@@ -23,15 +23,24 @@ def kept(number: int, kind: JobKind) -> JobRecord:
     [
         (["audit", "solve", "planes", "inspect"], 1),
         (["audit", "audit", "planes", "inspect"], 0),
-        (["inspect", "audit", "solve"], 0),
-        (["audit", "inspect", "solve"], 0),
-        (["solve", "audit", "inspect"], 0),
+        (["inspect", "audit", "solve"], 2),
+        (["audit", "planes", "inspect", "solve"], 3),
+        (["solve", "solve", "audit", "inspect"], 0),
     ],
 )
-def test_an_audit_does_not_stand_before_a_solve(newest_first: list[JobKind], told: int) -> None:
-    """A solved recording stays solved when it is audited; read anew it is not. Mutation: the newest of all is taken."""
+def test_a_solve_stands_before_what_only_looked(newest_first: list[JobKind], told: int) -> None:
+    """A solved recording stays solved when it is audited or read anew. Mutations: the newest of all; the newest but audits."""
     jobs = [kept(number, kind) for number, kind in enumerate(newest_first)]
     assert telling(jobs) is jobs[told]
+
+
+@pytest.mark.parametrize("state", ["queued", "running", "cancelling"])
+def test_what_is_being_done_stands_before_what_was(state: JobState) -> None:
+    """The planes' search that runs is told; an audit that runs is not. Mutation: the newest solve whatever runs."""
+    solved = kept(9, "solve")
+    looking = kept(0, "planes", state)
+    assert telling([looking, solved]) is looking
+    assert telling([kept(0, "audit", state), solved]) is solved
 
 
 def test_a_recording_without_jobs_stands_nowhere() -> None:
