@@ -11,7 +11,11 @@ import viser
 from app.errors import Unavailable
 
 #: Same origin, so one line of CSS reaches it; the selector is pinned by a browser test.
-HIDE_PANEL = "<style>[data-testid^='floating-panel'],.mantine-Notifications-root{display:none!important}</style>"
+#: On a telephone it is another one, which has no name.
+HIDE_PANEL = (
+    "<style>[data-testid^='floating-panel'],.mantine-Paper-root[style*='position: fixed'],.mantine-Notifications-root"
+    "{display:none!important}</style>"
+)
 
 
 #: Stands in the page for what each answer draws anew.

@@ -195,7 +195,8 @@ def _judge_findings(case: _Case, findings: Sequence[Finding]) -> None:
         if finding.code in _LIMITING:
             case.limits.append(finding.text)
         elif finding.level == "warning" and finding.confidence < 0.5:
-            case.limits.append(f"{finding.text} This is unsure; check it, or set it with {finding.override}.")
+            cure = f"check it, or set it with {finding.override}" if finding.override[:2] == "--" else finding.override
+            case.limits.append(f"{finding.text} This is unsure; {cure}.")
 
 
 def axis_in_words(axis: tuple[float, float, float]) -> str:

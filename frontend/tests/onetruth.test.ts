@@ -3,7 +3,7 @@ import type { Recording, StageEvent } from "../src/api/client";
 import { addMessages, emptyRun } from "../src/api/jobstream";
 import { stalledS } from "../src/features/jobs/timeleft";
 import { strength } from "../src/features/planes/determinacy";
-import { otherUnit } from "../src/features/result/nextsteps";
+import { firstStep, otherUnit } from "../src/features/result/nextsteps";
 import { toneOf } from "../src/features/result/verdict";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
 import { standingOf } from "../src/features/start/recent";
@@ -95,5 +95,19 @@ describe("the next step of a refusal", () => {
       gyroscope_unit: "deg_s",
     });
     expect(otherUnit(recording, "the lidar stood still")).toBeNull();
+  });
+
+  const unit = otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar");
+  // Fails when every refusal leads back to the planes; when a weak answer does not ask for another motion.
+  it.each([
+    ["refused", ["imu.gyroscope_unit"], unit, "unit"],
+    ["refused", ["motion.none"], null, "record"],
+    ["refused", ["planes.lost"], null, "planes"],
+    ["refused", ["imu.axis_signs"], null, "reading"],
+    ["weak", ["solve.weak"], null, "record"],
+    ["calibrated", ["solve.disagreement"], null, "planes"],
+    ["calibrated", ["map.none"], null, null],
+  ] as const)("of %s with %j puts first what helps", (status, codes, doubted, step) => {
+    expect(firstStep(status, codes, doubted)).toBe(step);
   });
 });

@@ -167,14 +167,21 @@ def serious_faults(page: Page) -> list[str]:
 SIZES = ((1280, 720), (820, 1180), (390, 844))
 
 
+#: Panes that have to be pushed sideways to be read.
+PUSHED = """() => [document.querySelector('main'), ...document.querySelectorAll('main > *, main > * > *')]
+  .filter(one => getComputedStyle(one).overflowX === 'auto' && one.scrollWidth > one.clientWidth + 1)
+  .map(one => `${one.className}: ${one.scrollWidth - one.clientWidth} px too wide`)"""
+
+
 def faults_in_all_sizes(page: Page) -> list[str]:
-    """What axe finds serious, and what sticks out of the window, at each size; the desk's size is left behind."""
+    """What axe finds serious, and what is wider than its place, at each size; the desk's size is left behind."""
     found: list[str] = []
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         found += [f"{width}: {fault}" for fault in serious_faults(page)]
         too_wide = int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
         found += [f"{width}: {too_wide} px stick out"] if too_wide > 0 else []
+        found += [f"{width}: {pane}" for pane in page.evaluate(PUSHED)]
     page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
     return found
 

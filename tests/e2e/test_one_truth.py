@@ -63,24 +63,9 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, solved: 
         assert re.search(rf"(?<![\d.]){std * 1e3:.2f}(?!\d)", text)
 
 
-def test_ways_to_look_and_a_prior_typed_in_the_page(page: Page, api: Api, solved: tuple[str, str]) -> None:
-    """The room is looked at from above, points grow, and what is known is told to the next solve by clicks alone.
-
-    Fails with a preset not sent; with millimetres of a prior sent as metres; with the options hidden after a solve.
-    """
-    recording, job = solved
-    page.goto(f"/r/{recording}/solve?job={job}")
-    page.get_by_role("button", name="Add something known").click()
-    page.get_by_role("textbox", name="Value of Position z, mm").fill("310")
-    again = page.get_by_role("button", name="Solve again")
-    expect(again).to_be_disabled()
-    page.get_by_role("textbox", name="One standard deviation of Position z, mm").fill("5")
-    with page.expect_request(lambda request: request.method == "POST" and request.url.endswith("/jobs")) as caught:
-        again.click()
-    told = caught.value.post_data_json["settings"]["priors"]
-    assert told == [{"axis": "tz", "value": 0.31, "std": 0.005}]
-    page.get_by_role("button", name="Cancel").click()
-
+def test_ways_to_look(page: Page, solved: tuple[str, str]) -> None:
+    """The room is looked at from above, and points grow. Fails with a preset not sent; with a size not sent."""
+    recording, _ = solved
     page.goto(f"/r/{recording}/planes")
     tools = page.get_by_role("group", name="How the scene is looked at")
     tools.get_by_text("Top").click(timeout=120_000)

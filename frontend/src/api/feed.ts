@@ -27,22 +27,32 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
         client.setQueryData<Recording>(keys.recording(id), (old) =>
           old === undefined ? old : { ...old, latest_job: message.job },
         );
-      void client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
+      // A report names the planes and says which way is up.
+      void refresh(client, id, message.job.kind === "planes" || message.job.kind === "inspect");
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });
-      // A report names the planes and says which way is up.
-      if (message.job.kind === "planes" || message.job.kind === "inspect")
-        void client.invalidateQueries({ queryKey: keys.planes(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });
-      void client.invalidateQueries({ queryKey: keys.recording(id) });
+      void refresh(client, id, true);
+      void client.invalidateQueries({
+        queryKey: keys.recording(id),
+        predicate: ({ queryKey }) => queryKey.length > 2 && queryKey[2] !== keys.planes(id)[2],
+      });
       void client.invalidateQueries({ queryKey: keys.recordings });
       return;
     case "resync":
       void client.invalidateQueries();
       return;
   }
+}
+
+/** The recording first: read anew it has no planes for a while, and who asked for them then would be refused. */
+async function refresh(client: QueryClient, id: string, planes: boolean): Promise<void> {
+  await client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
+  if (!planes) return;
+  const there = client.getQueryData<Recording>(keys.recording(id))?.has_planes === true;
+  await client.invalidateQueries({ queryKey: keys.planes(id), refetchType: there ? "active" : "none" });
 }
 
 interface Refusal {

@@ -3,6 +3,7 @@ import { useEffect, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import css from "./plot.module.css";
+import { logTicks, ticks } from "./ticks";
 
 export interface Line {
   label: string;
@@ -84,16 +85,19 @@ export function LinePlot({
           {
             ...axis,
             size: 24,
-            space: 48,
-            values: (_, ticks) =>
-              ticks.map((tick, i) => (i === ticks.length - 1 && fitsTick(xUnit) ? `${tick} ${xUnit}` : String(tick))),
+            splits: (self, _, low, high) => ticks(low, high, Math.floor(self.bbox.width / devicePixelRatio / 48)),
+            values: (_, found) =>
+              found.map((tick, i) =>
+                i === found.length - 1 && fitsTick(xUnit) ? `${shortNumber(tick)} ${xUnit}` : shortNumber(tick),
+              ),
           },
-          // A low plot gets three ticks too.
           {
             ...axis,
             size: 46,
-            space: Math.min(30, (height - 40) / 3),
-            values: (_, ticks: (number | null)[]) => ticks.map(tickText),
+            splits: (_, __, low, high) => (logarithmic ? logTicks : ticks)(low, high, Math.floor((height - 32) / 24)),
+            // uPlot's own filter leaves out what is no power of ten.
+            filter: (_, splits) => splits,
+            values: (_, found) => found.map(shortNumber),
           },
         ],
         series: [
@@ -159,11 +163,6 @@ export function LinePlot({
 /** A longer word beside the last tick would be cut off by the plot's edge. */
 function fitsTick(unit: string): boolean {
   return unit.length <= 3;
-}
-
-/** uPlot leaves out ticks of a logarithmic axis by handing null where its types promise a number. */
-function tickText(value: number | null): string {
-  return value === null ? "" : shortNumber(value);
 }
 
 function valueText(value: number | null | undefined): string {

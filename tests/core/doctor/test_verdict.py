@@ -8,7 +8,7 @@ import pytest
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.report import Forecast, ImuReport, ParameterForecast, PlaneReport, PlanesReport
 from calib_core.doctor.verdict import Opinion, judge
-from calib_core.types import FloatArray
+from calib_core.types import Finding, FloatArray
 from tests.core.doctor.test_doctor import data
 from tests.core.readers.test_imu import tilting
 
@@ -140,3 +140,18 @@ def test_nobody_is_told_to_name_the_imu() -> None:
     assert said.verdict == "good"
     assert not any("imu-noise" in line for line in said.advice)
     assert any("stand still" in line for line in said.advice)
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("--point-time-unit ns", "This is unsure; check it, or set it with --point-time-unit ns."),
+        ("record them anew", "This is unsure; record them anew."),
+    ],
+)
+def test_an_unsure_finding_names_its_cure(override: str, told: str) -> None:
+    """An option is set, an action is done. Mutation: every cure called something to set it with."""
+    finding = Finding("points.time_synthesised", "warning", "Times were made up.", (), 0.3, "", override)
+    imu = report(*tilting(25))
+    found = judge(lidar=None, imu=imu, problems=(), findings=(finding,), overlap_s=25.0, planes=ROOM, forecast=None)
+    assert f"Times were made up. {told}" in found.reasons

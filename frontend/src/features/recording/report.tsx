@@ -38,6 +38,21 @@ export function Report({ recording, report }: { recording: Recording; report: Do
           {report.reasons.map((reason) => (
             <p key={reason}>{reason}</p>
           ))}
+          {lacksPointTimes(recording, report) && (
+            <div className={css.cure}>
+              <Button
+                size="compact-md"
+                loading={change.isPending}
+                onClick={() => change.mutate({ synthesise_point_time: true })}
+              >
+                Make up point times
+              </Button>
+              <p className="dim small">
+                From the order in which a sweep goes round: it costs accuracy, and says so. A recording with its own
+                times is better.
+              </p>
+            </div>
+          )}
         </div>
       </header>
       {report.timeline.t_s.length > 1 && (
@@ -72,6 +87,12 @@ export function Report({ recording, report }: { recording: Recording; report: Do
       <Findings title="What was recognised" findings={recognised} pending={change.isPending} onFix={fix} />
     </div>
   );
+}
+
+/** Without a time for each point there is nothing to calibrate; the one cure that this recording has. */
+export function lacksPointTimes(recording: Pick<Recording, "read_settings">, report: DoctorReport): boolean {
+  const made = recording.read_settings.synthesise_point_time;
+  return report.lidar !== null && report.lidar.point_time === null && !made;
 }
 
 const order: Record<FindingReport["level"], number> = { error: 0, warning: 1, info: 2 };

@@ -100,15 +100,16 @@ function Facts({ facts }: { facts: readonly Fact[] }) {
   );
 }
 
-function lidarFacts({ lidar }: DoctorReport): Fact[] {
+function lidarFacts({ lidar, findings }: DoctorReport): Fact[] {
   if (lidar === null) return [];
   const time = lidar.point_time;
   const ranges = lidar.ranges;
+  const madeUp = findings.some((finding) => finding.code === "points.time_synthesised");
   return [
     ["Sensor", lidar.preset.identified ? lidar.preset.name : `not recognised (as ${lidar.preset.name})`],
     ["Scans", `${count(lidar.scans)} at ${fixed(lidar.stamps.rate_hz, 1)} Hz`],
     ["Points a scan", ranges === null ? "–" : count(ranges.points_per_scan)],
-    ["Point time", time === null ? "none" : `${time.field}, ${time.unit}`],
+    ["Point time", time === null ? (madeUp ? "made up" : "none") : `${time.field}, ${time.unit}`],
     ["Range noise", rangeNoise(lidar)],
     ["Ranges", ranges === null ? "–" : `${fixed(ranges.p05_m, 1)} to ${fixed(ranges.p95_m, 1)} m`],
   ];

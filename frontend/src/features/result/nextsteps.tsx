@@ -1,4 +1,5 @@
 import { Button } from "@mantine/core";
+import { Fragment, type ReactNode } from "react";
 import { Link, useNavigate } from "react-router";
 import type { CalibrationResult, ChangeRecording, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/queries";
@@ -30,6 +31,22 @@ export function otherUnit(recording: Pick<Recording, "report" | "read_settings">
   return null;
 }
 
+export type Step = "record" | "unit" | "reading" | "planes";
+
+/** What helps most, by what the run said; null where nothing stands out. */
+export function firstStep(
+  status: CalibrationResult["status"],
+  codes: readonly string[],
+  unit: Unit | null,
+): Step | null {
+  const about = (...starts: string[]) => codes.some((code) => starts.some((start) => code.startsWith(start)));
+  if (unit !== null && about("imu.gyroscope_unit", "imu.accelerometer_unit")) return "unit";
+  if (about("imu.axis_signs", "points.time_field")) return "reading";
+  if (status === "weak" || about("motion.", "start.too_short")) return "record";
+  if (about("planes.", "solve.", "start.", "paper.")) return "planes";
+  return null;
+}
+
 /** What to do with an answer that is not one, or that something speaks against: the next step as buttons. */
 export function NextSteps({ recording, result }: { recording: Recording; result: CalibrationResult }) {
   const navigate = useNavigate();
@@ -41,52 +58,57 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
     .join(" ");
   const unit = otherUnit(recording, reasons);
   const motions = result.observability.advice ?? [];
+  const gravest = result.messages.filter(
+    (message) => message.level === (result.status === "refused" ? "error" : "warning"),
+  );
+  const first = firstStep(
+    result.status,
+    gravest.map((message) => message.code),
+    unit,
+  );
+  const look = (step: Step) =>
+    ({ size: "compact-md", variant: step === first ? "filled" : "default", "data-first": step === first }) as const;
+  const steps: Record<Step, ReactNode> = {
+    record: <GuideButton label="Record again with this motion" asked={motions} variant={look("record").variant} />,
+    unit: unit !== null && (
+      <Button
+        {...look("unit")}
+        loading={change.isPending}
+        onClick={() => change.mutate(unit.change, { onSuccess: () => void navigate(`${base}/recording`) })}
+      >
+        {unit.label}
+      </Button>
+    ),
+    reading: (
+      <Button component={Link} to={`${base}/recording`} {...look("reading")}>
+        See how it was read
+      </Button>
+    ),
+    planes: (
+      <Button
+        component={Link}
+        to={`${base}/planes`}
+        {...look("planes")}
+        leftSection={<Icon name="previous" size={13} />}
+      >
+        Back to the planes
+      </Button>
+    ),
+  };
+  const order = (["unit", "planes", "record", "reading"] as const).toSorted(
+    (a, b) => Number(b === first) - Number(a === first),
+  );
   return (
     <section aria-label="Next step" className={css.next}>
       <h2>What to do now</h2>
       <div className={css.nextButtons}>
-        <Button
-          component={Link}
-          to={`${base}/planes`}
-          variant="default"
-          size="compact-md"
-          leftSection={<Icon name="previous" size={13} />}
-        >
-          Back to the planes
-        </Button>
-        {unit !== null && (
-          <Button
-            variant="default"
-            size="compact-md"
-            loading={change.isPending}
-            onClick={() => change.mutate(unit.change, { onSuccess: () => void navigate(`${base}/recording`) })}
-          >
-            {unit.label}
-          </Button>
-        )}
-        <Button component={Link} to={`${base}/recording`} variant="default" size="compact-md">
-          See how it was read
-        </Button>
+        {order.map((step) => (
+          <Fragment key={step}>{steps[step]}</Fragment>
+        ))}
         <Button component={Link} to={`${base}/solve`} variant="default" size="compact-md">
           Solve with other settings
         </Button>
-        <Button
-          component={Link}
-          to="/"
-          variant="default"
-          size="compact-md"
-          leftSection={<Icon name="restart" size={13} />}
-        >
-          Open a new recording
-        </Button>
-        <GuideButton />
       </div>
-      {motions.length === 0 && (
-        <p className="dim small">
-          If none of it helps, record again: stand still for two seconds, then turn briskly to and fro about all three
-          axes for half a minute, 1 to 10 m from walls and floor.
-        </p>
-      )}
       {change.isError && <Fault error={change.error} />}
     </section>
   );

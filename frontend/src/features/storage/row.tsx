@@ -28,34 +28,42 @@ export function RecordingUseRow({ use }: { use: RecordingUse }) {
         <th scope="row">
           <Link to={`/r/${use.recording_id}/recording`}>{use.name}</Link>
         </th>
-        <td className="num">{use.origin === "folder" ? "in place" : bytes(use.source_bytes)}</td>
-        <td className="num">{bytes(use.arrays_bytes)}</td>
-        <td className="num">{bytes(use.results_bytes)}</td>
-        <td>{ago(Date.parse(use.last_used_at), now)}</td>
+        <td className="num" data-name="File">
+          {use.origin === "folder" ? "in place" : bytes(use.source_bytes)}
+        </td>
+        <td className="num" data-name="Read from it">
+          {bytes(use.arrays_bytes)}
+        </td>
+        <td className="num" data-name="Results">
+          {bytes(use.results_bytes)}
+        </td>
+        <td data-name="Last used">{ago(Date.parse(use.last_used_at), now)}</td>
         <td className={css.actions}>
-          <Tooltip label="A link for others, for a day: they can look and change nothing">
-            <ActionIcon
-              variant="subtle"
-              color="gray"
-              aria-label={`Make a link to ${use.name}`}
-              loading={share.isPending}
-              onClick={() => share.mutate()}
-            >
-              <Icon name="copy" />
-            </ActionIcon>
-          </Tooltip>
-          <Tooltip label={label}>
-            <ActionIcon
-              variant={sure ? "filled" : "subtle"}
-              color={sure ? "red" : "gray"}
-              aria-label={label}
-              loading={remove.isPending}
-              onClick={drop}
-              onBlur={() => setSure(false)}
-            >
-              <Icon name="trash" />
-            </ActionIcon>
-          </Tooltip>
+          <div>
+            <Tooltip label="A link for others, for a day: they can look and change nothing">
+              <ActionIcon
+                variant="subtle"
+                color="gray"
+                aria-label={`Make a link to ${use.name}`}
+                loading={share.isPending}
+                onClick={() => share.mutate()}
+              >
+                <Icon name="copy" />
+              </ActionIcon>
+            </Tooltip>
+            <Tooltip label={label}>
+              <ActionIcon
+                variant={sure ? "filled" : "subtle"}
+                color={sure ? "red" : "gray"}
+                aria-label={label}
+                loading={remove.isPending}
+                onClick={drop}
+                onBlur={() => setSure(false)}
+              >
+                <Icon name="trash" />
+              </ActionIcon>
+            </Tooltip>
+          </div>
         </td>
       </tr>
       {(share.data !== undefined || fault !== null) && (
