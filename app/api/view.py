@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
 
-from app.schemas.view import ChangeView, View
+from fastapi import APIRouter, Query
+
+from app.schemas.view import ChangeView, UnderPointer, View
 from app.server.deps import RecordingDep, ServicesDep
+
+Share = Annotated[float, Query(ge=0, le=1)]
 
 router = APIRouter(prefix="/api/recordings/{recording_id}/view", tags=["view"])
 
@@ -20,3 +24,9 @@ def read_view(services: ServicesDep, recording: RecordingDep) -> View:
 def change_view(services: ServicesDep, recording: RecordingDep, change: ChangeView) -> View:
     """Show something else; all browsers are told."""
     return services.scenes.change_view(recording.id, change)
+
+
+@router.get("/under")
+def read_under_pointer(services: ServicesDep, recording: RecordingDep, u: Share, v: Share) -> UnderPointer:
+    """What is under the pointer; `u` and `v` are shares of the canvas from its upper left corner."""
+    return UnderPointer(text=services.scenes.read_out(recording.id, (u, v)))

@@ -16,6 +16,7 @@ from app.scene.cutaway import pieces
 from app.scene.cycle import Cycle, pierced
 from app.scene.doorless import DoorlessViser, leaving
 from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
+from app.scene.readout import read_out
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
 from calib_core.types import FloatArray
@@ -146,6 +147,13 @@ class ShownScene:
     def camera(self) -> Camera | None:
         """Where the browser looks from whose camera moved last; None before there is one."""
         return self._camera
+
+    def read_out(self, place: tuple[float, float]) -> str:
+        """What is under the pointer at that place of the canvas, shares of it, in the browser that moved last."""
+        camera, content = self._camera, self._content
+        if camera is None or content.readout is None:
+            return ""
+        return read_out(content.readout, content.stage.walls, camera, place)
 
     def show(self, content: Content, *, dark: bool) -> None:
         """Make the scene be the content."""

@@ -26,6 +26,7 @@ from app.scene.items import (
     Sheet,
     point_size_m,
 )
+from app.scene.readout import Readout, from_plane, lean
 from app.scene.support import support_of
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
@@ -104,9 +105,21 @@ def build_planes(
         + (" Click a plane to change it." if judging else ""),
         aim=WHOLE_ROOM if up is None else f"{WHOLE_ROOM}, upright",
         stage=stage,
+        readout=Readout(xyz, lambda place: _said(xyz[place], owner[shown[place]], planes, stage)),
         # What lies outside a box makes no plane, so it is no place to click either.
         pickable_m=proposals.cloud_m[within_region(proposals.cloud_m, planes.region)],
     )
+
+
+def _said(point_m: Float32Array, owner: int, planes: PlaneSet, stage: Stage) -> str:
+    """Of a point of the static cloud, which was seen from its origin."""
+    away = f"{np.linalg.norm(point_m):.2f} m from the lidar"
+    if owner < 0:
+        return f"No plane, {away}"
+    patch = planes.patches[owner]
+    normal = np.array(patch.normal)
+    off = from_plane("it", float(normal @ point_m + patch.offset_m))
+    return f"{patch.name}: {lean(normal, stage.up)}; {away}, {off}"
 
 
 def lightness(walls: FloatArray, stage: Stage) -> Float32Array:

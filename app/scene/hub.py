@@ -153,6 +153,11 @@ class SceneHub:
         scene = self._open.get(recording_id)
         return None if scene is None else scene.shown.camera
 
+    def read_out(self, recording_id: str, place: tuple[float, float]) -> str:
+        """What is seen at that place of the canvas, shares of it; "" where there is nothing, or no scene."""
+        scene = self._open.get(recording_id)
+        return "" if scene is None else scene.shown.read_out(place)
+
     def watcher_came(self, recording_id: str, change: int) -> None:
         """A browser connected to the scene (+1) or left it (-1)."""
         with self._lock_of(recording_id):

@@ -7,8 +7,9 @@ old        the same with the extrinsic the user had before
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from app.results.thickness import GATE_M, nearest_plane, outlines_of, rigid_map_
 from app.scene.aim import Stage
 from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
+from app.scene.readout import Readout, from_plane
 from app.scene.wipe import Camera, left_of
 from app.schemas.view import Against, ColorBy, Extent, Show
 from calib_core import api
@@ -74,11 +76,12 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     each = look.limit if look.show == "wipe" else look.limit // len(sources)
     one_color = look.show == "both"
     parts = [_cloud(recording, look, motions, source, each, one_color=one_color) for source in sources]
+    kept: list[BoolArray | slice] = [slice(None)] * len(parts)
     if look.show == "wipe" and camera is not None:
         keep: list[Callable[[BoolArray], BoolArray]] = [lambda left: left, lambda left: ~left]
-        parts = [
-            _kept(part, chosen(left_of(part.xyz, camera, look.wipe))) for part, chosen in zip(parts, keep, strict=True)
-        ]
+        chosen = [side(left_of(part.xyz, camera, look.wipe)) for part, side in zip(parts, keep, strict=True)]
+        parts = [_kept(part, mask) for part, mask in zip(parts, chosen, strict=True)]
+        kept = list(chosen)
     shifts = [np.zeros(3) for _ in parts]
     labels: list[Item] = []
     if look.show == "side":
@@ -94,6 +97,7 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
         aim=f"side of {len(sources)}" if beside else ONE_PLACE,
         # Beside each other there is more than one room, and walls of none of them are where the planes say.
         stage=replace(look.stage, walls=look.stage.walls[:0]) if beside else look.stage,
+        readout=_readout(parts, shifts, motions.solved, cache(lambda: _returns(recording, look, each, kept))),
     )
 
 
@@ -111,10 +115,14 @@ def _sources(look: Look, motions: Motions) -> tuple[Source, ...]:
             return (against, "deskewed")
 
 
-def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, limit: int, *, one_color: bool) -> Cloud:
+def _scans(recording: Recording, look: Look, limit: int) -> list[Scan]:
     places = [look.place] if look.extent == "scan" else spread(len(recording.scans), MAP_SCANS)
     each = max(1, limit // len(places))
-    scans = [thinned_scan(recording.scans[place], each) for place in places]
+    return [thinned_scan(recording.scans[place], each) for place in places]
+
+
+def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, limit: int, *, one_color: bool) -> Cloud:
+    scans = _scans(recording, look, limit)
     points = [_points(scan, motions, source) for scan in scans]
     if one_color:
         rgb = palette.uniform(sum(len(part) for part in points), ONE_COLOR[source])
@@ -123,6 +131,45 @@ def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, l
         rgb = np.concatenate([_colors(scan, part, motions.solved, look.stage, look.color_by) for scan, part in pairs])
     xyz = np.concatenate(points)
     return Cloud(f"/{source}", xyz, rgb, point_size_m(xyz))
+
+
+def _returns(recording: Recording, look: Look, limit: int, kept: Sequence[BoolArray | slice]) -> FloatArray:
+    """(N, 4) of the points of all clouds, one behind the other: scan, laser, range [m], time in the sweep [ms]."""
+    columns = [
+        np.stack(
+            [
+                np.full(len(scan.points), scan.index, dtype=np.float64),
+                scan.points["ring"].astype(np.float64),
+                np.linalg.norm(scan.points["xyz"], axis=1).astype(np.float64),
+                scan.points["offset_ns"] * 1e-6,
+            ],
+            axis=1,
+        )
+        for scan in _scans(recording, look, limit)
+    ]
+    of_cloud = np.concatenate(columns)
+    return np.concatenate([of_cloud[mask] for mask in kept])
+
+
+def _readout(
+    parts: list[Cloud], shifts: list[FloatArray], solved: Solved, returns: Callable[[], FloatArray]
+) -> Readout:
+    """returns: made when a point is first asked for, since most scenes are only looked at."""
+    drawn = np.concatenate([part.xyz for part in parts])
+    part_of = np.repeat(np.arange(len(parts)), [len(part.xyz) for part in parts])
+    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
+    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
+
+    def says(place: int) -> str:
+        scan, laser, range_m, ms = returns()[place]
+        here = (drawn[place] - shifts[part_of[place]]).astype(np.float32)[None]
+        owner, dist_m = nearest_plane(
+            here, normals, offsets_m, gate_m=RESIDUAL_GATE_M, outlines_m=outlines_of(solved.planes)
+        )
+        on = "no plane near" if owner[0] < 0 else from_plane(solved.planes[owner[0]].name, float(dist_m[0]))
+        return f"{on}; laser {laser:.0f}, {range_m:.2f} m away, {ms:.1f} ms into scan {scan + 1:.0f}"
+
+    return Readout(drawn, says)
 
 
 def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from app.planes.palette import Colors, Rgb
 from app.scene.aim import Stage
+from app.scene.readout import Readout
 from app.schemas.view import Preset
 from calib_core.types import Float32Array, FloatArray
 
@@ -112,7 +113,7 @@ class Content:
     pickable_m: (N, 3) source points a click in the canvas may mean, map frame; empty where clicks mean nothing.
     aim: cameras look at the whole anew when this changes; "" leaves them where they are.
     stage: the room around it, which says what is up, and what is cut away.   preset: from where cameras look; they
-    go there again when `looks` changes.
+    go there again when `looks` changes.   readout: what is said of a point under the pointer; None: nothing.
     """
 
     items: tuple[Item, ...]
@@ -122,6 +123,7 @@ class Content:
     stage: Stage = field(default_factory=Stage)
     preset: Preset = "overview"
     looks: int = 0
+    readout: Readout | None = None
     pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
 
     @property

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from calib_core.types import Float32Array, FloatArray
+from calib_core.types import BoolArray, Float32Array, FloatArray
 
 #: Half opening of the cone: about the size of a finger's pixel on the canvas.
 CONE_RAD = 0.01
@@ -13,9 +15,23 @@ SURFACE_DEPTH_M = 0.3
 
 
 def pick(points_m: Float32Array, origin_m: FloatArray, direction: FloatArray) -> FloatArray | None:
-    """The picked point (3,), or None where the ray passes all.
+    """The picked point (3,), or None where the ray passes all."""
+    place = pick_place(points_m, origin_m, direction)
+    if place is None:
+        return None
+    picked: FloatArray = points_m[place].astype(np.float64)
+    return picked
 
-    points_m: (N, 3).   origin_m: (3,).   direction: (3,), any length but zero.
+
+def pick_place(
+    points_m: Float32Array,
+    origin_m: FloatArray,
+    direction: FloatArray,
+    drawn: Callable[[Float32Array], BoolArray] | None = None,
+) -> int | None:
+    """The place of the picked point, or None where the ray passes all.
+
+    points_m: (N, 3).   origin_m: (3,).   direction: (3,), any length but zero.   drawn: which of some points count.
     Of the points inside the cone the surface nearest to the camera wins, and on it the point nearest to the ray.
     """
     length = float(np.linalg.norm(direction))
@@ -26,9 +42,9 @@ def pick(points_m: Float32Array, origin_m: FloatArray, direction: FloatArray) ->
     along_m = relative @ ray
     off_m = np.sqrt(np.maximum(np.einsum("ij,ij->i", relative, relative) - along_m**2, 0.0))
     candidates = np.flatnonzero((along_m > 0.05) & (off_m <= np.tan(CONE_RAD) * along_m))
+    if drawn is not None:
+        candidates = candidates[drawn(points_m[candidates])]
     if len(candidates) == 0:
         return None
     near = candidates[along_m[candidates] <= along_m[candidates].min() + SURFACE_DEPTH_M]
-    chosen = near[np.argmin(off_m[near] / along_m[near])]
-    picked: FloatArray = points_m[chosen].astype(np.float64)
-    return picked
+    return int(near[np.argmin(off_m[near] / along_m[near])])

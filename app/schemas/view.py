@@ -128,6 +128,12 @@ class View(ViewState):
     note: str = Field(default="", description="why the scene is empty or shows something else than asked; '' if not")
 
 
+class UnderPointer(WireModel):
+    """What is seen at a place of the canvas."""
+
+    text: str = Field(description="plane, tilt, laser, range: one short sentence; '' where there is nothing")
+
+
 class PlanesChanged(WireModel):
     """Fetch the planes again."""
 

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 
 from app.results.verdict import verdict
 from calib_core.result import CalibrationResult
-from tests.e2e.support import Api
+from tests.e2e.support import Api, dense_spots, scene, wait_for_cloud
 
 
 def two_digits(sigma: float, most: int) -> str:
@@ -63,10 +63,21 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, solved: 
         assert re.search(rf"(?<![\d.]){std * 1e3:.2f}(?!\d)", text)
 
 
-def test_ways_to_look(page: Page, solved: tuple[str, str]) -> None:
-    """The room is looked at from above, and points grow. Fails with a preset not sent; with a size not sent."""
+def test_ways_to_look(page: Page, api: Api, solved: tuple[str, str]) -> None:
+    """A point under the pointer says whose it is; the room is looked at from above, and points grow.
+
+    Fails with the pointer's place sent in pixels; with a preset not sent; with a size not sent.
+    """
     recording, _ = solved
     page.goto(f"/r/{recording}/planes")
+    spots = dense_spots(wait_for_cloud(page))
+    area = scene(page).bounding_box()
+    assert area is not None
+    names = "|".join(re.escape(patch["name"]) for patch in api.planes(recording)["patches"])
+    page.mouse.move(area["x"] + spots[0][0] + 3, area["y"] + spots[0][1])
+    page.mouse.move(area["x"] + spots[0][0], area["y"] + spots[0][1])
+    said = page.get_by_text(re.compile(rf"^({names}): \d+\.\d° off (level|plumb); \d+\.\d\d m from the lidar"))
+    expect(said).to_be_visible()
     tools = page.get_by_role("group", name="How the scene is looked at")
     tools.get_by_text("Top").click(timeout=120_000)
     expect(tools.get_by_role("radio", name="Top")).to_be_checked()

@@ -153,6 +153,20 @@ export const exportQuery = (jobId: string, format: string) =>
   });
 
 export const resultDownloadUrl = (jobId: string) => `/api/results/${jobId}/download`;
+/** What is seen at a place of the canvas, shares of it; "" for nothing, and where nobody answers. */
+export async function askUnder(id: string, u: number, v: number): Promise<string> {
+  const query = { u, v };
+  try {
+    return (
+      await body(
+        api.GET("/api/recordings/{recording_id}/view/under", { params: { path: { recording_id: id }, query } }),
+      )
+    ).text;
+  } catch {
+    return "";
+  }
+}
+
 export const auditDownloadUrl = (jobId: string) => `/api/audits/${jobId}`;
 export const reportUrl = (jobId: string) => `/api/results/${jobId}/report`;
 export const mapPageUrl = (jobId: string, dark: boolean) => `/api/results/${jobId}/scene.html?dark=${dark}`;

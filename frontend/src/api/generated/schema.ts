@@ -428,6 +428,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/recordings/{recording_id}/view/under": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read Under Pointer
+         * @description What is under the pointer; `u` and `v` are shares of the canvas from its upper left corner.
+         */
+        get: operations["read_under_pointer"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/results/{job_id}": {
         parameters: {
             query?: never;
@@ -3292,6 +3312,17 @@ export interface components {
             translation_std_m: number[];
         };
         /**
+         * UnderPointer
+         * @description What is seen at a place of the canvas.
+         */
+        UnderPointer: {
+            /**
+             * Text
+             * @description plane, tilt, laser, range: one short sentence; '' where there is nothing
+             */
+            text: string;
+        };
+        /**
          * Undo
          * @description Take back the last change.
          */
@@ -4356,6 +4387,41 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["View"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    read_under_pointer: {
+        parameters: {
+            query: {
+                u: number;
+                v: number;
+            };
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["UnderPointer"];
                 };
             };
             /** @description Refused; the body says why */

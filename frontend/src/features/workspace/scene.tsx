@@ -1,7 +1,7 @@
 import { useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useRef, useState, type RefObject } from "react";
-import { useChangeView, viewQuery } from "../../api/queries";
+import { askUnder, useChangeView, viewQuery } from "../../api/queries";
 import { Notice } from "../../ui/notice";
 import { useShortcutRegistry } from "../../ui/shortcuts";
 import type { StepName } from "../../ui/stepper";
@@ -34,6 +34,8 @@ export function ScenePane({
     return () => inner?.removeEventListener("keydown", handle);
   }, [handle, loaded]);
 
+  const under = useUnderPointer(recordingId, frame, visible && drawn);
+
   if (!wanted) return null;
   const shown = view.data;
   return (
@@ -50,6 +52,11 @@ export function ScenePane({
       <div className={css.waiting} data-gone={drawn}>
         Opening the 3D scene…
       </div>
+      {under !== null && (
+        <div className={css.under} aria-hidden="true" style={{ left: `${under.u * 100}%`, top: `${under.v * 100}%` }}>
+          <span data-flipped={under.u > 0.6}>{under.text}</span>
+        </div>
+      )}
       {visible && shown !== undefined && shown.note !== "" && shown.mode === mode && (
         <div className={css.note}>
           <Notice level="info">{shown.note}</Notice>
@@ -66,6 +73,7 @@ export function ScenePane({
 const lookEveryMs = 100;
 /** What the scene's own, unseen panel is called once background and first points have been sent; they are drawn soon after. */
 const firstPicture = "first picture";
+const panels = "[data-testid^='floating-panel'], .mantine-Paper-root[style*='position: fixed']";
 const firstPictureMs = 600;
 /** A browser that cannot draw shows what it has to say after this. */
 const longestMs = 20_000;
@@ -79,13 +87,60 @@ function useFirstPicture(frame: RefObject<HTMLIFrameElement | null>, loaded: boo
     let seen = 0;
     const timer = window.setInterval(() => {
       waited += lookEveryMs;
-      const panel = frame.current?.contentDocument?.querySelector("[data-testid^='floating-panel']");
+      const panel = frame.current?.contentDocument?.querySelector(panels);
       if (panel?.textContent.includes(firstPicture) === true) seen += lookEveryMs;
       if (seen >= firstPictureMs || waited >= longestMs) setDrawn(true);
     }, lookEveryMs);
     return () => window.clearInterval(timer);
   }, [frame, loaded, drawn]);
   return drawn;
+}
+
+interface Under {
+  u: number;
+  v: number;
+  text: string;
+}
+
+/** A pointer that rests so long is asked about; one that moves on is not. */
+const restMs = 140;
+
+/** What is under the pointer that rests on the canvas; null while it moves, drags or is elsewhere. */
+function useUnderPointer(id: string, frame: RefObject<HTMLIFrameElement | null>, asked: boolean): Under | null {
+  const [under, setUnder] = useState<Under | null>(null);
+  useEffect(() => {
+    const inner = asked ? frame.current?.contentWindow : null;
+    if (inner === null || inner === undefined) return;
+    let timer = 0;
+    let place = 0;
+    const forget = () => {
+      window.clearTimeout(timer);
+      place += 1;
+      setUnder(null);
+    };
+    const moved = (event: PointerEvent) => {
+      forget();
+      if (event.buttons !== 0 || event.pointerType === "touch") return;
+      const [u, v] = [event.clientX / inner.innerWidth, event.clientY / inner.innerHeight];
+      const mine = place;
+      timer = window.setTimeout(() => {
+        void askUnder(id, u, v).then((text) => {
+          if (mine === place && text !== "") setUnder({ u, v, text });
+        });
+      }, restMs);
+    };
+    const leaves = ["pointerdown", "wheel", "blur"] as const;
+    inner.addEventListener("pointermove", moved);
+    inner.document.documentElement.addEventListener("pointerleave", forget);
+    for (const name of leaves) inner.addEventListener(name, forget);
+    return () => {
+      forget();
+      inner.removeEventListener("pointermove", moved);
+      inner.document.documentElement.removeEventListener("pointerleave", forget);
+      for (const name of leaves) inner.removeEventListener(name, forget);
+    };
+  }, [id, frame, asked]);
+  return under;
 }
 
 /** Tells the scene which background to draw on, when it opens and when the page's scheme changes. */
