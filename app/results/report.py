@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.results import captions, plots
-from app.results.verdict import verdict
+from app.results.verdict import tone, verdict
 from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.result import CalibrationResult, Transform, Uncertainty
@@ -60,6 +60,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
     return _template().render(
         result=result,
         heading=_HEADINGS[result.status],
+        tone=tone(result),
         verdict=_sentence(result),
         rows=_rows(result.T_imu_lidar, result.uncertainty, result.time_offset_s),
         matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
@@ -89,7 +90,7 @@ def _template() -> Template:
 
 def _sentence(result: CalibrationResult) -> str:
     """The verdict without the word that stands in front of it, as a sentence of its own."""
-    told = verdict(result).partition(": ")[2] or verdict(result)
+    told = verdict(result).removeprefix(_HEADINGS[result.status]).lstrip(":, ")
     return told[:1].upper() + told[1:]
 
 

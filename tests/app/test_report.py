@@ -16,7 +16,7 @@ from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import Beside, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
-from calib_core.result import Crispness, RoomCrispness
+from calib_core.result import Crispness, Message, RoomCrispness
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate
 from calib_core.types import Trajectory
@@ -100,6 +100,19 @@ def test_a_run_without_an_answer_has_its_page_too():
     assert "T_imu_lidar" not in page
     assert "Refused.</b> Nothing moves" in page
     assert "signature" in page
+
+
+def test_an_answer_whose_parts_disagree_says_so_once_and_not_in_green():
+    """Oracle: the page on the screen. Mutations: the colour by status; the word of the verdict said twice."""
+    result = world.make_result()
+    said = Message(code="solve.disagreement", level="warning", text="the parts disagree 9.2 times")
+    page = report_page(result.model_copy(update={"messages": [*result.messages, said]}))
+    assert re.search(
+        r'<div class="verdict doubtful"><b>Calibrated\.</b> But its parts disagree by more than noise', page
+    )
+    assert re.search(r'<div class="verdict good"><b>Calibrated\.</b> One standard deviation is', report_page(result))
+    refused = result.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
+    assert re.search(r'<div class="verdict bad"><b>Refused\.</b> ', report_page(refused))
 
 
 def test_the_same_run_gives_the_same_pictures(beside):
