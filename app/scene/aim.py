@@ -31,6 +31,8 @@ MIN_AWAY_M = 1.0
 #: Who stands inside keeps so far from walls, and no farther from the middle than this share of what is seen.
 CLEARANCE_M = 0.6
 INSIDE_SHARE = 0.45
+#: A plane bounds the room that has this share of all points in front of it.
+BOUNDING_SHARE = 0.95
 #: Points this near to a wall go with it: twice what a door frame, a picture or a wrong motion stands off.
 BELONGS_M = 0.25
 #: A camera in a wall sees both sides of it.
@@ -139,9 +141,12 @@ def _inside(points_m: FloatArray, stage: Stage) -> Stand:
     # Straight ahead lies a little below the middle, so that floor and ceiling both are seen.
     middle_m = (middle - [0.0, 0.0, 0.1 * span[2]]) @ stage.R_level_scene
     eye_m = middle_m
+    # A cupboard's front is a plane too, but nobody stands between it and the wall behind it.
+    bounding = np.mean(points_m @ stage.walls[:, :3].T + stage.walls[:, 3] > -BELONGS_M, axis=0) > BOUNDING_SHARE
+    walls = stage.walls[bounding]
     for share in np.linspace(INSIDE_SHARE, 0.1, 8):
         eye_m = (middle + share * span * away) @ stage.R_level_scene
-        if len(stage.walls) == 0 or (stage.walls[:, :3] @ eye_m + stage.walls[:, 3]).min() > CLEARANCE_M:
+        if len(walls) == 0 or (walls[:, :3] @ eye_m + walls[:, 3]).min() > CLEARANCE_M:
             break
     return Stand(eye_m, middle_m)
 

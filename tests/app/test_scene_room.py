@@ -123,6 +123,20 @@ def test_every_way_to_look_has_the_floor_below(preset):
         assert down < 0
 
 
+def test_who_stands_inside_is_not_held_by_a_cupboard():
+    """A front in the middle of the room, with the wall behind it in sight, leaves the camera where it stood without it.
+
+    Mutation: every plane taken for the end of the room.
+    """
+    cloud = PROPOSALS.cloud_m.astype(np.float64)
+    bare = stand(cloud, stage_of(UP, WALLS), "inside", fov_rad=0.9, aspect=1.6)
+    for normal in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+        middle = float(np.median(cloud @ np.array(normal)))
+        furnished = stage_of(UP, np.vstack([WALLS, [*normal, -middle]]))
+        with_it = stand(cloud, furnished, "inside", fov_rad=0.9, aspect=1.6)
+        np.testing.assert_allclose(with_it.eye_m, bare.eye_m)
+
+
 def test_a_patch_is_drawn_where_it_was_seen():
     """Oracle: an L of 4 by 3 m with a quarter missing, strays far off. Mutations: the hull of all; strays kept."""
     rng = np.random.default_rng(2)

@@ -25,7 +25,8 @@ interface ScanStripProps {
 /** Every scan's spread about the planes: click one to go there, drag across some to leave them out. */
 export function ScanStrip({ jobId, ...rest }: ScanStripProps) {
   const scans = useQuery(scansQuery(jobId));
-  if (scans.isPending) return <div className={css.strip} aria-busy="true" aria-label="Loading the scans' residuals" />;
+  if (scans.isPending)
+    return <div className={css.strip} role="status" aria-busy="true" aria-label="Loading the scans' residuals" />;
   if (scans.isError)
     return <p className={`${css.strip ?? ""} ${css.stripNote ?? ""}`}>{asFault(scans.error).message}</p>;
   return <Strip quality={scans.data} {...rest} />;

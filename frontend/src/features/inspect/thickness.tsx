@@ -21,7 +21,7 @@ export function ThicknessSection({ jobId, ...looks }: Looks & { jobId: string })
   return (
     <Section title="Wall thickness" tools={<span className="dim small">rms of points about their plane, mm</span>}>
       {thickness.isPending ? (
-        <div aria-busy="true" aria-label="Measuring the walls">
+        <div role="status" aria-busy="true" aria-label="Measuring the walls">
           <Skeleton height={46} mb={10} />
           <Skeleton height={120} mb={10} />
           <Skeleton height={96} />

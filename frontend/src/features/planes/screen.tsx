@@ -203,7 +203,7 @@ function PlanesProgress({ jobId }: { jobId: string }) {
 
 function ListSkeleton() {
   return (
-    <div aria-busy="true" aria-label="Looking for planes">
+    <div role="status" aria-busy="true" aria-label="Looking for planes">
       {[0, 1, 2, 3, 4, 5].map((i) => (
         <Skeleton key={i} height={40} mt={10} />
       ))}

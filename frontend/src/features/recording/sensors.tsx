@@ -14,7 +14,7 @@ export function Sensors({ recording }: { recording: Recording }) {
   const report = recording.report;
   if (report === null || report === undefined) {
     return recording.state === "failed" ? null : (
-      <div aria-busy="true" aria-label="Sensors">
+      <div role="status" aria-busy="true" aria-label="Sensors">
         <Skeleton height={120} mb={12} />
         <Skeleton height={120} />
       </div>

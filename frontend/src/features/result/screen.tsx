@@ -60,7 +60,7 @@ function RunResult({ recording, run, runs }: { recording: Recording; run: Run; r
       <div className={layout.main}>
         <div className={layout.pad}>
           {result.isPending ? (
-            <div aria-busy="true" aria-label="Loading the result">
+            <div role="status" aria-busy="true" aria-label="Loading the result">
               <Skeleton height={64} mb={20} />
               <Skeleton height={240} mb={20} />
               <Skeleton height={120} />

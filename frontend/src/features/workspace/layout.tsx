@@ -83,7 +83,7 @@ export function WorkspaceLayout() {
 function WorkspaceSkeleton() {
   return (
     <>
-      <div className={css.main} aria-busy="true" aria-label="Loading">
+      <div className={css.main} role="status" aria-busy="true" aria-label="Loading">
         <div className={css.pad}>
           <Skeleton height={26} width="46%" mb={18} />
           <Skeleton height={150} mb={18} />
