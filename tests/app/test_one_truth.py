@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import html
+import io
+import re
+
 import numpy as np
 import pytest
+from rich.console import Console
 
+from app.cli.summary import result_summary
 from app.planes.operations import apply
 from app.planes.state import suggested
 from app.planes.strength import foreseen, information, share_left
+from app.results.report import report_page
 from app.results.verdict import DISAGREEMENT, solve_outcome, verdict
 from app.schemas.planes import Confirm, Drop
 from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.full.assess.observability import LIMITS, UNITS
-from calib_core.result import COVARIANCE_ORDER, Message
+from calib_core.result import COVARIANCE_ORDER, CalibrationResult, Message, Uncertainty, WeakDirection
 from tests.app.support import world
 
 PROPOSALS = world.make_proposals()
@@ -69,3 +76,59 @@ def test_what_disagrees_is_in_the_first_sentence_and_in_the_colour():
     assert outcome.planes_used == len(result.quality.planes)
     refused = doubtful.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
     assert solve_outcome(refused).tone == "bad"
+
+
+def cluttered() -> CalibrationResult:
+    """An answer whose parts disagree, so that its error bars were widened."""
+    result = world.make_result()
+    said = Message(code=DISAGREEMENT, level="warning", text="the parts disagree 9.2 times")
+    return widened(result.model_copy(update={"messages": [*result.messages, said]}), 9.2)
+
+
+def weak() -> CalibrationResult:
+    """An answer that leaves one direction open."""
+    result = widened(world.make_result(), 300.0)
+    open_one = WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=90.0, text="The height is not determined.")
+    seen = result.observability.model_copy(update={"weak_directions": [open_one]})
+    return result.model_copy(update={"status": "weak", "observability": seen})
+
+
+def widened(result: CalibrationResult, times: float) -> CalibrationResult:
+    """The same with error bars so many times as wide."""
+    known = result.uncertainty
+    assert known is not None
+    wide = Uncertainty(
+        rotation_std_deg=[times * std for std in known.rotation_std_deg],
+        translation_std_m=[times * std for std in known.translation_std_m],
+        time_offset_std_s=times * known.time_offset_std_s,
+        gravity_std_m_s2=known.gravity_std_m_s2,
+        covariance=(times**2 * np.array(known.covariance)).tolist(),
+    )
+    return result.model_copy(update={"uncertainty": wide})
+
+
+@pytest.mark.parametrize("made", [world.make_result, cluttered, weak], ids=["clean", "cluttered", "weak"])
+def test_report_terminal_list_and_file_say_the_same_numbers(made):
+    """Oracle: the file, rounded here, as it is read back. Mutations: the report's sigma of another axis; the terminal's in
+    metres; the list of runs with the covariance before it was widened; the planes asked for instead of those used.
+    """
+    result = CalibrationResult.model_validate_json(made().to_json())
+    known, transform = result.uncertainty, result.T_imu_lidar
+    assert known is not None
+    assert transform is not None
+    screen = Console(file=io.StringIO(), width=240)
+    screen.print(result_summary(result))
+    page, printed, listed = report_page(result), screen.file.getvalue(), solve_outcome(result)
+    numbers = [
+        *(f"{value:.4f}" for value in (*transform.euler_xyz_deg, *known.rotation_std_deg)),
+        *(f"{1e3 * value:.2f}" for value in (*transform.translation_m, *known.translation_std_m)),
+        *(f"{1e3 * value:.4f}" for value in (result.time_offset_s, known.time_offset_std_s)),
+    ]
+    for number in numbers:
+        assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", page), number
+        assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", printed), number
+    assert (listed.translation_std_m, listed.rotation_std_deg) == (known.translation_std_m, known.rotation_std_deg)
+    assert listed.verdict in printed
+    assert re.sub(r"^\w+[:,] ", "", listed.verdict)[1:] in html.unescape(page)
+    assert f"on {listed.planes_used} planes" in printed
+    assert listed.planes_used == len(result.quality.planes)
