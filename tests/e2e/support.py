@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import ConsoleMessage, Error, Locator, Page, expect
+from playwright.sync_api import TimeoutError as NeverHeld
 
 ROOT = Path(__file__).resolve().parents[2]
 AXE = ROOT / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
@@ -178,6 +179,8 @@ def faults_in_all_sizes(page: Page) -> list[str]:
     found: list[str] = []
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
+        with suppress(NeverHeld):  # plots follow the window's size a moment later; what stays too wide is told below
+            page.wait_for_function(f"() => ({PUSHED})().length === 0", timeout=5000)
         found += [f"{width}: {fault}" for fault in serious_faults(page)]
         too_wide = int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
         found += [f"{width}: {too_wide} px stick out"] if too_wide > 0 else []
@@ -191,6 +194,7 @@ def keep_screenshot(page: Page, name: str, scheme: str) -> None:
     if os.environ.get("UNSWEEP_SCREENSHOTS") != "1":
         return
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    page.wait_for_timeout(1000)  # plots follow the window's size a moment later
     picture = Image.open(io.BytesIO(page.screenshot(timeout=PICTURE_WAIT_MS)))
     # 256 colours: a fifth of the size, and no difference to the eye in an interface.
     picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
