@@ -44,6 +44,12 @@ def _std(state: Estimation) -> FloatArray:
     return np.sqrt(np.diag(covariance(state.information).matrix)[:CALIBRATION])
 
 
+def require_solution(state: Estimation) -> None:
+    """Raises Refused where the last descent has left no equations that can be solved."""
+    if state.information is None:
+        raise Refused("solve.diverged", f"the joint solve found no stable answer; {_CURE}")
+
+
 def require_sensors(state: Estimation, most: float) -> None:
     """Raises Refused where a parameter is further from its prior than a sensor that works can be. For the end of a solve: on
     the way, with a door still among the planes, one may well go astray and come back."""

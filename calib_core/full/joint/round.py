@@ -41,6 +41,13 @@ _TIME_OFFSET = CALIBRATION - 1
 
 def one_round(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
     """A round as its policy has it: survey, association, descent, and what is to be held from there on."""
+    return watched_round(data, state, round_, sampling)[0]
+
+
+def watched_round(
+    data: JointData, state: Estimation, round_: Round, sampling: Sampling
+) -> tuple[Estimation, JointProblem]:
+    """The same with the problem that was descended, by which what it has moved can be told."""
     gate = gate_of(state, round_.gate_m, sampling) if round_.margin_by_noise else Gate(extra_m=round_.gate_m)
     if round_.survey:
         state = survey(data, state, gate, sampling)
@@ -49,7 +56,7 @@ def one_round(data: JointData, state: Estimation, round_: Round, sampling: Sampl
     state, problem = descend(
         data, state, iterations=round_.iterations, tolerance=round_.least_decrease, also_frozen=frozen
     )
-    return hold(data, state, problem) if round_.hold else state
+    return (hold(data, state, problem) if round_.hold else state), problem
 
 
 def gate_of(state: Estimation, extra_m: float, sampling: Sampling) -> Gate:

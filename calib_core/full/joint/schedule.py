@@ -182,6 +182,8 @@ class Surfaces:
     #: So much from place to place, beyond chance by so many standard deviations, is worth it: half of what a good wall has.
     least_m: float = 0.0005
     sigmas: float = 6.0
+    #: A patch so many prior standard deviations (15 mm) off its plane is another surface's: shapes are left alone then.
+    most_sigmas: float = 5.0
     #: Knots times lasers: each takes three clusters of moments then. Beyond, error bars alone count what is bent.
     most_clusters: int = 400_000
 
@@ -215,6 +217,10 @@ class Schedule:
     planes: PlaneSet | None
     settling: Settling | None
     instead: tuple[Round, ...] = ()
+    #: Coarse rounds have done their work where points move by less than this part of their own scatter; most recordings are
+    #: there after those above (0.2 to 0.6), one with a poor start takes some more.
+    steady: float = 1.0
+    patience: int = 10
     #: The first round in which the sensors' own parameters are unknowns: with them in place, planes are told from clutter.
     sensors: Round = Round(gate_m=0.05, iterations=8, hold=False)
     surfaces: Surfaces = Surfaces()
@@ -223,7 +229,7 @@ class Schedule:
 
     def most_rounds(self, tracked_s: float, total_s: float, most_fixed_point: int) -> int:
         """Bound on the rounds in all. most_fixed_point: descents to a fixed point under the same association."""
-        rounds = 2 + len(self.coarse) + len(self.instead)
+        rounds = 2 + len(self.coarse) + 2 * self.patience + len(self.instead)
         if self.propagation is not None:
             rounds += self.propagation.most_rounds(tracked_s, total_s)
         if self.planes is not None:

@@ -8,16 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
-from calib_core.full.joint.bounds import require_sensors
+from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
-from calib_core.full.joint.round import map_time_s, one_round, outlined_cells
-from calib_core.full.joint.schedule import PlaneSet, Sampling, Schedule, Settling
+from calib_core.full.joint.residuals import moved_in_gate
+from calib_core.full.joint.round import map_time_s, one_round, outlined_cells, watched_round
+from calib_core.full.joint.schedule import PlaneSet, Round, Sampling, Schedule, Settling
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
-from calib_core.full.joint.surface import admit_surface
+from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
 from calib_core.full.run import Run
 
 
@@ -33,6 +34,7 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
     assert schedule.settling is not None
     rest = data.portion(WATCHING.settled_share, 1.0)
     state, problem = alternate(rest, state, schedule.settling, schedule.sampling)
+    require_solution(state)
     require_sensors(state, data.limits.sensor_sigmas)
     return finished(data, state, problem)
 
@@ -46,6 +48,7 @@ def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved
     data = replace(solved.data, run=run)
     state = settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling)
     state, problem = alternate(data, state, schedule.settling, schedule.sampling)
+    require_solution(state)
     require_sensors(state, data.limits.sensor_sigmas)
     return finished(data, state, problem)
 
@@ -59,9 +62,29 @@ def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> E
 def coarse_rounds(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """The motion alone, then everything but the sensors' parameters, over what was tracked."""
     state = with_outlines(data, state)
-    rounds = (schedule.motion, *schedule.coarse)
+    rounds, moved = (schedule.motion, *schedule.coarse), 0.0
     for k, each in enumerate(rounds):
-        state = one_round(data.portion(k / len(rounds), (k + 1) / len(rounds)), state, each, schedule.sampling)
+        state, moved = moving_round(
+            data.portion(k / len(rounds), (k + 1) / len(rounds)), state, each, schedule.sampling
+        )
+    return until_steady(data.portion(1.0, 1.0), state, schedule, rounds[-1], moved) if schedule.coarse else state
+
+
+def moving_round(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> tuple[Estimation, float]:
+    """A round, and how far it has moved points, in standard deviations of one of them."""
+    after, problem = watched_round(data, state, round_, sampling)
+    return after, moved_in_gate(problem, state.estimate, after.estimate)
+
+
+def until_steady(data: JointData, state: Estimation, schedule: Schedule, round_: Round, moved: float) -> Estimation:
+    """The same round again while the last one still moved points by more than they scatter. moved: by that.
+
+    Planes and sensors would be judged by a motion that is on its way, and narrower gates would leave its points behind.
+    """
+    for _ in range(schedule.patience):
+        if moved < schedule.steady:
+            break
+        state, moved = moving_round(data, state, round_, schedule.sampling)
     return state
 
 
@@ -84,10 +107,12 @@ def with_new_planes(data: JointData, state: Estimation, schedule: Schedule) -> E
 
 def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """The sensors' own parameters, and without the planes that are none once these are known."""
-    state = admit_sensors(data, state)
+    state, moved = admit_sensors(data, state), 0.0
     if data.sensors.blocks:
-        state = one_round(data, state, schedule.sensors, schedule.sampling)
-    return state if schedule.planes is None else drop_planes(data, state, schedule.planes)
+        state, moved = moving_round(data, state, schedule.sensors, schedule.sampling)
+    if schedule.planes is not None:
+        state = drop_planes(data, state, schedule.planes)
+    return until_steady(data, state, schedule, schedule.sensors, moved)
 
 
 def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
@@ -99,7 +124,13 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
             data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling
         )
     uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
-    return state if uneven is state else settle(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
+    if uneven is state:
+        return state
+    bent = settle(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
+    if not is_bent_wall(bent, schedule.surfaces):
+        return replace(state, rounds=bent.rounds, iterations=bent.iterations)
+    say_uneven(data, bent)
+    return bent
 
 
 def settle_without_doubtful(

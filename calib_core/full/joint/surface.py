@@ -12,6 +12,7 @@ from calib_core.factors.patches import SurfacePatches, patches_of
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.round import coarse_stride, gate_of, present_view
 from calib_core.full.joint.schedule import Sampling, Surfaces
+from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.types import FloatArray
 
 
@@ -27,12 +28,6 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
     bend_m = bend_beyond_noise_m(weight, off, rules)
     if bend_m < rules.least_m:
         return state
-    data.run.say(
-        "info",
-        "planes.uneven",
-        f"the planes are off flat by {bend_m * 1e3:.1f} mm from place to place: their shape is estimated along, in "
-        f"{patches.count} patches",
-    )
     nuisance = state.nuisance.with_surface(patches, rules.height_std_m)
     heights = np.zeros(patches.count)
     return replace(
@@ -42,6 +37,24 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
         priors=replace(state.priors, nuisance_std=nuisance.prior_std),
         observations=None,
         minimum=None,
+    )
+
+
+def is_bent_wall(state: Estimation, rules: Surfaces) -> bool:
+    """Whether the heights are those of walls: a patch that comes far off its plane follows another surface, of which its gate
+    takes in more the farther it goes."""
+    heights = state.nuisance.values(state.estimate.nuisance, SURFACE)
+    return bool(np.abs(heights).max(initial=0.0) < rules.most_sigmas * rules.height_std_m)
+
+
+def say_uneven(data: JointData, state: Estimation) -> None:
+    """That shapes are estimated, for a person: by how much planes are off flat, and in how many patches."""
+    heights_m = state.nuisance.values(state.estimate.nuisance, SURFACE)
+    data.run.say(
+        "info",
+        "planes.uneven",
+        f"the planes are off flat by {1e3 * float(np.sqrt(np.mean(heights_m**2))):.1f} mm from place to place: their shape is "
+        f"estimated along, in {len(heights_m)} patches",
     )
 
 
