@@ -50,6 +50,7 @@ RECORDS = (
     ("joint", "calib_core/full/joint/schedule.py", "Sampling"),
     ("joint", "calib_core/full/joint/schedule.py", "Propagation"),
     ("joint", "calib_core/full/joint/schedule.py", "PlaneSet"),
+    ("joint", "calib_core/full/joint/schedule.py", "Steadying"),
     ("joint", "calib_core/full/joint/schedule.py", "Surfaces"),
     ("joint", "calib_core/full/joint/schedule.py", "Settling"),
     ("joint", "calib_core/full/joint/schedule.py", "Limits"),

@@ -174,6 +174,17 @@ class Settling:
 
 
 @dataclass(frozen=True, slots=True)
+class Steadying:
+    """How often a coarse round is gone through again."""
+
+    #: It has done its work where points move by less than this part of their own scatter: most recordings are there at once
+    #: (0.2 to 0.6); one with a poor start takes four or five rounds more,
+    steady: float = 1.0
+    #: but no more than this.
+    patience: int = 10
+
+
+@dataclass(frozen=True, slots=True)
 class Surfaces:
     """Where walls are off flat, the heights of their patches are unknowns too."""
 
@@ -217,10 +228,7 @@ class Schedule:
     planes: PlaneSet | None
     settling: Settling | None
     instead: tuple[Round, ...] = ()
-    #: Coarse rounds have done their work where points move by less than this part of their own scatter; most recordings are
-    #: there after those above (0.2 to 0.6), one with a poor start takes some more.
-    steady: float = 1.0
-    patience: int = 10
+    steadying: Steadying = Steadying()
     #: The first round in which the sensors' own parameters are unknowns: with them in place, planes are told from clutter.
     sensors: Round = Round(gate_m=0.05, iterations=8, hold=False)
     surfaces: Surfaces = Surfaces()
@@ -229,7 +237,7 @@ class Schedule:
 
     def most_rounds(self, tracked_s: float, total_s: float, most_fixed_point: int) -> int:
         """Bound on the rounds in all. most_fixed_point: descents to a fixed point under the same association."""
-        rounds = 2 + len(self.coarse) + 2 * self.patience + len(self.instead)
+        rounds = 2 + len(self.coarse) + 2 * self.steadying.patience + len(self.instead)
         if self.propagation is not None:
             rounds += self.propagation.most_rounds(tracked_s, total_s)
         if self.planes is not None:

@@ -81,8 +81,8 @@ def until_steady(data: JointData, state: Estimation, schedule: Schedule, round_:
 
     Planes and sensors would be judged by a motion that is on its way, and narrower gates would leave its points behind.
     """
-    for _ in range(schedule.patience):
-        if moved < schedule.steady:
+    for _ in range(schedule.steadying.patience):
+        if moved < schedule.steadying.steady:
             break
         state, moved = moving_round(data, state, round_, schedule.sampling)
     return state

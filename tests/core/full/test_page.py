@@ -77,19 +77,20 @@ def test_where_every_scan_was_followed_there_is_nothing_to_leave_out(monkeypatch
     assert solved(monkeypatch, Estimator("wrong"), followed=10).name == "wrong"
 
 
-def asked_of(mode: str, *outcomes: Refused | str) -> tuple[list[str], list[str], Any]:
-    """With which sensors an answer was asked for, what was said meanwhile, and what came of it."""
+def asked_of(monkeypatch: pytest.MonkeyPatch, mode: str, *outcomes: Refused | str) -> tuple[list[str], list[str], Any]:
+    """With which sensors a solve was asked for ("freed": with them let go), what was said meanwhile, and what came of it."""
     asked: list[str] = []
     said: list[str] = []
     left = list(outcomes)
 
-    def answered(run: Run) -> Any:
-        asked.append(run.settings.intrinsics)
-        outcome = left.pop(0)
-        if isinstance(outcome, Refused):
-            raise outcome
-        return outcome
+    def outcome(of: str) -> Any:
+        asked.append(of)
+        one = left.pop(0)
+        if isinstance(one, Refused):
+            raise one
+        return one
 
+    monkeypatch.setattr(page, "estimate_sensors_too", lambda run, _solved, _schedule: outcome("freed"))
     unused: Any = None
     run = Run(
         unused,
@@ -101,21 +102,32 @@ def asked_of(mode: str, *outcomes: Refused | str) -> tuple[list[str], list[str],
         unused,
     )
     try:
-        return asked, said, page.with_sensors_held(run, answered)
+        judged = page.with_sensors_held(
+            run, lambda run: outcome(run.settings.intrinsics), lambda run, solved: (run.settings.intrinsics, solved)
+        )
+        return asked, said, judged
     except Refused as refused:
         return asked, said, refused.code
 
 
-def test_sensors_that_run_away_are_held_and_counted_instead() -> None:
-    """The whole estimation again, with the sensors as their data sheets have them and their doubts in the error bars; once, and
-    only where sensors were unknowns and the solve is what was refused.
+def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole estimation again with the sensors as their data sheets have them, and from its end with them let go; where they
+    run away still, held to the end with their doubts in the error bars. Once, and only where sensors were unknowns and the
+    solve is what was refused.
 
-    Mutations: let the refusal through; solve again with the same settings; hold them whatever was refused; try again for ever.
+    Mutations: let the refusal through; solve again with the same settings; hold them whatever was refused; try again for ever;
+    judge the freed solve as a held one; say that they are held where they are not.
     """
-    ran_away, still = Refused("solve.offset_ran_away", "too far"), Refused("motion.undetermined", "nothing turns")
-    assert asked_of("auto", ran_away, "right") == (["auto", "consider"], ["sensor.astray"], "right")
-    assert asked_of("auto", ran_away, ran_away) == (["auto", "consider"], ["sensor.astray"], ran_away.code)
-    assert asked_of("auto", still) == (["auto"], [], still.code)
+    away, still = Refused("solve.offset_ran_away", "too far"), Refused("motion.undetermined", "nothing turns")
+
+    def of(*outcomes: Refused | str, mode: str = "auto") -> tuple[list[str], list[str], Any]:
+        return asked_of(monkeypatch, mode, *outcomes)
+
+    assert of("right") == (["auto"], [], ("auto", "right"))
+    assert of(away, "held", "freed") == (["auto", "consider", "freed"], [], ("auto", "freed"))
+    assert of(away, "held", away) == (["auto", "consider", "freed"], ["sensor.astray"], ("consider", "held"))
+    assert of(away, "held", still) == (["auto", "consider", "freed"], [], still.code)
+    assert of(away, away) == (["auto", "consider"], [], away.code)
+    assert of(still) == (["auto"], [], still.code)
     for ideal in ("off", "consider"):
-        assert asked_of(ideal, ran_away) == ([ideal], [], ran_away.code)
-    assert asked_of("auto", "right") == (["auto"], [], "right")
+        assert of(away, mode=ideal) == ([ideal], [], away.code)

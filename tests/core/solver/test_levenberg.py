@@ -182,3 +182,26 @@ def test_a_step_below_the_costs_round_off_is_convergence() -> None:
     end = minimise(Deep(), at)
     assert end.outcome is Outcome.CONVERGED
     assert end.iterations == 1
+
+
+class Trade(Valley):
+    """r = [1e4 (y - x) - 1.5 x^2, x - 2]: x and y trade with one another, x is held by a hundred-millionth of its curvature."""
+
+    def residual(self, e: FloatArray) -> FloatArray:
+        return np.array([1e4 * (e[1] - e[0]) - 1.5 * e[0] ** 2, e[0] - 2.0])
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        J = np.array([[-1e4 - 3.0 * estimate[0], 1e4], [1.0, 0.0]])
+        H, g = J.T @ J, J.T @ self.residual(estimate)
+        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+
+
+def test_what_two_unknowns_trade_is_found_in_a_few_steps() -> None:
+    """As a sensor's axes trade with the rotation: the full step bends off, and what is damped for it must not be all of the way.
+
+    Mutation: a least damping of 1e-6, with which as many steps end half-way.
+    """
+    problem = Trade()
+    end = minimise(problem, np.zeros(2), max_iterations=10)
+    assert end.outcome is Outcome.CONVERGED
+    assert end.estimate[0] == pytest.approx(2.0, abs=1e-6)

@@ -95,6 +95,29 @@ def _stacked(problem: JointProblem, e: Estimate) -> FloatArray:
     return np.concatenate([links.ravel(), np.concatenate(lidar), prior])
 
 
+def frame_held(problem: JointProblem, e: Estimate) -> FloatArray:
+    """What keeps the map frame in place, written out: the pose of the lidar at knot 0, differenced over every unknown."""
+    size = KNOTS * 9 + problem.layout(e).size
+    R0, p0 = e.states.R[0] @ e.R_imu_lidar, e.states.p[0] + e.states.R[0] @ e.p_imu_lidar
+
+    def pose(at: Estimate) -> FloatArray:
+        R, p = at.states.R[0] @ at.R_imu_lidar, at.states.p[0] + at.states.R[0] @ at.p_imu_lidar
+        return np.concatenate([Rotation.from_matrix(R0.T @ R).as_rotvec(), p - p0])
+
+    def moved(i: int, by: float) -> FloatArray:
+        step = by * np.eye(size)[i]
+        return pose(problem.moved(e, _step(step[: KNOTS * 9], step[KNOTS * 9 :])))
+
+    # Of fourth order: 1e8 takes eight digits.
+    h = 1e-3
+    columns = [
+        (8.0 * (moved(i, h) - moved(i, -h)) - (moved(i, 2.0 * h) - moved(i, -2.0 * h))) / (12.0 * h)
+        for i in range(size)
+    ]
+    J = np.array(columns).T
+    return np.asarray(1e8 * J.T @ J)
+
+
 def _numerical_jacobian(problem: JointProblem, e: Estimate) -> FloatArray:
     """Central differences of the stacked residuals over every unknown, knots first."""
     size = KNOTS * 9 + LAYOUT.size
@@ -123,7 +146,8 @@ def _written_out(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("delta_s", [0.0, 0.004])
 def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s: float) -> None:
-    """Fails when the border misses the bins' share of a plane, or the node right of a link gets the left's weight.
+    """Fails when the border misses the bins' share of a plane, or the node right of a link gets the left's weight; when the
+    frame is held by the IMU's pose, or that of the lidar without the lever arm.
 
     With delta the gyro bias also turns the pose that a bin asks for, by delta times as much: left out, and so here.
     """
@@ -133,17 +157,16 @@ def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s:
     system = problem.linearise(e)
     assert system.cost == pytest.approx(0.5 * r @ r)
     H, g = _written_out(system)
-    gauge = np.zeros(len(g))
-    gauge[: KNOTS * 9] = 1e-6
-    gauge[:6] += 1e8
-    gauge[KNOTS * 9 + LAYOUT.plane(0).start :] += 1e-4
+    idle = np.zeros(len(g))
+    idle[: KNOTS * 9] = 1e-6
+    idle[KNOTS * 9 + LAYOUT.plane(0).start :] += 1e-4
     use = np.ones(len(g), bool)
     if delta_s:
         bias = LAYOUT.gyro_bias()
         use[KNOTS * 9 + bias.start : KNOTS * 9 + bias.stop] = False
     expected = J.T @ J
     scale = np.sqrt(np.diag(expected))
-    difference = (H - np.diag(gauge) - expected) / scale[:, None] / scale
+    difference = (H - np.diag(idle) - frame_held(problem, e) - expected) / scale[:, None] / scale
     # 1e8 on the diagonal costs eight of its own digits.
     np.testing.assert_allclose(difference[np.ix_(use, use)], 0.0, atol=2e-6)
     np.testing.assert_allclose((g - J.T @ r)[use] / scale[use], 0.0, atol=2e-6 * np.linalg.norm(r))
@@ -268,13 +291,26 @@ def test_the_map_frame_is_free() -> None:
     assert problem.cost(moved) == pytest.approx(problem.cost(e), rel=1e-12)
 
 
-def test_the_gauge_knot_and_frozen_columns_stay() -> None:
-    """Fails when the gauge's weight is on another knot, or a frozen column keeps its border."""
+def test_the_lidar_at_the_gauge_knot_and_frozen_columns_stay() -> None:
+    """Fails when the gauge's weight is on another knot, or on the IMU, or a frozen column keeps its border."""
     problem, e = _problem(11)
     frozen = (6, LAYOUT.plane(1).start)
     held = replace(problem, gauge_knot=3, frozen=frozen)
     solution = solve_arrow(held.linearise(e), damping=1e-9)
-    assert np.abs(solution.step[3, :6]).max() < 1e-4 * np.abs(solution.step).max()
+    small = 1e-6 / np.abs(solution.step_shared[:6]).max()
+    after = held.moved(e, replace(solution, step=small * solution.step, step_shared=small * solution.step_shared))
+    turned, shifted = (
+        np.abs(a - b).max()
+        for a, b in (
+            (after.states.R[3] @ after.R_imu_lidar, e.states.R[3] @ e.R_imu_lidar),
+            (
+                after.states.p[3] + after.states.R[3] @ after.p_imu_lidar,
+                e.states.p[3] + e.states.R[3] @ e.p_imu_lidar,
+            ),
+        )
+    )
+    assert max(turned, shifted) < 1e-3 * 1e-6
+    assert np.abs(small * solution.step[3, :3]).max() > 1e-2 * 1e-6
     assert np.abs(solution.step_shared[list(frozen)]).max() < 1e-12
     free = solve_arrow(problem.linearise(e), damping=1e-9)
     assert np.abs(free.step_shared[list(frozen)]).min() > 1e-6

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from calib_core.full.joint import solve
+from calib_core.errors import Refused
+from calib_core.full.joint import bounds, solve
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.replay import load_estimation, save_estimation
-from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.joint.schedule import FULL, Schedule, Steadying
+from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 from tests.core.full.joint.test_replay import same
 
@@ -71,3 +74,51 @@ def test_the_last_step_from_a_file_ends_where_it_did_from_memory(half: Half, tmp
     assert same(ends[0].estimate, ends[1].estimate)
     assert ends[0].minimum.cost == ends[1].minimum.cost
     assert ends[0].rounds == ends[1].rounds
+
+
+@pytest.mark.parametrize(
+    ("moves", "rounds"), [([0.9], 0), ([1.5, 0.9], 1), ([3.0, 2.0, 1.2, 0.2, 5.0], 3), ([9.0] * 20, 4)]
+)
+def test_rounds_go_on_until_points_stay_where_they_are(
+    half: Half, monkeypatch: pytest.MonkeyPatch, moves: list[float], rounds: int
+) -> None:
+    """Within a standard deviation of one of them, or for as long as there is patience.
+
+    Mutations: one round more than are needed; the first move forgotten; no end to patience.
+    """
+    left = iter(moves[1:])
+
+    def once(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, float]:
+        return replace(state, rounds=state.rounds + 1), next(left)
+
+    monkeypatch.setattr(solve, "moving_round", once)
+    schedule = replace(FULL, steadying=Steadying(steady=1.0, patience=4))
+    state = replace(half.state, rounds=0)
+    assert solve.until_steady(half.data, state, schedule, schedule.sensors, moves[0]).rounds == rounds
+
+
+@pytest.mark.parametrize(("height_m", "kept"), [(0.012, True), (-0.018, False)])
+def test_a_patch_that_follows_another_surface_ends_the_shapes(
+    half: Half, monkeypatch: pytest.MonkeyPatch, height_m: float, kept: bool
+) -> None:
+    """Walls bend by millimetres: 5 times 3 mm is none. The state before is gone on from, with the rounds that were taken.
+
+    Mutations: the height's sign counts; the bent state is kept; its rounds are forgotten.
+    """
+    surface = Nuisance((NuisanceBlock("surface", ("1:0,0", "1:1,0"), np.full(2, 0.003)),))
+    heights = replace(half.state.estimate, nuisance=np.array([0.001, height_m]))
+    uneven = replace(half.state, nuisance=surface, estimate=heights)
+    settled = iter([half.state, replace(uneven, rounds=77)])
+    monkeypatch.setattr(solve, "settle", lambda *_: next(settled))
+    monkeypatch.setattr(solve, "admit_surface", lambda *_: uneven)
+    after = solve.settled(half.data, half.state, replace(FULL, planes=None))
+    assert after.rounds == 77
+    assert (after.nuisance.size == 2) == kept
+
+
+def test_a_solve_that_ends_singular_is_refused(half: Half) -> None:
+    """Mutation: its missing information handed on, which ended as a defect."""
+    bounds.require_solution(half.state)
+    assert half.state.minimum is not None
+    with pytest.raises(Refused, match="no stable answer"):
+        bounds.require_solution(replace(half.state, minimum=replace(half.state.minimum, solution=None)))
