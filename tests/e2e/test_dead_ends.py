@@ -131,8 +131,10 @@ def test_a_prior_typed_in_the_page_reaches_the_solve(page: Page, api: Api, solve
     page.get_by_role("textbox", name="One standard deviation of Position z, mm").fill(str(told_std_mm))
     again.click()
     expect(page).not_to_have_url(re.compile(job))
+    new = re.findall(r"job=(\w+)", page.url)[0]
+    until(lambda: api.ask("GET", f"/api/jobs/{new}")["state"] == "done")
     expect(page.get_by_role("button", name="Inspect the answer")).to_be_enabled(timeout=STEPS)
-    led_mm, led_std_mm = height_mm(api, re.findall(r"job=(\w+)", page.url)[0])
+    led_mm, led_std_mm = height_mm(api, new)
     weight = std_mm**-2 / (std_mm**-2 + told_std_mm**-2)
     expected_mm = weight * at_mm + (1.0 - weight) * told_mm
     assert abs(led_mm - expected_mm) < 0.3 * std_mm

@@ -29,7 +29,8 @@ export function SolveScreen() {
   const latest = recording.latest_job?.kind === "solve" ? recording.latest_job.id : (runs[0]?.job.id ?? null);
   const jobId = query.get("job") ?? latest;
   const run = useJobStream(jobId);
-  const job = run.job;
+  // For a moment after another run is chosen the stream still has the one before.
+  const job = run.job?.id === jobId ? run.job : null;
   const ended = job !== null && isFinal(job);
   const outcome = job?.result?.kind === "solve" ? job.result : null;
   const hasEstimate = run.iterations.length > 0;
