@@ -184,7 +184,8 @@ def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     """Mutations: leave the children running; write the unfinished one's row; say that nothing was written."""
     # What a shell runs in the background inherits that Ctrl-C is ignored: tests may be.
     script = (
-        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
         f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
     )
     (hall / "list.txt").write_text("room.bag\nslow.bag\n")
