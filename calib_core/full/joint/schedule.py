@@ -193,8 +193,9 @@ class Surfaces:
     #: So much from place to place, beyond chance by so many standard deviations, is worth it: half of what a good wall has.
     least_m: float = 0.0005
     sigmas: float = 6.0
-    #: A patch so many prior standard deviations (15 mm) off its plane is another surface's: shapes are left alone then.
-    most_sigmas: float = 5.0
+    #: A patch so many prior standard deviations (9 cm) off its plane is another surface's: shapes are left alone then. Skirting
+    #: boards and a door ajar stand out by 10 to 50 mm; a patch that followed a box went on to 130.
+    most_sigmas: float = 30.0
     #: Knots times lasers: each takes three clusters of moments then. Beyond, error bars alone count what is bent.
     most_clusters: int = 400_000
 
