@@ -56,7 +56,9 @@ def calibrate(
 
     def listen(event: Event) -> None:
         if isinstance(event, LogEvent):
-            said.append(Message(code=event.code, level=event.level, text=event.text))
+            message = Message(code=event.code, level=event.level, text=event.text)
+            if message not in said:  # a second attempt finds again what the first one did
+                said.append(message)
         forward(event)
 
     if settings.excluded_spans_s:

@@ -104,14 +104,15 @@ class LidarPrior:
 #: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.
 CLOCK_RATE_STD_PPM = 40.0
 
-#: A sensor that nobody has named is taken for a cheap one: data sheets of the ICM-20948 and ICM-40609-D (scale 0.5 %),
-#: a VLP-16 measured on public packets (5 to 10 mm a laser), OA-LICalib's published VLP-16 (range scale 0.4 %).
+#: A sensor that nobody has named is taken for a cheap one: as loose as the loosest of the sheets that presets quote (BMI160
+#: and LSM6: scale within 1 %; ICM-20948: axes within 2 %, a limit), a VLP-16 measured on public packets (5 to 10 mm a laser),
+#: OA-LICalib's published VLP-16 (range scale 0.4 %).
 UNKNOWN_IMU = ImuPrior(
-    gyroscope_scale_std=0.005,
-    gyroscope_axes_std_rad=0.005,
-    gyroscope_rotation_std_rad=0.005,
-    accelerometer_scale_std=0.005,
-    accelerometer_axes_std_rad=0.005,
+    gyroscope_scale_std=0.01,
+    gyroscope_axes_std_rad=0.01,
+    gyroscope_rotation_std_rad=0.01,
+    accelerometer_scale_std=0.01,
+    accelerometer_axes_std_rad=0.01,
     accelerometer_delay_std_s=0.002,
 )
 UNKNOWN_LIDAR = LidarPrior(

@@ -47,7 +47,7 @@ CALIBRATED = _prior((0.0007, 0.0007), (0.0005, 0.0005), 0.0005, 0.0003)
 #: Factory-calibrated modules whose sheets promise less: 0.1 deg between axes, some 0.5 % of scale.
 MODULE = _prior((0.004, 0.003), (0.0012, 0.0012), 0.0012, 0.0005)
 #: One die for both sensors, or two in a package, trimmed at the end of the line.
-CHIP = UNKNOWN_IMU
+CHIP = _prior((0.005, 0.005), (0.005, 0.005), 0.005, 0.002)
 
 _MTI = "gyroscope and accelerometer calibrated one by one over temperature"
 _BUILT_IN = "fitment as commonly stated"

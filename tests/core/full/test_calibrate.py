@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.calibrate import Calibration, calibrate
-from calib_core.errors import Cancelled, SettingsError
+from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
 from calib_core.geometry import log
 from calib_core.result import CalibrationResult
@@ -205,3 +206,21 @@ def test_the_document_says_what_the_imu_is_like(calibrated: Calibration, short: 
     for name in ("gyroscope_noise_density_rad_s_sqrt_hz", "accelerometer_noise_density_m_s2_sqrt_hz"):
         assert getattr(noise, name) == pytest.approx(getattr(imu, name), rel=0.2)
     assert calibrated.result.provenance.recording.imu_rate_hz == pytest.approx(imu.rate_hz, rel=0.01)
+
+
+def test_what_two_attempts_say_is_said_once(clean: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second attempt of a solve leaves out the same plane again: one sentence in the result, and another plane's stays.
+
+    Mutation: append every sentence.
+    """
+
+    def attempts(*arguments: Any) -> Any:
+        listen = arguments[5]
+        for name in ("plane 2", "plane 2", "plane 3"):
+            listen(LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out"))
+        raise Refused("solve.unsettled", "it moves")
+
+    monkeypatch.setattr("calib_core.calibrate._answer", attempts)
+    result = calibrate(clean[0], CalibrateSettings()).result
+    names = [message.text.split(" did")[0] for message in result.messages if message.code == "planes.moving"]
+    assert names == ["plane 2", "plane 3"]
