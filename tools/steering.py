@@ -52,6 +52,7 @@ RECORDS = (
     ("joint", "calib_core/full/joint/schedule.py", "PlaneSet"),
     ("joint", "calib_core/full/joint/schedule.py", "Steadying"),
     ("joint", "calib_core/full/joint/schedule.py", "Surfaces"),
+    ("joint", "calib_core/full/joint/schedule.py", "Tones"),
     ("joint", "calib_core/full/joint/schedule.py", "Settling"),
     ("joint", "calib_core/full/joint/schedule.py", "Limits"),
     ("joint", "calib_core/full/joint/settings.py", "Chain"),

@@ -62,6 +62,17 @@ class UpsampledImu:
     linked: BoolArray
     accel_delay_s: float = 0.0
 
+    @property
+    def gauss_s(self) -> FloatArray:
+        """(L, G) when the Gauss points of every link are, IMU clock."""
+        nodes = gauss_nodes(self.gyro.shape[1] // 2)
+        return np.asarray(self.knots_s[:-1, None] + nodes * self.spacing_s)
+
+    @property
+    def middles_s(self) -> FloatArray:
+        """(L,) the middle of every link, IMU clock."""
+        return np.asarray(self.knots_s[:-1] + 0.5 * self.spacing_s)
+
     def part(self, first: int, last: int) -> UpsampledImu:
         """The knots first..last (exclusive) and the links among them."""
         knots, links = slice(first, last), slice(first, last - 1)
@@ -128,6 +139,11 @@ def interpolating(hyper: Hyper, period_s: float) -> Hyper:
     )
 
 
+def gauss_nodes(substeps: int) -> FloatArray:
+    """(2 substeps,) where in a link its Gauss points are, from 0 to 1."""
+    return np.asarray((np.arange(substeps)[:, None] + _GAUSS).ravel() / substeps)
+
+
 def upsample(
     stamps_s: FloatArray,
     gyro_rad_s: FloatArray,
@@ -146,8 +162,7 @@ def upsample(
     h = float(knots_s[1] - knots_s[0])
     links = len(knots_s) - 1
     substeps = max(1, int(np.ceil(h / _SUBSTEP_S)))
-    nodes = (np.arange(substeps)[:, None] + _GAUSS).ravel() / substeps * h
-    gauss = knots_s[:-1, None] + nodes
+    gauss = knots_s[:-1, None] + gauss_nodes(substeps) * h
     query = np.concatenate([gauss.ravel(), knots_s])
     order = np.argsort(query, kind="stable")
     values = np.hstack([gyro_rad_s, accel_m_s2])

@@ -25,11 +25,10 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import Round, Sampling
-from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, sensor_columns
+from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, seen_from, sensor_columns, true_readings
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, Estimate, Layout, no_bins
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
-from calib_core.imu.intrinsics import corrected
 from calib_core.imu.preintegration import UpsampledImu, preintegrate
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import minimise
@@ -184,7 +183,9 @@ def anchored(data: JointData, state: Estimation) -> Estimation:
 
     Planes' cells are counted in the map frame: it must not depend on where the search began.
     """
-    return replace(state, estimate=state.estimate.seen_from(*_map_pose(data, state)))
+    R, p = _map_pose(data, state)
+    seen = state.estimate.seen_from(R, p)
+    return replace(state, estimate=replace(seen, nuisance=seen_from(state.nuisance, seen.nuisance, R)))
 
 
 def outlined_cells(data: JointData, state: Estimation) -> BoolArray | None:
@@ -214,12 +215,13 @@ def present_view(data: JointData, state: Estimation) -> View:
 
 
 def readings_of(data: JointData, state: Estimation) -> UpsampledImu:
-    """The readings over the estimated knots, without the IMU's own scale, axes and delay as these are thought to be."""
+    """The readings over the estimated knots, without the IMU's own scale, axes and delay and what shook it unseen, as these are
+    thought to be."""
     if not state.nuisance.blocks:
         return data.readings.part(0, state.knots)
     intrinsics = imu_intrinsics(state.nuisance, state.estimate.nuisance)
     asked = data.asked.at(data.run, data.readings, intrinsics.accel_delay_s)
-    return corrected(asked.part(0, state.knots), intrinsics)
+    return true_readings(asked.part(0, state.knots), state.nuisance, state.estimate.nuisance, state.estimate.states.R)
 
 
 def motion_of(data: JointData, state: Estimation) -> Motion:
@@ -243,7 +245,7 @@ def problem_of(data: JointData, state: Estimation) -> JointProblem:
         links_accel_bias=ba,
         bins=replace(no_bins(e.time_offset_s), nuisance=e.nuisance),
         priors=state.priors,
-        sensors=sensor_columns(state.nuisance, e.nuisance, readings, data.run.clocks.middle_s),
+        sensors=sensor_columns(state.nuisance, e.nuisance, readings, e.states.R, data.run.clocks.middle_s),
         gauge_knot=data.gauge,
         planes_hold_frame=not data.run.settings.estimate_planes,
     )

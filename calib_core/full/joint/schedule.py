@@ -201,6 +201,36 @@ class Surfaces:
 
 
 @dataclass(frozen=True, slots=True)
+class Tones:
+    """Where the IMU was shaken faster than it samples, sines in its readings are unknowns too."""
+
+    #: The score's periodogram stands out by so much beside its mean by chance: over six channels and thousands of frequencies
+    #: chance makes 20 once in ten thousand recordings. Walls that bend by 5 mm, once settled, make 4 to 6.
+    stands_out: float = 20.0
+    #: The same before the lidar's noise is known and planes are judged: bent walls make 58 then, a tone that would have planes
+    #: thrown out thousands.
+    stands_out_at_once: float = 200.0
+    #: Most tones at a time: so many unknowns more still leave the motion to be told.
+    most: int = 8
+    #: Rounds of settling between one search and the next.
+    settling_rounds: int = 3
+    #: Fewer turns in the recording are the biases' own drift; above this part of the knots' highest frequency nothing is left
+    #: of a tone once it is integrated.
+    fewest_turns: float = 2.0
+    highest: float = 0.6
+    #: The periodogram is read at so many points for each that is independent.
+    padded: int = 4
+    #: Of a tone's frequency, beforehand, and how near two of them may lie: parts of the frequency of one turn in the recording.
+    resolution: float = 0.25
+    apart: float = 0.25
+
+    @property
+    def most_rounds(self) -> int:
+        """Bound on the rounds until all are found: two for each to be told, and those of settling."""
+        return self.most * (2 + self.settling_rounds)
+
+
+@dataclass(frozen=True, slots=True)
 class Limits:
     """Where an answer has left what the stages before have found, and no descent brings it back."""
 
@@ -233,19 +263,20 @@ class Schedule:
     #: The first round in which the sensors' own parameters are unknowns: with them in place, planes are told from clutter.
     sensors: Round = Round(gate_m=0.05, iterations=8, hold=False)
     surfaces: Surfaces = Surfaces()
+    tones: Tones = Tones()
     sampling: Sampling = Sampling()
     limits: Limits = Limits()
 
     def most_rounds(self, tracked_s: float, total_s: float, most_fixed_point: int) -> int:
         """Bound on the rounds in all. most_fixed_point: descents to a fixed point under the same association."""
-        rounds = 2 + len(self.coarse) + 2 * self.steadying.patience + len(self.instead)
+        rounds = 2 + len(self.coarse) + 2 * self.steadying.patience + len(self.instead) + self.tones.most_rounds
         if self.propagation is not None:
             rounds += self.propagation.most_rounds(tracked_s, total_s)
         if self.planes is not None:
             rounds += 1
         if self.settling is not None:
-            rounds += self.settling.rounds * (2 if self.planes is None else 2 + self.planes.turns)
-            rounds += self.settling.descents(most_fixed_point)
+            rounds += self.settling.rounds * (3 if self.planes is None else 3 + self.planes.turns)
+            rounds += (1 + self.tones.most) * self.settling.descents(most_fixed_point)
         return rounds
 
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from calib_core.factors.laser_features import LaserErrors
 from calib_core.factors.laser_kernels import COLUMNS, HEIGHT
-from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, SURFACE, Nuisance
-from calib_core.imu.intrinsics import ImuIntrinsics, bias_equivalents
+from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, SURFACE, TONE, Nuisance
+from calib_core.imu.intrinsics import ImuIntrinsics, bias_equivalents, corrected
 from calib_core.imu.preintegration import UpsampledImu
+from calib_core.imu.tones import PARAMETERS, attitudes, in_other_room, tone_columns, without_tone
 from calib_core.intrinsics import NAMES
 from calib_core.types import FloatArray, IntArray
 
@@ -49,6 +50,30 @@ def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
     )
 
 
+def tone_values(nuisance: Nuisance, values: FloatArray) -> FloatArray:
+    """(T, 25) of each tone in play, of a vector (N,)."""
+    return nuisance.values(values, TONE).reshape(-1, PARAMETERS)
+
+
+def seen_from(nuisance: Nuisance, values: FloatArray, R: FloatArray) -> FloatArray:
+    """The values (N,) where the map frame is turned by R (3, 3): what shakes the IMU from the room has its axes there."""
+    if not nuisance.tones_hz:
+        return values
+    turned, place = values.copy(), nuisance.places[TONE]
+    turned[place] = np.concatenate([in_other_room(own, R) for own in tone_values(nuisance, values)])
+    return turned
+
+
+def true_readings(readings: UpsampledImu, nuisance: Nuisance, values: FloatArray, R: FloatArray) -> UpsampledImu:
+    """The readings of an ideal IMU in the same place, by the values (N,): without its scales and axes, and without what shook it
+    faster than it samples. R: (K, 3, 3) its attitudes at the knots.   The delay is the upsampling's own."""
+    ideal = corrected(readings, imu_intrinsics(nuisance, values))
+    at_times = attitudes(ideal, R, nuisance.tones_zero_s)
+    for hz, own in zip(nuisance.tones_hz, tone_values(nuisance, values), strict=True):
+        ideal = without_tone(ideal, hz, own, at_times)
+    return ideal
+
+
 def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
     """The lidar's part of a vector (N,), laser by laser; where lasers are not told apart, of one that stands for all."""
     lasers = max(nuisance.lasers, 1)
@@ -73,11 +98,12 @@ def clock_rate_ppm(nuisance: Nuisance, values: FloatArray) -> float:
 
 
 def sensor_columns(
-    nuisance: Nuisance, values: FloatArray, readings: UpsampledImu, clock_middle_s: float
+    nuisance: Nuisance, values: FloatArray, readings: UpsampledImu, R: FloatArray, clock_middle_s: float
 ) -> SensorColumns:
-    """The columns at the values (N,) about which the readings are corrected."""
+    """The columns at the values (N,) about which the readings are corrected. R: (K, 3, 3) the IMU's attitudes at the knots."""
     if not nuisance.blocks:
         return SensorColumns()
+    tones = tone_values(nuisance, values)
     # Every block of the IMU has its place among the sixteen columns, in play or not.
     places, picked, at = [], [], 0
     for block in IMU_BLOCKS:
@@ -88,14 +114,20 @@ def sensor_columns(
                 picked.append(at + k)
         at += len(NAMES[block])
     gyro, accel = bias_equivalents(readings, imu_intrinsics(nuisance, values))
+    first = nuisance.start(TONE)
+    places.extend(range(first, first + tones.size))
+    at_times = attitudes(readings, R, nuisance.tones_zero_s)
+    of_tones = [tone_columns(hz, own, at_times) for hz, own in zip(nuisance.tones_hz, tones, strict=True)]
+    gyro = np.concatenate([gyro[:, :, picked], *(columns[:, :3] for columns in of_tones)], axis=2)
+    accel = np.concatenate([accel[:, :, picked], *(columns[:, 3:] for columns in of_tones)], axis=2)
     imu_places = np.array(places, np.int64)
     links_at = values[imu_places].copy()
     delay = nuisance.start("accelerometer_delay")
     links_at[imu_places == delay] = readings.accel_delay_s
     return SensorColumns(
         imu_places=imu_places,
-        gyro=np.ascontiguousarray(gyro[:, :, picked]),
-        accel=np.ascontiguousarray(accel[:, :, picked]),
+        gyro=gyro,
+        accel=accel,
         links_at=links_at,
         clock_place=nuisance.start("clock_rate"),
         clock_middle_s=clock_middle_s,

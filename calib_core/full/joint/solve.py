@@ -19,6 +19,7 @@ from calib_core.full.joint.schedule import PlaneSet, Round, Sampling, Schedule, 
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
+from calib_core.full.joint.tones import admit_tones, say_tones
 from calib_core.full.run import Run
 
 
@@ -31,12 +32,7 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
     for name, share, step in STEPS[names.index(first) :]:
         data.on_state(name, state)
         state = step(data.portion(*share), state, schedule)
-    assert schedule.settling is not None
-    rest = data.portion(WATCHING.settled_share, 1.0)
-    state, problem = alternate(rest, state, schedule.settling, schedule.sampling)
-    require_solution(state)
-    require_sensors(state, data.limits.sensor_sigmas)
-    return finished(data, state, problem)
+    return at_rest(data, state, schedule)
 
 
 def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved:
@@ -46,11 +42,25 @@ def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved
     """
     assert schedule.settling is not None
     data = replace(solved.data, run=run)
-    state = settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling)
+    return at_rest(
+        data, settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling), schedule
+    )
+
+
+def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
+    """With all points, to the fixed point. Of what shakes the IMU unseen they show what a part of them does not. Raises Refused."""
+    assert schedule.settling is not None
+    data, whole = data.portion(WATCHING.settled_share, 1.0), data
     state, problem = alternate(data, state, schedule.settling, schedule.sampling)
+    for _ in range(schedule.tones.most):
+        after = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
+        if after is state:
+            break
+        state, problem = alternate(data.portion(1.0, 1.0), after, schedule.settling, schedule.sampling)
     require_solution(state)
-    require_sensors(state, data.limits.sensor_sigmas)
-    return finished(data, state, problem)
+    require_sensors(state, whole.limits.sensor_sigmas)
+    say_tones(whole, state)
+    return finished(whole, state, problem)
 
 
 def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
@@ -110,6 +120,8 @@ def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Esti
     state, moved = admit_sensors(data, state), 0.0
     if data.sensors.blocks:
         state, moved = moving_round(data, state, schedule.sensors, schedule.sampling)
+    least = schedule.tones.stands_out_at_once
+    state = admit_tones(data, state, schedule.tones, schedule.sensors, schedule.sampling, least=least)
     if schedule.planes is not None:
         state = drop_planes(data, state, schedule.planes)
     return until_steady(data, state, schedule, schedule.sensors, moved)
@@ -119,6 +131,7 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     """To rest with a part of the points, without planes that turn out to be none."""
     assert schedule.settling is not None
     state = settle(data, state, schedule.settling, schedule.sampling)
+    state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:
         state = settle_without_doubtful(
             data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling
@@ -131,6 +144,20 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
         return replace(state, rounds=bent.rounds, iterations=bent.iterations)
     say_uneven(data, bent)
     return bent
+
+
+def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """Settled again with what shook the IMU unseen, where anything did. Before any plane is judged: it bears no blame for that."""
+    assert schedule.settling is not None
+    rules, before = schedule.tones, state
+    nearly = replace(schedule.settling, rounds=rules.settling_rounds)
+    for _ in range(rules.most):
+        after = admit_tones(data, state, rules, schedule.sensors, schedule.sampling, least=rules.stands_out)
+        if after is state:
+            break
+        # What is left stands out from less once the gates are narrow again.
+        state = settle(data, after, nearly, schedule.sampling)
+    return state if state is before else settle(data, state, schedule.settling, schedule.sampling)
 
 
 def settle_without_doubtful(

@@ -16,7 +16,7 @@ import numpy as np
 
 from calib_core.factors.patches import SurfacePatches
 from calib_core.full.prepare.settings import LASERS
-from calib_core.intrinsics import CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
+from calib_core.intrinsics import AXES, CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Recording, Scan
@@ -39,7 +39,21 @@ LASER_BLOCKS: tuple[Block, ...] = (
 LIDAR_BLOCKS: tuple[Block, ...] = ("eccentricity", "range_offset", "incidence")
 #: Of the room, not of the sensors: how far patches of planes lie before them. Admitted where walls turn out to be bent.
 SURFACE: Literal["surface"] = "surface"
-AnyBlock = Block | Literal["surface"]
+#: Of the IMU's surroundings: shaking faster than it samples. Admitted where the lidar's motion contradicts the readings so.
+TONE: Literal["tone"] = "tone"
+AnyBlock = Block | Literal["surface", "tone"]
+#: Of a tone, one standard deviation: no IMU reads more, so that next to nothing is said of them beforehand.
+_TONE_GYRO_STD_RAD_S, _TONE_ACCEL_STD_M_S2 = 1.0, 10.0
+_TONE_NAMES = (
+    *(
+        f"{sensor} {axis} {part}{where}"
+        for where in ("", " in the room")
+        for part in ("sine", "cosine")
+        for sensor in ("gyroscope", "accelerometer")
+        for axis in AXES
+    ),
+    "frequency",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +69,14 @@ class NuisanceBlock:
 class Nuisance:
     """The blocks in play, one after the other; their values are one vector (N,) in this order, in the blocks' units.
 
-    surface: where the patches are whose heights are in play, None where none is.
+    surface: where the patches are whose heights are in play, None where none is.   tones_hz: of the tones in play (imu/tones.py),
+    each of 25 values; their phases are counted from tones_zero_s, IMU clock.
     """
 
     blocks: tuple[NuisanceBlock, ...] = ()
     surface: SurfacePatches | None = field(default=None, compare=False)
+    tones_hz: tuple[float, ...] = ()
+    tones_zero_s: float = 0.0
 
     @cached_property
     def size(self) -> int:
@@ -85,7 +102,7 @@ class Nuisance:
     def values(self, vector: FloatArray, block: AnyBlock) -> FloatArray:
         """A block's part of a vector (N,); zeros where it is not in play (lasers: none)."""
         place = self.places.get(block)
-        return np.zeros(0 if block == SURFACE else len(NAMES.get(block, ()))) if place is None else vector[place]
+        return np.zeros(0 if block in (SURFACE, TONE) else len(NAMES.get(block, ()))) if place is None else vector[place]
 
     @property
     def patches(self) -> int:
@@ -95,13 +112,26 @@ class Nuisance:
 
     @property
     def sensors(self) -> Nuisance:
-        """Without what is the room's."""
-        return Nuisance(tuple(each for each in self.blocks if each.block != SURFACE))
+        """Without what is the room's, and what the IMU's surroundings do."""
+        return Nuisance(tuple(each for each in self.blocks if each.block not in (SURFACE, TONE)))
 
     def with_surface(self, surface: SurfacePatches, std_m: float) -> Nuisance:
         """With the heights of patches as unknowns, after all others."""
         block = NuisanceBlock(SURFACE, surface.names, np.full(surface.count, std_m))
-        return Nuisance((*self.blocks, block), surface)
+        return replace(self, blocks=(*self.blocks, block), surface=surface)
+
+    def with_tone(self, hz: float, resolution_hz: float, zero_s: float) -> Nuisance:
+        """With one more tone, after all others but what is the room's. resolution_hz: standard deviation of its frequency.
+
+        zero_s: t0 of the first one.
+        """
+        std = np.concatenate([np.tile(np.repeat([_TONE_GYRO_STD_RAD_S, _TONE_ACCEL_STD_M_S2], 3), 4), [resolution_hz]])
+        names = tuple(f"{hz:.2f} Hz {name}" for name in _TONE_NAMES)
+        before = next((each for each in self.blocks if each.block == TONE), NuisanceBlock(TONE, (), np.zeros(0)))
+        block = NuisanceBlock(TONE, (*before.names, *names), np.concatenate([before.prior_std, std]))
+        room = tuple(each for each in self.blocks if each.block == SURFACE)
+        first = zero_s if not self.tones_hz else self.tones_zero_s
+        return Nuisance((*self.sensors.blocks, block, *room), self.surface, (*self.tones_hz, hz), first)
 
     @property
     def lasers(self) -> int:
@@ -111,8 +141,8 @@ class Nuisance:
 
 def sensor_block(of: NuisanceBlock) -> Block:
     """The sensors' own block that this is: not the room's."""
-    if of.block == SURFACE:
-        raise ValueError("a surface is no sensor's")
+    if of.block == SURFACE or of.block == TONE:
+        raise ValueError(f"a {of.block} is no sensor's")
     return of.block
 
 
