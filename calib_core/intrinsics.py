@@ -104,9 +104,9 @@ class LidarPrior:
 #: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.
 CLOCK_RATE_STD_PPM = 40.0
 
-#: A sensor that nobody has named is taken for a cheap one: as loose as the loosest of the sheets that presets quote (BMI160
-#: and LSM6: scale within 1 %; ICM-20948: axes within 2 %, a limit), a VLP-16 measured on public packets (5 to 10 mm a laser),
-#: OA-LICalib's published VLP-16 (range scale 0.4 %).
+#: A sensor that nobody has named is taken for a cheap one: as loose as the loosest of the sheets that presets quote, hobby boards
+#: left out (BMI160 and LSM6: scale within 1 %; ICM-20948: axes within 2 %, a limit), a VLP-16 measured on public packets (5 to
+#: 10 mm a laser), OA-LICalib's published VLP-16 (range scale 0.4 %).
 UNKNOWN_IMU = ImuPrior(
     gyroscope_scale_std=0.01,
     gyroscope_axes_std_rad=0.01,

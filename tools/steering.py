@@ -29,6 +29,7 @@ RECORDS = (
     ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
     ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
     ("prepare", "calib_core/full/prepare/settings.py", "Lasers"),
+    ("prepare", "calib_core/full/prepare/settings.py", "ToneSizes"),
     ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
     ("planes", "calib_core/full/planes/settings.py", "Search"),
     ("planes", "calib_core/full/planes/settings.py", "Patches"),

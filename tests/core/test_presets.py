@@ -154,7 +154,8 @@ def test_a_presets_walks_are_used_and_an_unnamed_imu_walks_more_than_any_named_o
 
 
 def test_priors_go_with_the_sensor() -> None:
-    """Mutations: one prior for all; an unknown sensor taken for a good one (UNKNOWN_IMU's scale of 0.5 %); degrees for radians, per cent for shares."""
+    """Mutations: one prior for all; an unknown sensor taken for a good one (its scale of 0.5 %); degrees for radians, per cent
+    for shares."""
     assert find_imu_prior("/imu/data", "imu_link") is UNKNOWN_IMU
     assert find_lidar_prior("/points") is UNKNOWN_LIDAR
     assert find_imu_prior("xsens").accelerometer_scale_std < 0.3 * UNKNOWN_IMU.accelerometer_scale_std
@@ -164,4 +165,8 @@ def test_priors_go_with_the_sensor() -> None:
         for preset in presets:
             assert all(0.0 < value <= 0.02 for value in astuple(preset.prior)), (preset.name, names)
     for imu in IMU_PRESETS:
-        assert all(own <= loosest for own, loosest in zip(astuple(imu.prior), astuple(UNKNOWN_IMU), strict=True)), imu.name
+        if imu.name == "invensense-mpu6050":  # of the hobby boards alone: an unknown one is not taken for it
+            continue
+        assert all(own <= loosest for own, loosest in zip(astuple(imu.prior), astuple(UNKNOWN_IMU), strict=True)), (
+            imu.name
+        )

@@ -190,8 +190,9 @@ class Surfaces:
 
     #: Of a patch, one standard deviation: walls are off flat by 2 to 5 mm over a few metres.
     height_std_m: float = 0.003
-    #: So much from place to place, beyond chance by so many standard deviations, is worth it: half of what a good wall has.
-    least_m: float = 0.0005
+    #: So much from place to place, beyond chance by so many standard deviations, is worth it. Of a bend of 1.5 mm the motion and
+    #: sixteen lasers' angles have been seen to take up all but 0.4 mm; flat walls show 0.
+    least_m: float = 0.0002
     sigmas: float = 6.0
     #: A patch so many prior standard deviations (9 cm) off its plane is another surface's: shapes are left alone then. Skirting
     #: boards and a door ajar stand out by 10 to 50 mm; a patch that followed a box went on to 130.
@@ -220,14 +221,17 @@ class Tones:
     highest: float = 0.6
     #: The periodogram is read at so many points for each that is independent.
     padded: int = 4
-    #: Of a tone's frequency, beforehand, and how near two of them may lie: parts of the frequency of one turn in the recording.
+    #: Turns at rest with all points, which show what a part of them does not.
+    turns: int = 2
+    #: Of a tone's frequency, beforehand, and how near two of them may lie: in units of one turn in the recording. Nearer, their
+    #: amplitudes in the room and with the IMU say the same of a rig that turns: three turns apart, two have been seen to part.
     resolution: float = 0.25
-    apart: float = 0.25
+    apart: float = 4.0
 
     @property
     def most_rounds(self) -> int:
         """Bound on the rounds until all are found: two for each to be told, and those of settling."""
-        return self.most * (2 + self.settling_rounds)
+        return (self.most + self.turns) * (2 + self.settling_rounds)
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,7 +280,7 @@ class Schedule:
             rounds += 1
         if self.settling is not None:
             rounds += self.settling.rounds * (3 if self.planes is None else 3 + self.planes.turns)
-            rounds += (1 + self.tones.most) * self.settling.descents(most_fixed_point)
+            rounds += (1 + self.tones.turns) * self.settling.descents(most_fixed_point)
         return rounds
 
 

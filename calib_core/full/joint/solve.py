@@ -19,7 +19,7 @@ from calib_core.full.joint.schedule import PlaneSet, Round, Sampling, Schedule, 
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
-from calib_core.full.joint.tones import admit_tones, say_tones
+from calib_core.full.joint.tones import admit_rest, admit_tones, say_tones
 from calib_core.full.run import Run
 
 
@@ -42,20 +42,21 @@ def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved
     """
     assert schedule.settling is not None
     data = replace(solved.data, run=run)
-    return at_rest(
-        data, settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling), schedule
-    )
+    return at_rest(data, settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling), schedule)
 
 
 def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
-    """With all points, to the fixed point. Of what shakes the IMU unseen they show what a part of them does not. Raises Refused."""
+    """With all points, to the fixed point: they show what shakes the IMU unseen where a part of them does not. Raises Refused."""
     assert schedule.settling is not None
     data, whole = data.portion(WATCHING.settled_share, 1.0), data
     state, problem = alternate(data, state, schedule.settling, schedule.sampling)
-    for _ in range(schedule.tones.most):
-        after = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
+    rules = schedule.tones
+    for _ in range(rules.turns):
+        after = admit_rest(data, state, rules, schedule.sensors, schedule.sampling)
         if after is state:
             break
+        nearly = replace(schedule.settling, rounds=rules.settling_rounds)
+        after = settle(data.portion(1.0, 1.0), after, nearly, schedule.sampling)
         state, problem = alternate(data.portion(1.0, 1.0), after, schedule.settling, schedule.sampling)
     require_solution(state)
     require_sensors(state, whole.limits.sensor_sigmas)
@@ -147,7 +148,7 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
 
 
 def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """Settled again with what shook the IMU unseen, where anything did. Before any plane is judged: it bears no blame for that."""
+    """Settled again with what shook the IMU unseen, where anything did: before any plane is judged for it."""
     assert schedule.settling is not None
     rules, before = schedule.tones, state
     nearly = replace(schedule.settling, rounds=rules.settling_rounds)

@@ -7,6 +7,7 @@ information (the motion takes up a part of it). A tone stands out by hundreds an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,21 +35,42 @@ def admit_tones(
     data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, *, least: float
 ) -> Estimation:
     """With the tones that stand out by `least` or more, one after the other: beside a strong one a weak one shows nothing."""
-    while len(state.nuisance.tones_hz) < rules.most:
-        problem = problem_of(data, state)
-        hz = loudest(score_periodogram(problem, state.estimate, rules), rules, least)
-        if hz is None or any(abs(hz - other) < rules.apart / _seconds(problem) for other in state.nuisance.tones_hz):
-            break
-        state = with_tone(state, hz, rules.resolution / _seconds(problem), float(np.mean(problem.readings.knots_s[[0, -1]])))
-        # Once for its size, once for its frequency, which can be told from there on.
-        for _ in range(2):
-            state = one_round(data, state, round_, sampling)
+    while True:
+        found = tones_of(data, state, rules, least)
+        if not found:
+            return state
+        state = told(data, with_tone(data, state, found[0], rules), round_, sampling)
+
+
+def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
+    """With all that stand out now: for a state at rest with all points, from which the way back is long."""
+    found = tones_of(data, state, rules, rules.stands_out)
+    if not found:
+        return state
+    for hz in found:
+        state = with_tone(data, state, hz, rules)
+    return told(data, state, round_, sampling)
+
+
+def tones_of(data: JointData, state: Estimation, rules: Tones, least: float) -> list[float]:
+    """Frequencies [Hz] at which the score stands out beside the tones that are known, the loudest first."""
+    problem, known = problem_of(data, state), state.nuisance.tones_hz
+    periodogram = score_periodogram(problem, state.estimate, rules)
+    sweep_s = float(np.median(data.run.clocks.sweep_s))
+    return standing_out(periodogram, rules, least, known, 1.0 / sweep_s)[: rules.most - len(known)]
+
+
+def told(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
+    """Two rounds on: one for the size of new tones, one for their frequency, which can be told from there."""
+    for _ in range(2):
+        state = one_round(data, state, round_, sampling)
     return state
 
 
-def with_tone(state: Estimation, hz: float, resolution_hz: float, zero_s: float) -> Estimation:
+def with_tone(data: JointData, state: Estimation, hz: float, rules: Tones) -> Estimation:
     """With one more tone among the unknowns, of which nothing is known yet."""
-    nuisance = state.nuisance.with_tone(hz, resolution_hz, zero_s)
+    knots_s = data.readings.knots_s[[0, state.knots - 1]]
+    nuisance = state.nuisance.with_tone(hz, rules.resolution / float(np.diff(knots_s)[0]), float(knots_s.mean()))
     values, end = state.estimate.nuisance, nuisance.places[TONE].stop
     more = nuisance.size - state.nuisance.size
     values = np.insert(values, end - more, np.zeros(more))
@@ -72,16 +94,35 @@ def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -
     size = rules.padded * len(score)
     power = np.abs(np.fft.rfft(score * taper, size, axis=0)) ** 2
     scale = np.sum(information * taper**2, axis=0)
-    return Periodogram(np.fft.rfftfreq(size, problem.readings.spacing_s), power / np.maximum(scale, np.finfo(float).tiny))
+    return Periodogram(
+        np.fft.rfftfreq(size, problem.readings.spacing_s), power / np.maximum(scale, np.finfo(float).tiny)
+    )
 
 
-def loudest(of: Periodogram, rules: Tones, least: float) -> float | None:
-    """Frequency [Hz] at which any channel's score stands out most, by `least` or more; None where none does."""
-    seconds = 1.0 / (rules.padded * (of.hz[1] - of.hz[0]))
-    heard = (of.hz > rules.fewest_turns / seconds) & (of.hz < rules.highest * of.hz[-1])
-    power = np.where(heard[:, None], of.power, 0.0).max(axis=1)
-    at = int(np.argmax(power))
-    return float(of.hz[at]) if power[at] > least else None
+def standing_out(
+    of: Periodogram, rules: Tones, least: float, known_hz: Sequence[float], sweep_hz: float
+) -> list[float]:
+    """Frequencies [Hz] at which any channel's score stands out by `least` or more, the loudest first.
+
+    known_hz: of tones that are in play already. Near them nothing new can be told, nor at their images: the lidar's view comes
+    round sweep_hz times a second.
+    """
+    turn_hz = rules.padded * (of.hz[1] - of.hz[0])
+    power = of.power.max(axis=1)
+    power[(of.hz < rules.fewest_turns * turn_hz) | (of.hz > rules.highest * of.hz[-1])] = 0.0
+    sweeps_hz = np.arange(0.0, of.hz[-1] + sweep_hz, sweep_hz)
+
+    def silence(tone_hz: float) -> None:
+        for image_hz in np.concatenate([sweeps_hz + tone_hz, np.abs(sweeps_hz - tone_hz)]):
+            power[np.abs(of.hz - image_hz) < rules.apart * turn_hz] = 0.0
+
+    for tone_hz in known_hz:
+        silence(tone_hz)
+    found: list[float] = []
+    while power.max() > least:
+        found.append(float(of.hz[np.argmax(power)]))
+        silence(found[-1])
+    return found
 
 
 def say_tones(data: JointData, state: Estimation) -> None:
@@ -96,7 +137,3 @@ def say_tones(data: JointData, state: Estimation) -> None:
             "nothing moved by: it is shaken faster than it samples; the tone is estimated along and taken out, but record with "
             "the IMU's own low-pass filter on, or at a higher rate",
         )
-
-
-def _seconds(problem: JointProblem) -> float:
-    return float(problem.readings.knots_s[-1] - problem.readings.knots_s[0])

@@ -102,7 +102,9 @@ class Nuisance:
     def values(self, vector: FloatArray, block: AnyBlock) -> FloatArray:
         """A block's part of a vector (N,); zeros where it is not in play (lasers: none)."""
         place = self.places.get(block)
-        return np.zeros(0 if block in (SURFACE, TONE) else len(NAMES.get(block, ()))) if place is None else vector[place]
+        return (
+            np.zeros(0 if block in (SURFACE, TONE) else len(NAMES.get(block, ()))) if place is None else vector[place]
+        )
 
     @property
     def patches(self) -> int:
@@ -141,7 +143,7 @@ class Nuisance:
 
 def sensor_block(of: NuisanceBlock) -> Block:
     """The sensors' own block that this is: not the room's."""
-    if of.block == SURFACE or of.block == TONE:
+    if of.block == SURFACE or of.block == TONE:  # noqa: PLR1714  the type checker follows this
         raise ValueError(f"a {of.block} is no sensor's")
     return of.block
 

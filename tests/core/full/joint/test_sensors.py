@@ -80,7 +80,7 @@ class Case:
             base,
             bins=bins,
             priors=replace(base.priors, nuisance_std=scale),
-            sensors=sensor_columns(nuisance, links_at, base.readings, MIDDLE_S),
+            sensors=sensor_columns(nuisance, links_at, base.readings, estimate.states.R, MIDDLE_S),
         )
 
     def stacked(self, e: Estimate) -> FloatArray:
@@ -187,7 +187,7 @@ def test_links_integrated_anew_agree_with_their_columns() -> None:
     _, e = plain._problem(1)
     base = plain._problem(1)[0]
     zero = np.zeros(NUISANCE.size)
-    columns = sensor_columns(NUISANCE, zero, base.readings, 0.0)
+    columns = sensor_columns(NUISANCE, zero, base.readings, e.states.R, 0.0)
     assert columns.links_at.shape == (16,)
     assert (columns.links_at == 0.0).all()
     problem = replace(base, sensors=columns, priors=replace(base.priors, nuisance_std=NUISANCE.prior_std))
