@@ -18,7 +18,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib_core.documents import read_imu_noise, read_initial_guess, read_planes, read_result
+from calib_core.documents import initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -58,6 +58,7 @@ __all__ = [
     "export_names",
     "get_ready",
     "grow_plane",
+    "initial_guess",
     "inspect",
     "load",
     "map_points",
