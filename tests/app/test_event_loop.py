@@ -85,7 +85,7 @@ def test_nothing_waits_on_the_event_loop(shared_live, waits):
         max_size=None,
     ) as scene:
         assert len(scene.recv(timeout=20)) > 16
-    shared_live.wait(lambda: shared_live.services.scenes.watchers(recording_id) == 0)
+    shared_live.wait(lambda: shared_live.services.scenes.open.watchers(recording_id) == 0)
     name = base64.b64encode(b"parts.bag").decode()
     told = {**TUS, "Upload-Length": "6", "Upload-Metadata": f"filename {name}"}
     where = http.post("/api/uploads", headers=told).headers["location"]

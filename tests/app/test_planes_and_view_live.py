@@ -232,7 +232,7 @@ def test_the_scene_reaches_the_browser_through_our_port(shared_live, solved):
         received = 0
         while received < 6200 * 15 * 0.8:  # three floats and a colour each; random points do not compress
             received += len(browser.recv(timeout=20))
-    shared_live.wait(lambda: shared_live.services.scenes.watchers(recording_id) == 0)
+    shared_live.wait(lambda: shared_live.services.scenes.open.watchers(recording_id) == 0)
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
@@ -252,12 +252,12 @@ def test_an_unknown_scene_is_closed_and_an_idle_one_goes_away(shared_live, solve
     hub = shared_live.services.scenes
     hub.dial(solved[0]).close()
     with scene_socket(shared_live, solved[0]):
-        shared_live.wait(lambda: hub.watchers(solved[0]) == 1)
-        hub.close_idle(1e12)
-        assert solved[0] in hub._open
-    shared_live.wait(lambda: hub.watchers(solved[0]) == 0)
-    hub.close_idle(3e12)
-    assert solved[0] not in hub._open
+        shared_live.wait(lambda: hub.open.watchers(solved[0]) == 1)
+        hub.open.close_idle(1e12)
+        assert hub.open.find(solved[0]) is not None
+    shared_live.wait(lambda: hub.open.watchers(solved[0]) == 0)
+    hub.open.close_idle(3e12)
+    assert hub.open.find(solved[0]) is None
 
 
 def test_the_scene_can_be_shared_as_one_page(shared_live, solved):

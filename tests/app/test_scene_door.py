@@ -89,7 +89,7 @@ def test_an_open_scene_listens_nowhere(shared_live):
     with browser(shared_live, recording_id) as socket:
         assert len(socket.recv(timeout=20)) > 16  # the scene is really open and really sends
         assert listening() == before
-    shared_live.services.scenes.close_scene(recording_id)
+    shared_live.services.scenes.open.close(recording_id)
     assert listening() == before
 
 
@@ -109,7 +109,7 @@ def test_no_browser_can_have_the_scene_published(shared_live, monkeypatch):
         hub = shared_live.services.scenes
         # What came last has arrived, so all before has been judged, and the connection has outlived it.
         shared_live.wait(lambda: (seen := hub.camera(recording_id)) is not None and seen.p_scene_camera[1] == 2.0)
-    shown = hub._open[recording_id].shown
+    shown = hub.open.find(recording_id).shown
     assert shown._server.request_share_url() is None
     handled = {kind.__name__ for kind in shown._server._connection._incoming_handlers}
     assert not handled & {"ShareUrlRequest", "ShareUrlDisconnect"}
@@ -125,7 +125,7 @@ def test_a_browser_that_leaves_while_it_is_turned_is_no_matter(shared_live, monk
     hub = shared_live.services.scenes
     with browser(shared_live, recording_id) as socket:
         socket.send(msgspec.msgpack.encode(CAMERA))
-        shown = hub._open[recording_id].shown
+        shown = hub.open.find(recording_id).shown
         shared_live.wait(lambda: len(shown._server.get_clients()) == 1)
         (client,) = shown._server.get_clients().values()
     shared_live.wait(lambda: not shown._server.get_clients())

@@ -131,7 +131,7 @@ def test_frames_of_any_kind_leave_the_scene_as_it_was(shared_live, caplog):
 
     send()
     hub = shared_live.services.scenes
-    shared_live.wait(lambda: hub.watchers(recording_id) == 0)
+    shared_live.wait(lambda: hub.open.watchers(recording_id) == 0)
     with browser(shared_live, recording_id) as page:
         assert len(page.recv(timeout=20)) > 16
     assert shared_live.http.get(f"{here}/planes").json() == before
