@@ -10,10 +10,7 @@ import threading
 import traceback
 
 import pytest
-import viser
 from sqlalchemy import Engine, event
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from app.locks import NamedLocks
 from app.server.process import SWITCH_INTERVAL_S
@@ -77,13 +74,7 @@ def test_nothing_waits_on_the_event_loop(shared_live, waits):
     assert http.post(f"{here}/planes/operations", json={"op": "toggle", "index": 0}).status_code == 200
     assert http.patch(here, json={"note": "here"}).status_code == 200
     shared_live.events(f"/api/jobs/{job_id}/events", until=lambda _: False)
-    with connect(
-        f"ws://127.0.0.1:{shared_live.port}/scene/{recording_id}",
-        origin=shared_live.origin,
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-        proxy=None,
-        max_size=None,
-    ) as scene:
+    with shared_live.scene(recording_id) as scene:
         assert len(scene.recv(timeout=20)) > 16
     shared_live.wait(lambda: shared_live.services.scenes.open.watchers(recording_id) == 0)
     name = base64.b64encode(b"parts.bag").decode()
@@ -117,14 +108,7 @@ def test_who_waits_for_scenes_leaves_the_threads_to_others(shared_live, monkeypa
     monkeypatch.setattr(hub, "dial", slow)
 
     def look():
-        connect(
-            f"ws://127.0.0.1:{shared_live.port}/scene/{recording_id}",
-            origin=shared_live.origin,
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            proxy=None,
-            max_size=None,
-            open_timeout=60,
-        ).close()
+        shared_live.scene(recording_id, open_timeout=60).close()
 
     browsers = [threading.Thread(target=look, daemon=True) for _ in range(41)]
     for browser in browsers:

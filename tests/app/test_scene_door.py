@@ -10,8 +10,6 @@ import psutil
 import pytest
 import viser
 import viser._viser
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from app.scene.aim import Stand
 from app.scene.messages import admitted
@@ -61,17 +59,6 @@ FORBIDDEN = (
 )
 
 
-def browser(live, recording_id):
-    """A viser client at the server's own address."""
-    return connect(
-        f"ws://127.0.0.1:{live.port}/scene/{recording_id}",
-        origin=live.origin,
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-        proxy=None,
-        max_size=None,
-    )
-
-
 def listening():
     """Addresses on which this process accepts connections, of any family."""
     own = psutil.Process()
@@ -86,7 +73,7 @@ def test_an_open_scene_listens_nowhere(shared_live):
     """
     recording_id = shared_live.ready()
     before = listening()
-    with browser(shared_live, recording_id) as socket:
+    with shared_live.scene(recording_id) as socket:
         assert len(socket.recv(timeout=20)) > 16  # the scene is really open and really sends
         assert listening() == before
     shared_live.services.scenes.open.close(recording_id)
@@ -101,7 +88,7 @@ def test_no_browser_can_have_the_scene_published(shared_live, monkeypatch):
     opened = []
     monkeypatch.setattr(viser._viser, "ViserTunnel", lambda *where: opened.append(where))
     recording_id = shared_live.ready()
-    with browser(shared_live, recording_id) as socket:
+    with shared_live.scene(recording_id) as socket:
         socket.send(msgspec.msgpack.encode(CAMERA))
         for message in FORBIDDEN:
             socket.send(msgspec.msgpack.encode(message))
@@ -123,7 +110,7 @@ def test_a_browser_that_leaves_while_it_is_turned_is_no_matter(shared_live, monk
     """
     recording_id = shared_live.ready()
     hub = shared_live.services.scenes
-    with browser(shared_live, recording_id) as socket:
+    with shared_live.scene(recording_id) as socket:
         socket.send(msgspec.msgpack.encode(CAMERA))
         shown = hub.open.find(recording_id).shown
         shared_live.wait(lambda: len(shown._server.get_clients()) == 1)
