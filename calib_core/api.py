@@ -112,9 +112,9 @@ def load(
 
     fingerprint: hash the whole file, for results' provenance; False leaves `sha256` empty, for a quick look.
     """
-    from calib_core import readers
+    from calib_core.readers.load import load as read
 
-    return readers.load(
+    return read(
         path, settings or ReadSettings(), fingerprint=fingerprint, on_event=on_event, should_cancel=should_cancel
     )
 
@@ -238,15 +238,15 @@ def deskew(
     accumulated map beside it.   correct_lasers: take out what the calibration found of the lasers (offsets and scales of
     ranges, angles), too.
     """
-    from calib_core import readers
     from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
+    from calib_core.readers.load import load as read
     from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
     held_calibration(result)  # says so before the recording is read where there is none
     if correct_lasers:
         laser_corrector(result)
-    recording = readers.load(path, settings, on_event=on_event, should_cancel=should_cancel)
+    recording = read(path, settings, on_event=on_event, should_cancel=should_cancel)
     motion = held_motion(
         recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
     )

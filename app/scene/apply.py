@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import socket
 from collections.abc import Callable
 
@@ -33,6 +34,11 @@ BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204
 
 #: What viser's own panel, which nobody sees, is called once there is something to see.
 FIRST_PICTURE = "first picture"
+
+
+def warm_up() -> None:
+    """Import what the first scene needs: viser encodes its background with libraries that are brought in there and then."""
+    importlib.import_module("imageio.v3").imwrite("<bytes>", np.zeros((1, 1, 3), dtype=np.uint8), extension=".png")
 
 
 class ShownScene:

@@ -17,7 +17,7 @@ from app.bus import Bus
 from app.errors import ApiError, BadRequest, NotFound
 from app.events import ClickWasRefused, ViewEdited
 from app.planes.service import PlaneService
-from app.scene.apply import ShownScene
+from app.scene.apply import ShownScene, warm_up
 from app.scene.compose import Composed, Composer
 from app.scene.opened import OpenScene, OpenScenes
 from app.scene.picking import pick
@@ -61,7 +61,7 @@ class SceneHub:
         self._closed = threading.Event()
 
     def start(self) -> None:
-        """Begin closing idle scenes."""
+        """Begin closing idle scenes; what the first of them needs is imported before anybody waits for it."""
         threading.Thread(target=self._sweep, name="scenes", daemon=True).start()
 
     def view(self, recording_id: str) -> View:
@@ -220,5 +220,6 @@ class SceneHub:
         return OpenScene(shown, time.monotonic(), live, cut)
 
     def _sweep(self) -> None:
+        warm_up()
         while not self._closed.wait(SWEEP_INTERVAL_S):
             self.open.close_idle(time.monotonic())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from datetime import UTC, datetime
 
@@ -9,6 +11,7 @@ import psutil
 import pytest
 
 import app.jobs.service as service_module
+from app.jobs.worker import PATIENCE
 from tests.app.support.live import serving
 
 
@@ -32,6 +35,15 @@ def test_a_worker_that_ignores_sigterm_is_killed(live):
     job_id, pid = started(live, "deaf.bag")
     live.http.post(f"/api/jobs/{job_id}/cancel")
     assert live.finish(job_id)["state"] == "cancelled"
+    live.wait(lambda: gone(pid))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no niceness there")
+def test_answers_go_before_jobs(live):
+    """Where processors are short, the server's threads come first. Oracle: the system's priorities. Mutation: no `nice`."""
+    job_id, pid = started(live, "deaf.bag")
+    assert os.getpriority(os.PRIO_PROCESS, pid) == min(19, os.getpriority(os.PRIO_PROCESS, 0) + PATIENCE)
+    live.http.post(f"/api/jobs/{job_id}/cancel")
     live.wait(lambda: gone(pid))
 
 
