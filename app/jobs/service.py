@@ -83,7 +83,8 @@ class JobService:
         self._progress: dict[str, Progress] = {}
         self._tickets: dict[str, Ticket] = {}
         self._turns = Turns()
-        self._places: dict[str, int] | None = None
+        self._places: dict[str, int] = {}
+        self._line_moved = True
         self._closing = False
 
     # What there is
@@ -146,7 +147,7 @@ class JobService:
         )
         with self._lock:
             record = self._store.add(record)
-            self._places = None
+            self._line_moved = True
         self._tell(record)
         self.start_queued()
         return self.wire(self.get(record.id))
@@ -209,7 +210,7 @@ class JobService:
         with self._lock:
             if self._closing:
                 return
-            before = self._places or {}
+            before = {} if self._line_moved else self._places
             waiting = {record.id: record for record in self._store.in_states(["queued"])}
             order = self._turns.order(map(ticket_of, waiting.values()), self._tickets.values())
             free = may_start(len(order), len(self._threads), self._settings.concurrent_jobs)
@@ -218,7 +219,7 @@ class JobService:
                 self._tickets[ticket.job_id] = ticket
                 self._start(self._change(waiting[ticket.job_id], "start"))
             places = {ticket.job_id: place for place, ticket in enumerate(order[free:], start=1)}
-            self._places = places
+            self._places, self._line_moved = places, False
         moved = [job_id for job_id, place in places.items() if before.get(job_id) not in {None, place}]
         if moved:
             self._bus.publish(QueueMoved([self.wire(waiting[job_id]) for job_id in moved[:TOLD_PLACES]]))
@@ -226,12 +227,16 @@ class JobService:
     # How it is done
 
     def _place(self, job_id: str) -> int | None:
-        with self._lock:
-            if self._places is None:
+        """Its place in the queue; the last known one while a change is being written, for which a disk may take its time."""
+        if self._line_moved and self._lock.acquire(blocking=False):
+            try:
                 waiting = map(ticket_of, self._store.in_states(["queued"]))
                 order = self._turns.order(waiting, self._tickets.values())
                 self._places = {ticket.job_id: place for place, ticket in enumerate(order, start=1)}
-            return self._places.get(job_id)
+                self._line_moved = False
+            finally:
+                self._lock.release()
+        return self._places.get(job_id)
 
     def _start(self, record: JobRecord) -> None:
         thread = threading.Thread(target=self._supervise, args=(record,), name=f"job-{record.id[:8]}", daemon=True)
@@ -334,7 +339,7 @@ class JobService:
     ) -> JobRecord:
         state: JobState = transition(record.state, signal)
         if record.state == "queued":
-            self._places = None
+            self._line_moved = True
         now = datetime.now(UTC)
         return self._store.save(
             replace(

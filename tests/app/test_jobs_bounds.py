@@ -137,6 +137,29 @@ def test_a_senseless_last_event_id_is_no_defect(live, last):
     assert resumed[0][1] == {"event": "resync"}
 
 
+def test_lists_do_not_wait_while_a_change_of_a_job_is_being_written(live):
+    """The jobs' lock is held here as a slow disk would hold it, and one waits in the queue. Oracle: the lists, with its place.
+
+    Mutation: the lock taken for a job's place.
+    """
+    recordings = [live.upload(f"deaf{k}.bag") for k in range(3)]
+    jobs = [live.start(recording) for recording in recordings]
+    waits = jobs[-1]
+    live.wait(lambda: live.job(waits)["queue_place"] is not None)
+    answers = []
+    paths = ["/api/recordings", f"/api/recordings/{recordings[-1]}/jobs", f"/api/jobs/{waits}"]
+    asking = threading.Thread(target=lambda: answers.extend(live.http.get(path).json() for path in paths))
+    with live.services.jobs._lock:
+        asking.start()
+        asking.join(20)
+        in_time = not asking.is_alive()
+    asking.join(20)
+    assert in_time
+    assert answers[-1]["queue_place"] == answers[1][0]["queue_place"] >= 1
+    for job_id in jobs:
+        live.http.post(f"/api/jobs/{job_id}/cancel")
+
+
 def test_watching_a_job_does_not_stop_the_server_while_jobs_are_busy(live):
     """The jobs' lock is held here as a slow disk would hold it: others are answered. Oracle: their answers.
 
