@@ -18,7 +18,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib_core.documents import read_imu_noise, read_initial_guess, read_planes, read_result
+from calib_core.documents import initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -58,6 +58,7 @@ __all__ = [
     "export_names",
     "get_ready",
     "grow_plane",
+    "initial_guess",
     "inspect",
     "load",
     "map_points",
@@ -111,9 +112,9 @@ def load(
 
     fingerprint: hash the whole file, for results' provenance; False leaves `sha256` empty, for a quick look.
     """
-    from calib_core import readers
+    from calib_core.readers.load import load as read
 
-    return readers.load(
+    return read(
         path, settings or ReadSettings(), fingerprint=fingerprint, on_event=on_event, should_cancel=should_cancel
     )
 
@@ -237,15 +238,15 @@ def deskew(
     accumulated map beside it.   correct_lasers: take out what the calibration found of the lasers (offsets and scales of
     ranges, angles), too.
     """
-    from calib_core import readers
     from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
+    from calib_core.readers.load import load as read
     from calib_core.readers.write.rewrite import rewrite_clouds
 
     settings = settings or ReadSettings()
     held_calibration(result)  # says so before the recording is read where there is none
     if correct_lasers:
         laser_corrector(result)
-    recording = readers.load(path, settings, on_event=on_event, should_cancel=should_cancel)
+    recording = read(path, settings, on_event=on_event, should_cancel=should_cancel)
     motion = held_motion(
         recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
     )

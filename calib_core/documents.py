@@ -91,10 +91,23 @@ def read_initial_guess(path: Path) -> InitialGuess:
     if offset_ns is None and guess.time_offset_s is not None:
         offset_ns = round(guess.time_offset_s * 1e9)
     transform = guess.T_imu_lidar or _GuessTransform()
-    rotation, translation = _rotation(transform, path), _translation(transform, path)
+    rotation, translation = _rotation(transform, str(path)), _translation(transform, str(path))
     if rotation is None and translation is None and offset_ns is None:
         raise SettingsError(f"Expected {expected} in {path}, but it holds neither; add one, or leave the file out.")
     return InitialGuess(R_imu_lidar=rotation, p_imu_lidar=translation, time_offset_ns=offset_ns)
+
+
+def initial_guess(matrix: list[list[float]] | None, time_offset_s: float | None, *, where: str) -> InitialGuess:
+    """The start values that somebody hands over without a file, held to what `read_initial_guess` holds a file to.
+
+    matrix: T_imu_lidar, 4 rows of 4, metres.   where: what to call the place in a sentence.   Raises SettingsError.
+    """
+    transform = _GuessTransform(matrix=matrix)
+    return InitialGuess(
+        R_imu_lidar=_rotation(transform, where),
+        p_imu_lidar=_translation(transform, where),
+        time_offset_ns=None if time_offset_s is None else round(time_offset_s * 1e9),
+    )
 
 
 def _read(path: Path, model: type[_Model], expected: str) -> _Model:
@@ -149,16 +162,16 @@ def _outline(plane: Plane, corners_m: list[list[float]], path: Path) -> FloatArr
     return corners
 
 
-def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:
+def _rotation(transform: _GuessTransform, where: str) -> FloatArray | None:
     from scipy.spatial.transform import Rotation
 
     if transform.matrix is not None:
-        return _rotation_of(_matrix(transform.matrix, path)[:3, :3], path)
+        return _rotation_of(_matrix(transform.matrix, where)[:3, :3], where)
     if transform.quaternion_xyzw is not None:
         quat_xyzw = np.array(transform.quaternion_xyzw)
         if not abs(float(np.linalg.norm(quat_xyzw)) - 1.0) < ROTATION_TOLERANCE:
             raise SettingsError(
-                f"Expected a unit quaternion in {path}, but found {transform.quaternion_xyzw}; correct it."
+                f"Expected a unit quaternion in {where}, but found {transform.quaternion_xyzw}; correct it."
             )
         return np.asarray(Rotation.from_quat(quat_xyzw).as_matrix(), dtype=np.float64)
     if transform.euler_xyz_deg is not None:
@@ -168,27 +181,27 @@ def _rotation(transform: _GuessTransform, path: Path) -> FloatArray | None:
     return None
 
 
-def _translation(transform: _GuessTransform, path: Path) -> FloatArray | None:
+def _translation(transform: _GuessTransform, where: str) -> FloatArray | None:
     if transform.matrix is not None:
-        return _matrix(transform.matrix, path)[:3, 3].copy()
+        return _matrix(transform.matrix, where)[:3, 3].copy()
     if transform.translation_m is not None:
         return np.array(transform.translation_m, dtype=np.float64)
     return None
 
 
-def _matrix(rows: list[list[float]], path: Path) -> FloatArray:
+def _matrix(rows: list[list[float]], where: str) -> FloatArray:
     if len(rows) != 4 or any(len(row) != 4 for row in rows) or rows[3] != [0, 0, 0, 1]:
         raise SettingsError(
-            f"Expected 4 rows of 4 numbers, the last 0 0 0 1, as T_imu_lidar in {path}; correct the matrix."
+            f"Expected 4 rows of 4 numbers, the last 0 0 0 1, as T_imu_lidar in {where}; correct the matrix."
         )
     return np.array(rows, dtype=np.float64)
 
 
-def _rotation_of(matrix: FloatArray, path: Path) -> FloatArray:
+def _rotation_of(matrix: FloatArray, where: str) -> FloatArray:
     rotation = rotation_meant(matrix)
     if rotation is None:
         raise SettingsError(
-            f"Expected a rotation in T_imu_lidar in {path}, but its columns are not orthonormal and right-handed; "
+            f"Expected a rotation in T_imu_lidar in {where}, but its columns are not orthonormal and right-handed; "
             "correct the matrix."
         )
     return rotation

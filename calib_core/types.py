@@ -6,9 +6,10 @@ one subtraction (`relative_s`) of the recording's own epoch.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,26 @@ class Scan:
     index: int
     stamp_ns: int
     points: PointArray
+
+
+class KeptScans(Sequence[Scan]):
+    """Scans that are read where they are kept, by index or slice as a list's are."""
+
+    @overload
+    def __getitem__(self, item: int) -> Scan: ...
+    @overload
+    def __getitem__(self, item: slice) -> list[Scan]: ...
+    def __getitem__(self, item: int | slice) -> Scan | list[Scan]:
+        if isinstance(item, slice):
+            return [self.scan_at(place) for place in range(*item.indices(len(self)))]
+        place = item + len(self) if item < 0 else item
+        if not 0 <= place < len(self):
+            raise IndexError(f"scan {item} of {len(self)}")
+        return self.scan_at(place)
+
+    @abstractmethod
+    def scan_at(self, place: int) -> Scan:
+        """The scan at a place from 0 on."""
 
 
 @dataclass(frozen=True, slots=True)

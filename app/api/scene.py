@@ -74,7 +74,7 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
         return
     await browser.accept(subprotocol=upstream.subprotocol)
     # In a thread: whoever composes this scene anew holds its lock, and everybody else's requests would wait as well.
-    await to_thread.run_sync(services.scenes.watcher_came, recording_id, +1)
+    await to_thread.run_sync(services.scenes.open.watcher_came, recording_id, +1)
     tasks = [asyncio.create_task(_downward(upstream, browser)), asyncio.create_task(_upward(browser, upstream))]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -83,7 +83,7 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         with anyio.CancelScope(shield=True):
-            await to_thread.run_sync(services.scenes.watcher_came, recording_id, -1)
+            await to_thread.run_sync(services.scenes.open.watcher_came, recording_id, -1)
             await upstream.close()
 
 

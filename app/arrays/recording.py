@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, overload
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from calib_core.types import (
     FloatArray,
     ImuData,
     IntArray,
+    KeptScans,
     LidarInfo,
     PointArray,
     Recording,
@@ -68,7 +68,7 @@ class _RecordingText(BaseModel):
     imu_model: str
 
 
-class CachedScans(Sequence[Scan]):
+class CachedScans(KeptScans):
     """Scans as slices of one memory-mapped array.
 
     points: (P,) POINT_DTYPE of all scans in order.   starts: (M + 1,) first point of each scan, then P.
@@ -84,16 +84,8 @@ class CachedScans(Sequence[Scan]):
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
-    @overload
-    def __getitem__(self, item: int) -> Scan: ...
-    @overload
-    def __getitem__(self, item: slice) -> list[Scan]: ...
-    def __getitem__(self, item: int | slice) -> Scan | list[Scan]:
-        if isinstance(item, slice):
-            return [self[i] for i in range(*item.indices(len(self)))]
-        place = item + len(self) if item < 0 else item
-        if not 0 <= place < len(self):
-            raise IndexError(item)
+    def scan_at(self, place: int) -> Scan:
+        """The scan at a place from 0 on."""
         points = self.points[self.starts[place] : self.starts[place + 1]]
         return Scan(index=int(self.message_index[place]), stamp_ns=int(self.stamps_ns[place]), points=points)
 

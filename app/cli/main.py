@@ -17,7 +17,8 @@ from contextlib import suppress
 from types import FrameType
 
 from app.cli.commands import COMMANDS, AuditFailed, Refused
-from app.cli.parser import UsageError, build_parser
+from app.cli.parser import build_parser
+from app.cli.usage import UsageError
 from calib_core.errors import Cancelled, InputError
 
 EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130

@@ -13,7 +13,7 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import cast
 
@@ -25,14 +25,15 @@ from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
 from app.events import JobMoved, JobSaid, JobStepped, QueueMoved
 from app.jobs.client import ASKING
 from app.jobs.journal import Journal, number_of
-from app.jobs.kept import error_of, outcome_of, request_of, telling
-from app.jobs.launch import Launcher, RunningJob
+from app.jobs.kept import request_of, telling
+from app.jobs.launch import Launcher
 from app.jobs.log import JobLogs
-from app.jobs.machine import FINAL, IllegalTransition, Signal, may_start, sentence_of, transition
+from app.jobs.machine import FINAL, IllegalTransition, Signal, may_start, transition
 from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
+from app.jobs.processes import Processes
 from app.jobs.queue import Ticket, Turns
+from app.jobs.wire import DIED, STOPPED, Progress, job_of, too_long
 from app.logs import about
-from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, PlaneLook
 from app.settings import AppSettings
 from app.storage.files import DataFolder
@@ -41,11 +42,6 @@ from app.storage.store import JobStore
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 
 _LOG = logging.getLogger("unsweep")
-STOPPED = ErrorFacts(code="job.stopped", text="The job stopped by itself; run it again.")
-DIED = ErrorFacts(
-    code="job.died",
-    text="The job's process ended without a word, most likely for want of memory: choose a shorter time span.",
-)
 
 #: So many of those that wait are told when their place has changed; who is farther back sees it at the next look.
 TOLD_PLACES = 50
@@ -54,15 +50,6 @@ TOLD_PLACES = 50
 FULL_DISK_POLL_S = 1.0
 #: How long a deleted recording's jobs have to go away.
 STOP_WAIT_S = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Where a running job is."""
-
-    stage: str | None = None
-    fraction: float = 0.0
-    text: str = ""
 
 
 class JobService:
@@ -87,18 +74,17 @@ class JobService:
         self._store = store
         self._files = files
         self._settings = settings
-        self._launcher = launcher
+        self._processes = Processes(launcher, grace_s=settings.cancel_grace_s)
         self._make_order = make_order
         self._looks_of = looks_of
         self._bus = bus
         self._lock = threading.RLock()
-        self._running: dict[str, RunningJob] = {}
         self._threads: dict[str, threading.Thread] = {}
         self._progress: dict[str, Progress] = {}
         self._tickets: dict[str, Ticket] = {}
         self._turns = Turns()
-        self._places: dict[str, int] | None = None
-        self._overdue: set[str] = set()
+        self._places: dict[str, int] = {}
+        self._line_moved = True
         self._closing = False
 
     # What there is
@@ -125,29 +111,9 @@ class JobService:
 
     def wire(self, record: JobRecord) -> Job:
         """The job as the wire carries it."""
-        ended_well = record.state == "done"
-        progress = self._progress.get(record.id, Progress(fraction=1.0 if ended_well else 0.0))
-        request = request_of(record)
         place = self._place(record.id) if record.state == "queued" else None
-        return Job(
-            id=record.id,
-            recording_id=record.recording_id,
-            kind=record.kind,
-            state=record.state,
-            state_text=sentence_of(record.state, place),
-            queue_place=place,
-            stage=progress.stage,
-            fraction=progress.fraction,
-            text=progress.text,
-            error=error_of(record),
-            settings=request.settings,
-            planes=self._looks_of(record.recording_id, request.planes or ()),
-            result=outcome_of(record),
-            retry_of=record.retry_of,
-            created_at=record.created_at,
-            started_at=record.started_at,
-            ended_at=record.ended_at,
-        )
+        looks = self._looks_of(record.recording_id, request_of(record).planes or ())
+        return job_of(record, self._progress.get(record.id), place=place, looks=looks)
 
     async def watch(self, job_id: str, last_event_id: str | None) -> AsyncIterator[JobMessage]:
         """The job's messages after `last_event_id`, as server-sent events, until its final state."""
@@ -181,7 +147,7 @@ class JobService:
         )
         with self._lock:
             record = self._store.add(record)
-            self._places = None
+            self._line_moved = True
         self._tell(record)
         self.start_queued()
         return self.wire(self.get(record.id))
@@ -205,7 +171,7 @@ class JobService:
         except IllegalTransition:
             found = self.get(job_id)
             raise Conflict("job.ended", f"The job cannot be cancelled: it is {found.state} already.") from None
-        self._ask_to_stop(job_id)
+        self._processes.ask_to_stop(job_id)
         return self.wire(record)
 
     def stop_all_of(self, recording_id: str) -> None:
@@ -218,9 +184,8 @@ class JobService:
             except IllegalTransition:
                 continue
             with self._lock:
-                running, thread = self._running.get(record.id), self._threads.get(record.id)
-            if running is not None:
-                running.terminate()
+                thread = self._threads.get(record.id)
+            self._processes.terminate(record.id)
             if thread is not None:
                 thread.join(STOP_WAIT_S)
 
@@ -234,9 +199,8 @@ class JobService:
         """Stop every job; they will be found interrupted and can be run again."""
         with self._lock:
             self._closing = True
-            running, threads = list(self._running.values()), list(self._threads.values())
-        for job in running:
-            job.terminate()
+            threads = list(self._threads.values())
+        self._processes.terminate_all()
         for thread in threads:
             thread.join(STOP_WAIT_S)
         self.logs.close()
@@ -246,7 +210,7 @@ class JobService:
         with self._lock:
             if self._closing:
                 return
-            before = self._places or {}
+            before = {} if self._line_moved else self._places
             waiting = {record.id: record for record in self._store.in_states(["queued"])}
             order = self._turns.order(map(ticket_of, waiting.values()), self._tickets.values())
             free = may_start(len(order), len(self._threads), self._settings.concurrent_jobs)
@@ -255,7 +219,7 @@ class JobService:
                 self._tickets[ticket.job_id] = ticket
                 self._start(self._change(waiting[ticket.job_id], "start"))
             places = {ticket.job_id: place for place, ticket in enumerate(order[free:], start=1)}
-            self._places = places
+            self._places, self._line_moved = places, False
         moved = [job_id for job_id, place in places.items() if before.get(job_id) not in {None, place}]
         if moved:
             self._bus.publish(QueueMoved([self.wire(waiting[job_id]) for job_id in moved[:TOLD_PLACES]]))
@@ -263,12 +227,16 @@ class JobService:
     # How it is done
 
     def _place(self, job_id: str) -> int | None:
-        with self._lock:
-            if self._places is None:
+        """Its place in the queue; the last known one while a change is being written, for which a disk may take its time."""
+        if self._line_moved and self._lock.acquire(blocking=False):
+            try:
                 waiting = map(ticket_of, self._store.in_states(["queued"]))
                 order = self._turns.order(waiting, self._tickets.values())
                 self._places = {ticket.job_id: place for place, ticket in enumerate(order, start=1)}
-            return self._places.get(job_id)
+                self._line_moved = False
+            finally:
+                self._lock.release()
+        return self._places.get(job_id)
 
     def _start(self, record: JobRecord) -> None:
         thread = threading.Thread(target=self._supervise, args=(record,), name=f"job-{record.id[:8]}", daemon=True)
@@ -295,12 +263,11 @@ class JobService:
         except NotFound:
             shutil.rmtree(self._files.job(record.id), ignore_errors=True)  # its recording was deleted meanwhile
         finally:
+            self._processes.forget(record.id)
             with self._lock:
-                self._running.pop(record.id, None)
                 self._threads.pop(record.id, None)
                 self._tickets.pop(record.id, None)
                 self._progress.pop(record.id, None)
-                self._overdue.discard(record.id)
             self.start_queued()
 
     def _end_when_there_is_room(self, job_id: str, ending: Parcel | None) -> None:
@@ -317,31 +284,20 @@ class JobService:
 
     def _run(self, record: JobRecord) -> Parcel | None:
         """Run the job to its end: its last parcel, or None where the process died without a word."""
-        running = self._launcher.launch(self._make_order(record))
-        with self._lock:
-            self._running[record.id] = running
-        ending: Parcel | None = None
-        limit = threading.Timer(self._settings.limit_s(record.kind), self._stop_overdue, (record.id,))
-        limit.daemon = True
-        limit.start()
-        try:
-            if self._closing:
-                running.terminate()
-            elif self.get(record.id).state == "cancelling":  # asked while the process was being started
-                self._ask_to_stop(record.id)
-            for parcel in running.parcels():
-                if isinstance(parcel, Happened):
-                    self._note(record, parcel)
-                else:
-                    ending = parcel
-        except BaseException:  # no process may outlive its supervisor
-            running.terminate()
-            for _ in running.parcels():
-                pass
-            raise
-        finally:
-            limit.cancel()
-        return ending
+        return self._processes.run(
+            record.id,
+            self._make_order(record),
+            limit_s=self._settings.limit_s(record.kind),
+            on_start=lambda: self._heed(record.id),
+            on_parcel=lambda parcel: self._note(record, parcel),
+        )
+
+    def _heed(self, job_id: str) -> None:
+        """What was asked for while the process was being started."""
+        if self._closing:
+            self._processes.terminate(job_id)
+        elif self.get(job_id).state == "cancelling":
+            self._processes.ask_to_stop(job_id)
 
     def _note(self, record: JobRecord, parcel: Happened) -> None:
         event = parcel.event
@@ -360,34 +316,13 @@ class JobService:
             self._move(job_id, "fail", error_json=ending.error.model_dump_json())
         elif self._closing:
             self._move(job_id, "lose")
-        elif job_id in self._overdue:
-            self._move(job_id, "fail", error_json=self._too_long(job_id).model_dump_json())
+        elif self._processes.is_overdue(job_id):
+            facts = too_long(self._settings.limit_s(self.get(job_id).kind))
+            self._move(job_id, "fail", error_json=facts.model_dump_json())
         elif self.get(job_id).state == "cancelling":
             self._move(job_id, "stop")
         else:
             self._move(job_id, "fail", error_json=(STOPPED if isinstance(ending, Stopped) else DIED).model_dump_json())
-
-    def _stop_overdue(self, job_id: str) -> None:
-        self._overdue.add(job_id)
-        self._ask_to_stop(job_id)
-
-    def _too_long(self, job_id: str) -> ErrorFacts:
-        limit_s = self._settings.limit_s(self.get(job_id).kind)
-        longest = f"{limit_s / 60:.0f} min" if limit_s >= 120 else f"{limit_s:.3g} s"
-        return ErrorFacts(
-            code="job.too_long",
-            text=f"The job was stopped after {longest}, the longest that this server lets one run: choose a shorter time "
-            "span, or ask whoever runs the server for a longer limit.",
-        )
-
-    def _ask_to_stop(self, job_id: str) -> None:
-        with self._lock:
-            running = self._running.get(job_id)
-        if running is not None:
-            running.ask_to_stop()
-            timer = threading.Timer(self._settings.cancel_grace_s, running.terminate)
-            timer.daemon = True
-            timer.start()
 
     def _move(
         self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
@@ -404,7 +339,7 @@ class JobService:
     ) -> JobRecord:
         state: JobState = transition(record.state, signal)
         if record.state == "queued":
-            self._places = None
+            self._line_moved = True
         now = datetime.now(UTC)
         return self._store.save(
             replace(

@@ -28,6 +28,9 @@ from calib_core.events import OnEvent, ShouldCancel
 
 JobFunction = Callable[[Order, OnEvent, ShouldCancel], Outcome]
 
+#: Answers go before jobs: where processors are short, a solve that takes a little longer is worth less than a page that is
+#: there at once.
+PATIENCE = 5
 #: Looked at once a second: a worker whose server was killed must not go on computing.
 PARENT_POLL_S = 1.0
 
@@ -93,9 +96,12 @@ def _resolve(entry: str) -> JobFunction:
 
 
 def _stay_with_server() -> None:
-    """No Ctrl-C (the server decides), a group of its own, by which its children end too, and an end with the server."""
+    """No Ctrl-C (the server decides), a group of its own, by which its children end too, less haste than the server, and an
+    end with it.
+    """
     if sys.platform != "win32":
         os.setpgid(0, 0)
+        os.nice(PATIENCE)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()

@@ -1,21 +1,21 @@
-"""From items to viser: a thin adapter that sends only what changed. The one place that knows viser's scene."""
+"""From items to viser: a thin adapter that sends only what changed, hides walls seen from behind, and turns cameras."""
 
 from __future__ import annotations
 
+import importlib
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol, cast
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from app.scene.aim import Stage, Stand, hidden, stand
+from app.scene.camera import camera_of
 from app.scene.cutaway import pieces
 from app.scene.cycle import Cycle, pierced
 from app.scene.doorless import DoorlessViser, leaving
 from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
+from app.scene.nodes import Put, put
 from app.scene.readout import read_out
 from app.scene.region import frustum_sides
 from app.scene.wipe import Camera
@@ -34,51 +34,11 @@ BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204
 
 #: What viser's own panel, which nobody sees, is called once there is something to see.
 FIRST_PICTURE = "first picture"
-#: Lines on the ground, to be seen on either background without drawing the eye.
-GRID = (110, 116, 124)
 
 
-class _Node(Protocol):
-    visible: bool
-
-    def remove(self) -> None:
-        """Take the node out of the scene."""
-
-
-@dataclass
-class _Put:
-    """A node of the scene, what it was made of, and the wall that it is hidden with."""
-
-    mark: int
-    item: Item
-    node: _Node
-    wall: int | None
-
-
-def quat_wxyz(rotation: FloatArray) -> tuple[float, float, float, float]:
-    """The quaternion of a rotation matrix in viser's order, scalar first. Nothing else converts."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = (float(part) for part in Rotation.from_matrix(rotation).as_quat())
-    return w, x, y, z
-
-
-def rotation_matrix(wxyz: NDArray[np.float64]) -> FloatArray:
-    """The rotation (3, 3) of a quaternion in viser's order."""
-    from scipy.spatial.transform import Rotation
-
-    w, x, y, z = wxyz
-    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
-
-
-def camera_of(camera: viser.CameraHandle) -> Camera:
-    """Where a browser looks from, as viser tells it."""
-    return Camera(
-        R_scene_camera=rotation_matrix(camera.wxyz),
-        p_scene_camera=np.array(camera.position, dtype=np.float64),
-        fov_rad=float(camera.fov),
-        aspect=float(camera.aspect),
-    )
+def warm_up() -> None:
+    """Import what the first scene needs: viser encodes its background with libraries that are brought in there and then."""
+    importlib.import_module("imageio.v3").imwrite("<bytes>", np.zeros((1, 1, 3), dtype=np.uint8), extension=".png")
 
 
 class ShownScene:
@@ -100,7 +60,7 @@ class ShownScene:
     ) -> None:
         self._server = DoorlessViser()
         self._on_patch = on_patch
-        self._nodes: dict[str, _Put] = {}
+        self._nodes: dict[str, Put] = {}
         self._dark: bool | None = None
         self._aim: tuple[str, str, int] | None = None
         self._camera: Camera | None = None
@@ -174,8 +134,8 @@ class ShownScene:
                 mark = fingerprint(item)
                 known = self._nodes.get(path)
                 if known is None or known.mark != mark:
-                    node = self._put(item, known)
-                    self._nodes[path] = _Put(mark, item, node, wall)
+                    node = put(self._server.scene, item, known, self._clicked)
+                    self._nodes[path] = Put(mark, item, node, wall)
                     node.visible = wall not in self._behind
                 known = self._nodes[path]
                 if known.wall != wall:
@@ -204,92 +164,13 @@ class ShownScene:
         """Stop the server; browsers lose their connection."""
         self._server.stop()
 
-    def _put(self, item: Item, known: _Put | None) -> _Node:
-        scene = self._server.scene
-        match item:
-            case Cloud(path=path, xyz=xyz, rgb=rgb, size_m=size_m):
-                if known is not None and isinstance(known.node, viser.PointCloudHandle):
-                    known.node.points, known.node.colors = xyz, rgb
-                    known.node.point_size = size_m
-                    return cast(_Node, known.node)
-                cloud = scene.add_point_cloud(
-                    path, xyz, rgb, point_size=size_m, point_shape="circle", precision="float32", point_shading="flat"
-                )
-                return cast(_Node, cloud)
-            case Sheet():
-                return self._put_sheet(item, known)
-            case Line(path=path, xyz=xyz, rgb=rgb, width_px=width_px):
-                pairs = np.stack([xyz[:-1], xyz[1:]], axis=1)
-                return cast(
-                    _Node, scene.add_line_segments(path, pairs, rgb, thickness=width_px, thickness_units="screen")
-                )
-            case Edges(path=path, ends=ends, rgb=rgb, width_px=width_px):
-                return cast(
-                    _Node, scene.add_line_segments(path, ends, rgb, thickness=width_px, thickness_units="screen")
-                )
-            case Floor():
-                return self._put_floor(item)
-            case Axes(path=path, R_scene_frame=rotation, p_scene_frame=position, length_m=length_m):
-                return cast(
-                    _Node,
-                    scene.add_frame(
-                        path,
-                        axes_length=length_m,
-                        axes_radius=length_m / 40,
-                        wxyz=quat_wxyz(rotation),
-                        position=position,
-                    ),
-                )
-            case Label(path=path, text=text, position=position):
-                return cast(_Node, scene.add_label(path, text, position=position))
-
-    def _put_sheet(self, sheet: Sheet, known: _Put | None) -> _Node:
-        if known is not None and isinstance(known.item, Sheet) and isinstance(known.node, viser.MeshHandle):
-            before = known.item
-            if np.array_equal(before.vertices, sheet.vertices) and before.patch == sheet.patch:
-                known.node.color, known.node.opacity = sheet.rgb, sheet.opacity
-                return cast(_Node, known.node)
-        handle = self._server.scene.add_mesh_simple(
-            sheet.path,
-            sheet.vertices,
-            sheet.faces,
-            color=sheet.rgb,
-            opacity=sheet.opacity,
-            side="double",
-            flat_shading=True,
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        patch = sheet.patch
-        if patch is not None:
-            handle.on_click(
-                lambda event: self._clicked(patch, np.array(event.ray_origin), np.array(event.ray_direction))
-            )
-        return cast(_Node, handle)
-
     def _clicked(self, patch: int, origin_m: FloatArray, direction: FloatArray) -> None:
         """A sheet was clicked; clicked again at the same place, the ones behind it take turns."""
-        sheets = [put.item for put in list(self._nodes.values()) if isinstance(put.item, Sheet) and put.node.visible]
+        sheets = [
+            each.item for each in list(self._nodes.values()) if isinstance(each.item, Sheet) and each.node.visible
+        ]
         for meant in self._cycle.click(patch, pierced(sheets, origin_m, direction), origin_m, direction):
             self._on_patch(meant)
-
-    def _put_floor(self, floor: Floor) -> _Node:
-        grid = self._server.scene.add_grid(
-            floor.path,
-            *floor.size_m,
-            plane="xy",
-            cell_size=1.0,
-            cell_color=GRID,
-            cell_thickness=0.6,
-            section_size=5.0,
-            section_color=GRID,
-            section_thickness=1.0,
-            shadow_opacity=0.0,
-            fade_distance=60.0,
-            wxyz=quat_wxyz(floor.R_scene_grid),
-            position=floor.p_scene_grid,
-        )
-        return cast(_Node, grid)
 
     def _set_stage(self, stage: Stage) -> None:
         if not np.allclose(stage.up, self._stage.up, atol=1e-6):
@@ -304,9 +185,9 @@ class ShownScene:
             return
         self._behind = behind
         with self._server.atomic():
-            for put in list(self._nodes.values()):
-                if put.wall is not None and put.node.visible != (put.wall not in behind):
-                    put.node.visible = put.wall not in behind
+            for each in list(self._nodes.values()):
+                if each.wall is not None and each.node.visible != (each.wall not in behind):
+                    each.node.visible = each.wall not in behind
         self._server.flush()
 
     def _stand(self, *, fov_rad: float, aspect: float) -> Stand | None:

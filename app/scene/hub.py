@@ -1,7 +1,6 @@
-"""The open scenes: one viser server per recording that is looked at, shared by all browsers, closed when idle.
+"""Views and their scenes: what is wished, what is shown of it, and what clicks and drags in the canvas do.
 
-Every recording has a lock of its own, so that a slow scene of one keeps nobody waiting who looks at another. No thread
-ever holds two of them.
+One viser server per recording that is looked at (opened.py), shared by all browsers, closed when idle.
 """
 
 from __future__ import annotations
@@ -10,19 +9,17 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager
 
-import numpy as np
 from pydantic import ValidationError
 
 from app.bus import Bus
 from app.errors import ApiError, BadRequest, NotFound
 from app.events import ClickWasRefused, ViewEdited
-from app.locks import NamedLocks
 from app.planes.service import PlaneService
-from app.scene.apply import ShownScene
+from app.scene.apply import ShownScene, warm_up
 from app.scene.compose import Composed, Composer
+from app.scene.opened import OpenScene, OpenScenes
 from app.scene.picking import pick
 from app.scene.throttle import Throttle
 from app.scene.wipe import Camera
@@ -31,7 +28,7 @@ from app.schemas.view import ChangeView, View, ViewState
 from app.settings import AppSettings
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
-from calib_core.types import Float32Array, FloatArray
+from calib_core.types import FloatArray
 
 DOCUMENT = "view"
 #: Live updates of a converging cloud: more than this a browser without a graphics card cannot draw.
@@ -39,29 +36,11 @@ LIVE_INTERVAL_S = 0.1
 SWEEP_INTERVAL_S = 15.0
 
 
-@dataclass
-class OpenScene:
-    """A recording's viser server, when it was last of use, and how many browsers are connected to it.
-
-    live: shows a running solve's steps.   cut: cuts the clouds of a wipe anew when a camera has moved.
-    """
-
-    shown: ShownScene
-    used_at_s: float
-    live: Throttle
-    cut: Throttle
-    watchers: int = 0
-    pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
-
-    def close(self) -> None:
-        """Stop its server and what would still come."""
-        self.live.stop()
-        self.cut.stop()
-        self.shown.close()
-
-
 class SceneHub:
-    """Views and their scenes. Thread-safe. Tells the bus of changed views, and of clicks that cannot be done."""
+    """Views and their scenes. Thread-safe. Tells the bus of changed views, and of clicks that cannot be done.
+
+    open: the scenes that are open now.
+    """
 
     def __init__(
         self,
@@ -78,14 +57,11 @@ class SceneHub:
         self._planes = planes
         self._composer = composer
         self._bus = bus
-        self._settings = settings
-        self._registry = threading.Lock()
-        self._locks = NamedLocks()
-        self._open: dict[str, OpenScene] = {}
+        self.open = OpenScenes(at_most=settings.max_scenes, idle_s=settings.scene_idle_s)
         self._closed = threading.Event()
 
     def start(self) -> None:
-        """Begin closing idle scenes."""
+        """Begin closing idle scenes; what the first of them needs is imported before anybody waits for it."""
         threading.Thread(target=self._sweep, name="scenes", daemon=True).start()
 
     def view(self, recording_id: str) -> View:
@@ -95,7 +71,7 @@ class SceneHub:
     def change_view(self, recording_id: str, change: ChangeView) -> View:
         """What is shown after the change."""
         record = self._record(recording_id)
-        with self._lock_of(recording_id):
+        with self.open.locked(recording_id):
             before = self._state(recording_id)
             wished = {name: getattr(change, name) for name in change.model_fields_set}
             state = before.model_copy(update=wished)
@@ -113,9 +89,9 @@ class SceneHub:
 
     def refresh(self, recording_id: str) -> None:
         """Show again: something the scene is made of has changed. What is said beside the scene changes with it."""
-        with self._lock_of(recording_id):
+        with self.open.locked(recording_id):
             record = self._recordings.find(recording_id)
-            if record is None or recording_id not in self._open:
+            if record is None or self.open.find(recording_id) is None:
                 return
             composed = self._compose(record)
             self._show(recording_id, composed)
@@ -123,7 +99,7 @@ class SceneHub:
 
     def refresh_live(self, recording_id: str) -> None:
         """The same for a running solve: only when somebody looks, and not too often."""
-        scene = self._open.get(recording_id)
+        scene = self.open.find(recording_id)
         if scene is not None and scene.watchers > 0:
             scene.live.request()
 
@@ -136,75 +112,32 @@ class SceneHub:
     def _opened(self, recording_id: str) -> Iterator[OpenScene]:
         """The recording's scene, open for as long as this lasts."""
         record = self._record(recording_id)
-        if recording_id not in self._open:
-            self._make_room()
-        with self._lock_of(recording_id):
-            scene = self._open.get(recording_id)
-            if scene is None:
-                scene = self._new_scene(recording_id)
-                with self._registry:
-                    self._open[recording_id] = scene
+        self.open.make_room(recording_id)
+        with self.open.locked(recording_id):
+            scene, made = self.open.opened(recording_id, lambda: self._new_scene(recording_id))
+            if made:
                 self._show(recording_id, self._compose(record))
-            scene.used_at_s = time.monotonic()
             yield scene
 
     def camera(self, recording_id: str) -> Camera | None:
         """Where the browser looks from whose camera moved last; None before there is one."""
-        scene = self._open.get(recording_id)
+        scene = self.open.find(recording_id)
         return None if scene is None else scene.shown.camera
 
     def read_out(self, recording_id: str, place: tuple[float, float]) -> str:
         """What is seen at that place of the canvas, shares of it; "" where there is nothing, or no scene."""
-        scene = self._open.get(recording_id)
+        scene = self.open.find(recording_id)
         return "" if scene is None else scene.shown.read_out(place)
-
-    def watcher_came(self, recording_id: str, change: int) -> None:
-        """A browser connected to the scene (+1) or left it (-1)."""
-        with self._lock_of(recording_id):
-            scene = self._open.get(recording_id)
-            if scene is not None:
-                scene.watchers = max(0, scene.watchers + change)
-                scene.used_at_s = time.monotonic()
-
-    def watchers(self, recording_id: str) -> int:
-        """Browsers connected to the recording's scene now."""
-        scene = self._open.get(recording_id)
-        return 0 if scene is None else scene.watchers
-
-    def count(self) -> tuple[int, int]:
-        """Scenes that are open, and browsers connected to them."""
-        with self._registry:
-            return len(self._open), sum(scene.watchers for scene in self._open.values())
 
     def export_html(self, recording_id: str) -> str:
         """The scene as one self-contained page to share."""
         with self._opened(recording_id) as scene:
             return scene.shown.export_html()
 
-    def close_scene(self, recording_id: str) -> None:
-        """Stop the recording's viser server."""
-        with self._lock_of(recording_id):
-            with self._registry:
-                scene = self._open.pop(recording_id, None)
-            if scene is not None:
-                scene.close()
-
     def close(self) -> None:
         """Stop all."""
         self._closed.set()
-        for recording_id in self._names():
-            self.close_scene(recording_id)
-
-    def close_idle(self, now_s: float) -> None:
-        """Stop the scenes that nobody has looked at for the time allowed."""
-        for recording_id in self._names():
-            scene = self._open.get(recording_id)
-            if scene is None:
-                continue
-            if scene.watchers > 0:
-                scene.used_at_s = now_s
-            elif now_s - scene.used_at_s > self._settings.scene_idle_s:
-                self.close_scene(recording_id)
+        self.open.close_all()
 
     def click_patch(self, recording_id: str, patch: int) -> None:
         """A sheet was clicked: confirm or drop it, or let the next box be its own, or nothing where clicks grow planes."""
@@ -226,7 +159,7 @@ class SceneHub:
     def click_ray(self, recording_id: str, origin_m: FloatArray, direction: FloatArray, *, modified: bool) -> None:
         """The canvas was clicked: grow a plane where the ray meets the cloud, if clicks do that now."""
         state = self._state(recording_id)
-        scene = self._open.get(recording_id)
+        scene = self.open.find(recording_id)
         if scene is None or state.mode != "planes" or not (modified or state.click == "grow"):
             return
         seed_m = pick(scene.pickable_m, origin_m, direction)
@@ -245,13 +178,6 @@ class SceneHub:
             return False
         return True
 
-    def _lock_of(self, recording_id: str) -> AbstractContextManager[None]:
-        return self._locks.hold(recording_id)
-
-    def _names(self) -> list[str]:
-        with self._registry:
-            return list(self._open)
-
     def _state(self, recording_id: str) -> ViewState:
         text = self._documents.read(recording_id, DOCUMENT)
         try:
@@ -263,7 +189,7 @@ class SceneHub:
         return self._composer.compose(record, self._state(record.id), self.camera(record.id))
 
     def _show(self, recording_id: str, composed: Composed) -> None:
-        scene = self._open.get(recording_id)
+        scene = self.open.find(recording_id)
         if scene is not None:
             scene.pickable_m = composed.content.pickable_m
             scene.shown.drag_boxes(composed.view.mode == "planes" and composed.view.click == "restrict")
@@ -293,16 +219,7 @@ class SceneHub:
         )
         return OpenScene(shown, time.monotonic(), live, cut)
 
-    def _make_room(self) -> None:
-        """Close scenes nobody watches first, then the one longest out of use; before any lock is held."""
-        while len(names := self._names()) >= self._settings.max_scenes:
-            idle = [name for name in names if self.watchers(name) == 0] or names
-            self.close_scene(min(idle, key=self._used_at_s))
-
-    def _used_at_s(self, recording_id: str) -> float:
-        scene = self._open.get(recording_id)
-        return 0.0 if scene is None else scene.used_at_s
-
     def _sweep(self) -> None:
+        warm_up()
         while not self._closed.wait(SWEEP_INTERVAL_S):
-            self.close_idle(time.monotonic())
+            self.open.close_idle(time.monotonic())

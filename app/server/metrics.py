@@ -43,7 +43,7 @@ class _State(Collector):
             if state in {"queued", "running", "cancelling"}:
                 jobs.add_metric([state], counted.get(state, 0))
         yield jobs
-        scenes, browsers = self._scenes.count()
+        scenes, browsers = self._scenes.open.count()
         yield GaugeMetricFamily("unsweep_scenes_open", "3D scenes that are open", value=scenes)
         yield GaugeMetricFamily("unsweep_scene_browsers", "Browsers connected to a 3D scene", value=browsers)
         disk = shutil.disk_usage(self._files.root)

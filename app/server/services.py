@@ -201,7 +201,7 @@ class Services:
             self.feed.tell(job.recording_id, JobChanged(job=job))
 
     def _forget(self, recording_id: str) -> None:
-        self.scenes.close_scene(recording_id)
+        self.scenes.open.close(recording_id)
         self.planes.forget(recording_id)
         self.feed.tell(recording_id, RecordingChanged(deleted=True))
         self.feed.forget(recording_id)

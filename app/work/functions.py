@@ -33,7 +33,7 @@ from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from calib_core import api
-from calib_core.errors import Cancelled, SettingsError
+from calib_core.errors import Cancelled
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
 
@@ -177,19 +177,7 @@ def _plane(plane: OrderedPlane) -> Plane:
 
 
 def _guess(wire: WireGuess | None) -> InitialGuess | None:
-    if wire is None:
-        return None
-    offset_ns = None if wire.time_offset_s is None else round(wire.time_offset_s * 1e9)
-    if wire.matrix is None:
-        return InitialGuess(time_offset_ns=offset_ns)
-    matrix = np.array(wire.matrix, dtype=np.float64)
-    rotation = matrix[:3, :3]
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0:
-        raise SettingsError(
-            "Expected a rotation in the initial guess's matrix, but its columns are not orthonormal; correct it."
-        )
-    left, _, right = np.linalg.svd(rotation)
-    return InitialGuess(R_imu_lidar=left @ right, p_imu_lidar=matrix[:3, 3], time_offset_ns=offset_ns)
+    return None if wire is None else api.initial_guess(wire.matrix, wire.time_offset_s, where="the initial guess")
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,7 +1,5 @@
-"""Foreign recordings -> types.Recording. See load.py for the whole way, container/ for what can be opened."""
+"""Foreign recordings -> types.Recording.
 
-from calib_core.readers.container.fingerprint import recording_sha256
-from calib_core.readers.container.opening import OpenRecording, open_recording
-from calib_core.readers.load import load
-
-__all__ = ["OpenRecording", "load", "open_recording", "recording_sha256"]
+`load.load` is the whole way, `container.opening.open_recording` what can be opened, `container.fingerprint` a recording's
+hash. Nothing is imported here: a server that clears away what a job has unpacked needs neither decoders nor their compiler.
+"""

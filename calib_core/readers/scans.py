@@ -9,7 +9,7 @@ import threading
 import weakref
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import IO, NamedTuple, overload
+from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
 from calib_core.readers.clouds.kernels import mark_valid, pack_points
 from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_times
-from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, PointArray, Scan
+from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, KeptScans, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.
 MEMORY_BYTES = 96 * (1 << 20)
@@ -150,7 +150,7 @@ def _octets(points: PointArray) -> memoryview:
     return np.ascontiguousarray(points).view(np.uint8).data
 
 
-class StoredScans(Sequence[Scan]):
+class StoredScans(KeptScans):
     """Scans in order, in memory while they are few, in an unnamed temporary file beyond MEMORY_BYTES.
 
     Items lie in the file's own pages, mapped and not copied, and are not to be written to; of these pages few are held at
@@ -208,19 +208,11 @@ class StoredScans(Sequence[Scan]):
     def __len__(self) -> int:
         return len(self._index)
 
-    @overload
-    def __getitem__(self, item: int) -> Scan: ...
-    @overload
-    def __getitem__(self, item: slice) -> list[Scan]: ...
-    def __getitem__(self, item: int | slice) -> Scan | list[Scan]:
-        if isinstance(item, slice):
-            return [self[i] for i in range(*item.indices(len(self)))]
-        position = item + len(self) if item < 0 else item
-        if not 0 <= position < len(self):
-            raise IndexError(f"scan {item} of {len(self)}")
-        index, stamp_ns, first, count = self._index[position]
+    def scan_at(self, place: int) -> Scan:
+        """The scan at a place from 0 on."""
+        index, stamp_ns, first, count = self._index[place]
         if self._map is None:
-            return Scan(index, stamp_ns, self._arrays[position])
+            return Scan(index, stamp_ns, self._arrays[place])
         self._heed_pages(count * POINT_DTYPE.itemsize)
         return Scan(index, stamp_ns, np.frombuffer(self._map, POINT_DTYPE, count, first * POINT_DTYPE.itemsize))
 

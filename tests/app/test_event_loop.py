@@ -5,15 +5,13 @@ from __future__ import annotations
 import asyncio
 import base64
 import os
+import subprocess
 import sys
 import threading
 import traceback
 
 import pytest
-import viser
 from sqlalchemy import Engine, event
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from app.locks import NamedLocks
 from app.server.process import SWITCH_INTERVAL_S
@@ -77,15 +75,9 @@ def test_nothing_waits_on_the_event_loop(shared_live, waits):
     assert http.post(f"{here}/planes/operations", json={"op": "toggle", "index": 0}).status_code == 200
     assert http.patch(here, json={"note": "here"}).status_code == 200
     shared_live.events(f"/api/jobs/{job_id}/events", until=lambda _: False)
-    with connect(
-        f"ws://127.0.0.1:{shared_live.port}/scene/{recording_id}",
-        origin=shared_live.origin,
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-        proxy=None,
-        max_size=None,
-    ) as scene:
+    with shared_live.scene(recording_id) as scene:
         assert len(scene.recv(timeout=20)) > 16
-    shared_live.wait(lambda: shared_live.services.scenes.watchers(recording_id) == 0)
+    shared_live.wait(lambda: shared_live.services.scenes.open.watchers(recording_id) == 0)
     name = base64.b64encode(b"parts.bag").decode()
     told = {**TUS, "Upload-Length": "6", "Upload-Metadata": f"filename {name}"}
     where = http.post("/api/uploads", headers=told).headers["location"]
@@ -117,14 +109,7 @@ def test_who_waits_for_scenes_leaves_the_threads_to_others(shared_live, monkeypa
     monkeypatch.setattr(hub, "dial", slow)
 
     def look():
-        connect(
-            f"ws://127.0.0.1:{shared_live.port}/scene/{recording_id}",
-            origin=shared_live.origin,
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            proxy=None,
-            max_size=None,
-            open_timeout=60,
-        ).close()
+        shared_live.scene(recording_id, open_timeout=60).close()
 
     browsers = [threading.Thread(target=look, daemon=True) for _ in range(41)]
     for browser in browsers:
@@ -136,6 +121,42 @@ def test_who_waits_for_scenes_leaves_the_threads_to_others(shared_live, monkeypa
         made.set()
         for browser in browsers:
             browser.join(60)
+
+
+FIRST_SCENE = """
+import sys
+from app.scene.apply import ShownScene, warm_up
+from app.scene.items import Axes, Content
+import numpy as np
+warm_up()
+before = set(sys.modules)
+shown = ShownScene(on_patch=lambda *_: None, on_ray=lambda *_: None)
+shown.show(Content((Axes("/axes", np.eye(3), np.zeros(3), 1.0),), ""), dark=True)
+late = {name.partition(".")[0] for name in set(sys.modules) - before} & {"imageio", "PIL"}
+shown.close()
+print(sorted(late))
+"""
+JOB_ENDED = """
+import sys
+from pathlib import Path
+from calib_core import api
+api.discard_archives(Path(sys.argv[1]))
+print(sorted({"numba", "llvmlite", "scipy", "open3d", "velodyne_decoder", "rosbags"} & set(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("program", [FIRST_SCENE, JOB_ENDED], ids=["first-scene", "job-ended"])
+def test_nobody_waits_for_imports(tmp_path, program):
+    """They hold Python's lock: two seconds of a compiler that the server never uses, when the first job had ended, and
+    half a second of an image library for the first browser's scene were its slowest answers under load.
+
+    Oracle: the modules of a new process. Mutations: `from calib_core.readers.load import load` in readers/__init__.py;
+    `warm_up` that imports and encodes nothing.
+    """
+    answer = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "none")], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.splitlines()[-1] == "[]"
 
 
 def test_threads_that_compute_give_way_to_requests(shared_live):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from datetime import UTC, datetime
 
@@ -9,6 +11,7 @@ import psutil
 import pytest
 
 import app.jobs.service as service_module
+from app.jobs.worker import PATIENCE
 from tests.app.support.live import serving
 
 
@@ -24,7 +27,7 @@ def started(live, name):
     """A solve under way, and its worker's process id."""
     job_id = live.start(live.upload(name))
     live.wait(lambda: live.job(job_id)["stage"] == "solve")
-    return job_id, live.services.jobs._running[job_id]._process.pid
+    return job_id, live.services.jobs._processes.find(job_id)._process.pid
 
 
 def test_a_worker_that_ignores_sigterm_is_killed(live):
@@ -32,6 +35,15 @@ def test_a_worker_that_ignores_sigterm_is_killed(live):
     job_id, pid = started(live, "deaf.bag")
     live.http.post(f"/api/jobs/{job_id}/cancel")
     assert live.finish(job_id)["state"] == "cancelled"
+    live.wait(lambda: gone(pid))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no niceness there")
+def test_answers_go_before_jobs(live):
+    """Where processors are short, the server's threads come first. Oracle: the system's priorities. Mutation: no `nice`."""
+    job_id, pid = started(live, "deaf.bag")
+    assert os.getpriority(os.PRIO_PROCESS, pid) == min(19, os.getpriority(os.PRIO_PROCESS, 0) + PATIENCE)
+    live.http.post(f"/api/jobs/{job_id}/cancel")
     live.wait(lambda: gone(pid))
 
 
@@ -123,6 +135,29 @@ def test_a_senseless_last_event_id_is_no_defect(live, last):
         headers={"Last-Event-ID": f"{boot}-".encode() + last.encode()},
     )
     assert resumed[0][1] == {"event": "resync"}
+
+
+def test_lists_do_not_wait_while_a_change_of_a_job_is_being_written(live):
+    """The jobs' lock is held here as a slow disk would hold it, and one waits in the queue. Oracle: the lists, with its place.
+
+    Mutation: the lock taken for a job's place.
+    """
+    recordings = [live.upload(f"deaf{k}.bag") for k in range(3)]
+    jobs = [live.start(recording) for recording in recordings]
+    waits = jobs[-1]
+    live.wait(lambda: live.job(waits)["queue_place"] is not None)
+    answers = []
+    paths = ["/api/recordings", f"/api/recordings/{recordings[-1]}/jobs", f"/api/jobs/{waits}"]
+    asking = threading.Thread(target=lambda: answers.extend(live.http.get(path).json() for path in paths))
+    with live.services.jobs._lock:
+        asking.start()
+        asking.join(20)
+        in_time = not asking.is_alive()
+    asking.join(20)
+    assert in_time
+    assert answers[-1]["queue_place"] == answers[1][0]["queue_place"] >= 1
+    for job_id in jobs:
+        live.http.post(f"/api/jobs/{job_id}/cancel")
 
 
 def test_watching_a_job_does_not_stop_the_server_while_jobs_are_busy(live):

@@ -50,6 +50,6 @@ def test_the_scenes_keep_no_lock_of_what_nobody_uses(shared_live):
     recording_id = shared_live.ready()
     hub = shared_live.services.scenes
     hub.dial(recording_id).close()
-    hub.close_scene(recording_id)
+    hub.open.close(recording_id)
     shared_live.http.delete(f"/api/recordings/{recording_id}")
-    shared_live.wait(lambda: len(hub._locks) == 0)
+    shared_live.wait(lambda: hub.open.locks() == 0)

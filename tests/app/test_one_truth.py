@@ -11,16 +11,23 @@ import pytest
 from rich.console import Console
 
 from app.cli.summary import result_summary
+from app.jobs.orders import StoredRequest
 from app.planes.operations import apply
 from app.planes.state import suggested
 from app.planes.strength import foreseen, information, share_left
+from app.results.command import command_of
 from app.results.report import report_page
 from app.results.verdict import DISAGREEMENT, solve_outcome, verdict
+from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
+from app.work.functions import _guess as start_of
+from calib_core import api
 from calib_core.doctor.report import Forecast, ParameterForecast
+from calib_core.errors import SettingsError
 from calib_core.full.assess.observability import LIMITS, UNITS
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult, Message, Uncertainty, WeakDirection
+from calib_core.settings import ReadSettings
 from tests.app.support import world
 
 PROPOSALS = world.make_proposals()
@@ -132,3 +139,29 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
     assert re.sub(r"^\w+[:,] ", "", listed.verdict)[1:] in html.unescape(page)
     assert f"on {listed.planes_used} planes" in printed
     assert listed.planes_used == len(result.quality.planes)
+
+
+@pytest.mark.parametrize(
+    ("slip", "meant"),
+    [((0, 0, 0.0), True), ((0, 1, 0.008), True), ((0, 1, 0.02), False), ((2, 2, -2.0), False), ((3, 0, 1.0), False)],
+)
+def test_a_guess_s_rotation_is_judged_alike_by_the_command_line_and_the_page(tmp_path, slip, meant):
+    """The page's shown command repeats its run: what one takes for a rotation the other does too, and for the same one.
+
+    Mutations: 1e-3 on R R^T in app/work/functions.py, as it was; the page's matrix taken as it stands.
+    """
+    rows = np.eye(4)
+    rows[slip[0], slip[1]] += slip[2]
+    wire = InitialGuess(matrix=rows.tolist(), time_offset_s=-0.02)
+    (file,) = command_of(world.make_result(), ReadSettings(), StoredRequest(initial_guess=wire)).files
+    path = tmp_path / file.name
+    path.write_text(file.text)
+    if not meant:
+        for refused in (lambda: start_of(wire), lambda: api.read_initial_guess(path)):
+            with pytest.raises(SettingsError, match="T_imu_lidar"):
+                refused()
+        return
+    page, line = start_of(wire), api.read_initial_guess(path)
+    np.testing.assert_array_equal(page.R_imu_lidar, line.R_imu_lidar)
+    np.testing.assert_allclose(page.R_imu_lidar @ page.R_imu_lidar.T, np.eye(3), atol=1e-14)
+    assert page.time_offset_ns == line.time_offset_ns == -20_000_000

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 from app.planes import service
 from tests.app.support import world
@@ -209,30 +208,16 @@ def test_the_scenes_page_is_ours_and_never_cached(shared_live, solved):
     assert shared_live.http.get(f"/scene/{'0' * 32}/").status_code == 404
 
 
-def scene_socket(live, recording_id, **options):
-    return connect(
-        f"ws://127.0.0.1:{live.port}/scene/{recording_id}",
-        **{
-            "origin": live.origin,
-            "subprotocols": [f"viser-v{viser.__version__}"],
-            "compression": None,
-            "max_size": None,
-            "proxy": None,
-            **options,
-        },
-    )
-
-
 def test_the_scene_reaches_the_browser_through_our_port(shared_live, solved):
     """Oracle: as many bytes as the cloud has. Mutation: not handing the subprotocol through: closed, 1002."""
     recording_id = solved[0]
     shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"mode": "planes"})
-    with scene_socket(shared_live, recording_id) as browser:
+    with shared_live.scene(recording_id) as browser:
         assert browser.subprotocol == f"viser-v{viser.__version__}"
         received = 0
         while received < 6200 * 15 * 0.8:  # three floats and a colour each; random points do not compress
             received += len(browser.recv(timeout=20))
-    shared_live.wait(lambda: shared_live.services.scenes.watchers(recording_id) == 0)
+    shared_live.wait(lambda: shared_live.services.scenes.open.watchers(recording_id) == 0)
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
@@ -240,24 +225,24 @@ def test_a_foreign_page_cannot_open_the_scene(shared_live, solved, origin):
     """Mutation: checking Origin on HTTP only."""
     with (
         pytest.raises((InvalidStatus, ConnectionClosed)),
-        scene_socket(shared_live, solved[0], origin=origin) as socket,
+        shared_live.scene(solved[0], origin=origin) as socket,
     ):
         socket.recv(timeout=5)
 
 
 def test_an_unknown_scene_is_closed_and_an_idle_one_goes_away(shared_live, solved):
     """Oracle: the hub's own list. Mutation: not refreshing used_at_s closes scenes that are watched."""
-    with pytest.raises((InvalidStatus, ConnectionClosed)), scene_socket(shared_live, "0" * 32) as socket:
+    with pytest.raises((InvalidStatus, ConnectionClosed)), shared_live.scene("0" * 32) as socket:
         socket.recv(timeout=5)
     hub = shared_live.services.scenes
     hub.dial(solved[0]).close()
-    with scene_socket(shared_live, solved[0]):
-        shared_live.wait(lambda: hub.watchers(solved[0]) == 1)
-        hub.close_idle(1e12)
-        assert solved[0] in hub._open
-    shared_live.wait(lambda: hub.watchers(solved[0]) == 0)
-    hub.close_idle(3e12)
-    assert solved[0] not in hub._open
+    with shared_live.scene(solved[0]):
+        shared_live.wait(lambda: hub.open.watchers(solved[0]) == 1)
+        hub.open.close_idle(1e12)
+        assert hub.open.find(solved[0]) is not None
+    shared_live.wait(lambda: hub.open.watchers(solved[0]) == 0)
+    hub.open.close_idle(3e12)
+    assert hub.open.find(solved[0]) is None
 
 
 def test_the_scene_can_be_shared_as_one_page(shared_live, solved):

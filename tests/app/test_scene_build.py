@@ -10,8 +10,8 @@ from app.planes import palette
 from app.planes.state import suggested
 from app.results.thickness import measure_thickness, rigid_map_points
 from app.scene.aim import whole_view
-from app.scene.apply import quat_wxyz, rotation_matrix
 from app.scene.build import Solved, build_first, build_planes, thinned
+from app.scene.camera import quat_wxyz, rotation_matrix
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick

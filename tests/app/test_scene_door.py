@@ -10,8 +10,6 @@ import psutil
 import pytest
 import viser
 import viser._viser
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from app.scene.aim import Stand
 from app.scene.messages import admitted
@@ -61,17 +59,6 @@ FORBIDDEN = (
 )
 
 
-def browser(live, recording_id):
-    """A viser client at the server's own address."""
-    return connect(
-        f"ws://127.0.0.1:{live.port}/scene/{recording_id}",
-        origin=live.origin,
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-        proxy=None,
-        max_size=None,
-    )
-
-
 def listening():
     """Addresses on which this process accepts connections, of any family."""
     own = psutil.Process()
@@ -86,10 +73,10 @@ def test_an_open_scene_listens_nowhere(shared_live):
     """
     recording_id = shared_live.ready()
     before = listening()
-    with browser(shared_live, recording_id) as socket:
+    with shared_live.scene(recording_id) as socket:
         assert len(socket.recv(timeout=20)) > 16  # the scene is really open and really sends
         assert listening() == before
-    shared_live.services.scenes.close_scene(recording_id)
+    shared_live.services.scenes.open.close(recording_id)
     assert listening() == before
 
 
@@ -101,7 +88,7 @@ def test_no_browser_can_have_the_scene_published(shared_live, monkeypatch):
     opened = []
     monkeypatch.setattr(viser._viser, "ViserTunnel", lambda *where: opened.append(where))
     recording_id = shared_live.ready()
-    with browser(shared_live, recording_id) as socket:
+    with shared_live.scene(recording_id) as socket:
         socket.send(msgspec.msgpack.encode(CAMERA))
         for message in FORBIDDEN:
             socket.send(msgspec.msgpack.encode(message))
@@ -109,7 +96,7 @@ def test_no_browser_can_have_the_scene_published(shared_live, monkeypatch):
         hub = shared_live.services.scenes
         # What came last has arrived, so all before has been judged, and the connection has outlived it.
         shared_live.wait(lambda: (seen := hub.camera(recording_id)) is not None and seen.p_scene_camera[1] == 2.0)
-    shown = hub._open[recording_id].shown
+    shown = hub.open.find(recording_id).shown
     assert shown._server.request_share_url() is None
     handled = {kind.__name__ for kind in shown._server._connection._incoming_handlers}
     assert not handled & {"ShareUrlRequest", "ShareUrlDisconnect"}
@@ -123,9 +110,9 @@ def test_a_browser_that_leaves_while_it_is_turned_is_no_matter(shared_live, monk
     """
     recording_id = shared_live.ready()
     hub = shared_live.services.scenes
-    with browser(shared_live, recording_id) as socket:
+    with shared_live.scene(recording_id) as socket:
         socket.send(msgspec.msgpack.encode(CAMERA))
-        shown = hub._open[recording_id].shown
+        shown = hub.open.find(recording_id).shown
         shared_live.wait(lambda: len(shown._server.get_clients()) == 1)
         (client,) = shown._server.get_clients().values()
     shared_live.wait(lambda: not shown._server.get_clients())

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.scene.messages import LONGEST_BYTES, admitted
-from tests.app.test_scene_door import CAMERA, CLICK, POINTER, browser
+from tests.app.test_scene_door import CAMERA, CLICK, POINTER
 
 KINDS = {"ViewerCameraMessage", "SceneNodeClickMessage", "ScenePointerMessage"}
 ODD = st.one_of(
@@ -131,8 +131,8 @@ def test_frames_of_any_kind_leave_the_scene_as_it_was(shared_live, caplog):
 
     send()
     hub = shared_live.services.scenes
-    shared_live.wait(lambda: hub.watchers(recording_id) == 0)
-    with browser(shared_live, recording_id) as page:
+    shared_live.wait(lambda: hub.open.watchers(recording_id) == 0)
+    with shared_live.scene(recording_id) as page:
         assert len(page.recv(timeout=20)) > 16
     assert shared_live.http.get(f"{here}/planes").json() == before
     assert not [record for record in caplog.records if record.levelname == "ERROR" or record.exc_info]

@@ -30,7 +30,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
     hub = shared_live.services.scenes
     hub.dial(solved[0]).close()
     answers = []
-    with hub._lock_of(solved[0]):
+    with hub.open.locked(solved[0]):
         asking = threading.Thread(
             target=lambda: answers.append(
                 shared_live.http.post(f"/api/recordings/{other}/view", json={"scan": 0, "dark": True}).json()

@@ -84,6 +84,21 @@ def test_every_file_that_a_page_names_is_there(page: str) -> None:
     assert missing == []
 
 
+def test_three_questions_are_answered_by_two_files_each() -> None:
+    """The page, at the stage that is named, names the file in bold words; the file is there.
+
+    Mutations: a file of the table moved; its name taken out of its stage; the stage's number changed.
+    """
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| [^|]+\? \| `([\w./-]+)`, stage (\d) \| `([\w./]+)` \|$", text, re.MULTILINE)
+    assert len(rows) == 3
+    for page, stage, file in rows:
+        told = (ROOT / page).read_text(encoding="utf-8").partition(f"\n## {stage}. ")[2].partition("\n## ")[0]
+        answers = ["".join(each) for each in re.findall(r"\*\*(.+?)\*\*([^*]{0,30})", told, re.DOTALL)]
+        assert any(f"`{Path(file).name}`" in answer for answer in answers), (stage, file)
+        assert (ROOT / file).is_file()
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_page_and_picture_that_is_linked_is_there(page: str) -> None:
     """Mutation: a picture renamed."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import View
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors
@@ -18,6 +17,7 @@ from calib_core.full.joint.schedule import Limits
 from calib_core.full.joint.sensors import clock_rate_ppm
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Estimate
+from calib_core.full.joint.view import View
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import UpsampledImu, upsample

@@ -12,8 +12,8 @@ from scipy.optimize import nnls
 
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import View
 from calib_core.full.joint.settings import MEASURING
+from calib_core.full.joint.view import View
 from calib_core.gp.noise import MAD_TO_STD
 from calib_core.types import FloatArray, IntArray
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import Gate, collapse, find_hits, select
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.association import View
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.schedule import Propagation
 from calib_core.full.joint.settings import REGAINING
 from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.view import View
 from calib_core.full.joint.window import Window
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.types import BoolArray, FloatArray, IntArray

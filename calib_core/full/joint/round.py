@@ -15,7 +15,6 @@ from calib_core.errors import Cancelled
 from calib_core.factors.lidar_plane import Gate
 from calib_core.factors.support import cells_within
 from calib_core.full.joint import association
-from calib_core.full.joint.association import View
 from calib_core.full.joint.bounds import require_bounds
 from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
 from calib_core.full.joint.lidar_noise import measure_noise
@@ -29,6 +28,7 @@ from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, seen_f
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, Estimate, Layout, no_bins
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
+from calib_core.full.joint.view import View
 from calib_core.imu.preintegration import UpsampledImu, preintegrate
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import minimise

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.imu import KnotStates
-from calib_core.full.joint.association import View
 from calib_core.full.joint.estimation import Estimation, JointData, view_of
 from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import Estimate, no_bins
+from calib_core.full.joint.view import View
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import Links, UpsampledImu, preintegrate

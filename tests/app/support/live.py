@@ -9,6 +9,9 @@ import time
 from contextlib import contextmanager
 
 import httpx2
+import viser
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
 from app.application import make_server
 from app.jobs.launch import ProcessLauncher
@@ -33,6 +36,12 @@ class Live:
     def services(self):
         """The application's parts, to look behind the wire."""
         return self.server.config.app.state.services
+
+    def scene(self, recording_id, **options):
+        """Viser's own client's connection to a recording's scene, at the server's address."""
+        spoken = [Subprotocol(f"viser-v{viser.__version__}")]
+        options = {"origin": self.origin, "subprotocols": spoken, "max_size": None, "proxy": None, **options}
+        return connect(f"ws://127.0.0.1:{self.port}/scene/{recording_id}", **options)
 
     def upload(self, name, content=b"some bytes"):
         """A recording uploaded in one request; its id."""

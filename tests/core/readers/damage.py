@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.readers import load
+from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 

@@ -205,7 +205,7 @@ spec = importlib.util.spec_from_file_location("calib_core.readers.container.limi
 limits = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(limits)
 limits.LIMITS = dataclasses.replace(limits.LIMITS, chunk_bytes=int(sys.argv[3]))
-from calib_core.readers import open_recording
+from calib_core.readers.container.opening import open_recording
 from calib_core.readers.container import compression
 def peak():  # of this program alone: getrusage also knows what started it
     lines = Path("/proc/self/status").read_text().splitlines()

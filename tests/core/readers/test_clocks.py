@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib_core.readers import load
+from calib_core.readers.load import load
 from calib_core.readers.timing.clocks import coarse_clock_offset, stamp_end_suspicion
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from calib_core.errors import UnreadableRecording
-from calib_core.readers import load, open_recording
 from calib_core.readers.container.archive import unpack_archive
+from calib_core.readers.container.opening import open_recording
+from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 
@@ -193,7 +194,7 @@ def test_a_folder_hashes_by_name_order_and_content(tmp_path: Path) -> None:
     for name, body in contents.items():
         (folder / name).write_bytes(body)
     digests = [hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)]
-    from calib_core.readers import recording_sha256
+    from calib_core.readers.container.fingerprint import recording_sha256
 
     assert recording_sha256(folder) == hashlib.sha256("".join(digests).encode()).hexdigest()
     assert recording_sha256(folder / "b.mcap") == hashlib.sha256(b"two").hexdigest()

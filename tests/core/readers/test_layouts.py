@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib_core.readers import load
+from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 from tests.core.readers.layouts import LAYOUTS

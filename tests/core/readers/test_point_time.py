@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from calib_core.errors import PointTimeError
-from calib_core.readers import load
 from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.load import load
 from calib_core.readers.scans import make_scan
 from calib_core.readers.timing.point_time import detect_point_time
 from calib_core.readers.timing.synthesise import plan_synthesis, point_timing, synthesised_times_s

@@ -12,11 +12,12 @@ from scipy.spatial import cKDTree
 
 from calib_core.doctor import inspect
 from calib_core.errors import InputError, TopicError
-from calib_core.readers import load, open_recording
 from calib_core.readers.clouds.decoders import cloud_decoder
 from calib_core.readers.clouds.deskewed import azimuth_misfit_rad
 from calib_core.readers.clouds.pointcloud2 import read_pointcloud2
+from calib_core.readers.container.opening import open_recording
 from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.load import load
 from calib_core.readers.scans import make_scan
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.settings import ReadSettings

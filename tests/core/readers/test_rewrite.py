@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from calib_core.errors import SettingsError
-from calib_core.readers import load, open_recording
+from calib_core.readers.container.opening import open_recording
+from calib_core.readers.load import load
 from calib_core.readers.write.rewrite import rewrite_clouds
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray, Scan

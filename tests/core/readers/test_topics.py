@@ -10,7 +10,7 @@ import pytest
 from calib_core.doctor import inspect
 from calib_core.errors import Cancelled, InputError, PointTimeError, TopicError
 from calib_core.events import LogEvent, StageEvent
-from calib_core.readers import load
+from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 

@@ -10,11 +10,12 @@ import pytest
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import CELL_M, HALF_CELLS
-from calib_core.full.joint.association import View, associate, survey
+from calib_core.full.joint.association import associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.view import View
 from calib_core.full.prepare.clocks import read_clocks
 from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.geometry import exp, plane_axes

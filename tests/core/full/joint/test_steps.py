@@ -97,6 +97,22 @@ def test_rounds_go_on_until_points_stay_where_they_are(
     assert solve.until_steady(half.data, state, schedule, schedule.sensors, moves[0]).rounds == rounds
 
 
+def test_coarse_rounds_and_the_first_with_sensors_end_steady(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three rounds and two more; one and two more. Mutations: `until_steady` left out of either step, or told no move."""
+    left: list[float] = []
+
+    def once(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, float]:
+        return replace(state, rounds=state.rounds + 1), left.pop(0)
+
+    monkeypatch.setattr(solve, "moving_round", once)
+    state, schedule = replace(half.state, rounds=0), replace(FULL, planes=None)
+    left[:] = [9.0, 9.0, 9.0, 2.0, 0.5, 7.0]
+    assert solve.coarse_rounds(half.data, state, schedule).rounds == 5
+    left[:] = [9.0, 2.0, 0.5, 7.0]
+    assert half.data.sensors.blocks
+    assert solve.with_sensors(half.data, state, schedule).rounds == 3
+
+
 @pytest.mark.parametrize(("height_m", "kept"), [(0.08, True), (-0.1, False)])
 def test_a_patch_that_follows_another_surface_ends_the_shapes(
     half: Half, monkeypatch: pytest.MonkeyPatch, height_m: float, kept: bool

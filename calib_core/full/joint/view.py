@@ -1,0 +1,282 @@
+"""Scans as an estimate sees them: their points laid out by its motion, met with its planes, collapsed; scan by scan or many.
+
+Which points are given to which plane is decided in association.py, by what is seen here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from calib_core.factors.fused import LaserGroups, scan_moments
+from calib_core.factors.laser_features import LaserErrors, LaserSums, collapse_features, steps_to_middles
+from calib_core.factors.lidar_plane import (
+    SLICE_S,
+    Gate,
+    Hits,
+    LidarNoise,
+    MicroBins,
+    SlicePoses,
+    collapse,
+    find_hits,
+)
+from calib_core.factors.support import PlaneExtents
+from calib_core.full.joint.moments import LaserMicro, Micro
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.sensors import laser_errors
+from calib_core.full.joint.settings import SURVEYING
+from calib_core.full.joint.state import Estimate
+from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
+from calib_core.full.run import Clocks
+from calib_core.settings import CalibrateSettings
+from calib_core.threads import workers
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray, Scan
+
+T = TypeVar("T")
+#: Told how many of the scans are done.
+OnScans = Callable[[int], None]
+
+
+def ignore(_: int) -> None:
+    """For callers who do not ask how far it is."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What associating needs to know: scans and their clock, the motion, the extrinsic, the planes.
+
+    poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
+    thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.   few: the points
+    of thinned scans, handed on from view to view.
+    """
+
+    scans: Sequence[Scan]
+    clocks: Clocks
+    motion: Motion
+    estimate: Estimate
+    settings: CalibrateSettings
+    threads: int = 1
+    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
+    poses: dict[int, SlicePoses] = field(default_factory=dict)
+    thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
+    few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
+
+    def points(self, position: int, stride: int) -> PointArray:
+        """Every so many-th point of a scan: taken from the whole once, however often they are asked for."""
+        if stride == 1:
+            return self.scans[position].points
+        last = self.few.get(position)
+        if last is None or last[0] != stride:
+            last = self.few[position] = stride, self.scans[position].points[::stride].copy()
+        return last[1]
+
+    def lay_out(self, positions: Sequence[int]) -> None:
+        """The slices' poses of many scans in one go: scan by scan, the arrays would be too short to be worth a call."""
+        e = self.estimate
+        missing = [i for i in positions if i not in self.poses]
+        if not missing:
+            return
+        counts = [self._slices(i) for i in missing]
+        centres = np.concatenate([self._centres(i, n) for i, n in zip(missing, counts, strict=True)])
+        every = self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
+        for i, end, n in zip(missing, np.cumsum(counts), counts, strict=True):
+            own = slice(end - n, end)
+            self.poses[i] = SlicePoses(
+                every.R[own], every.p[own], every.omega_rad_s[own], every.v_m_s[own], every.usable[own]
+            )
+
+    def _slices(self, position: int) -> int:
+        """As many slices as the scan's last point needs, and one to spare for rounding."""
+        return int(self.clocks.sweep_s[position] / SLICE_S) + 2
+
+    def _centres(self, position: int, slices: int) -> FloatArray:
+        return np.asarray(self.clocks.scan_s[position] + (np.arange(slices) + 0.5) * SLICE_S)
+
+    def hits(self, positions: Sequence[int], gate: Gate, stride: int = 1) -> Hits:
+        """Where the points of scans meet the planes, point by point; slices are counted through all of them."""
+        key = (*positions, stride, gate.min_cosine)
+        if key in self.thinned:
+            return self.thinned[key]
+        clouds = [self.points(i, stride) for i in positions]
+        points = clouds[0] if len(clouds) == 1 else np.concatenate(clouds)
+        e = self.estimate
+        errors = self._errors()
+        hits = find_hits(
+            self._corrected(points, errors),
+            points["offset_ns"] * 1e-9,
+            SlicePoses.joined([self.slice_poses(i) for i in positions]),
+            np.vstack([e.normals, e.aside_normals]),
+            np.append(e.offsets_m, e.aside_offsets_m),
+            gate,
+            first_slice=np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds]),
+            field_of_view_deg=self.settings.field_of_view_deg,
+        )
+        hits.plane[hits.plane >= len(e.normals)] = -1
+        if errors is not None and errors.incidence_m:
+            hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
+        if self.nuisance.surface is not None:
+            # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
+            hits.d[:] -= self.nuisance.surface.heights_m(hits, self.nuisance.values(e.nuisance, SURFACE))
+        if stride > 1:
+            self.thinned[key] = hits
+        return hits
+
+    def _errors(self) -> LaserErrors | None:
+        """The lidar's own parameters as they are thought to be now; None where it is taken for ideal."""
+        if not self.nuisance.blocks:
+            return None
+        return laser_errors(self.nuisance, self.estimate.nuisance)
+
+    def _corrected(self, points: PointArray, errors: LaserErrors | None) -> Float32Array:
+        """Where points (N,) would lie were it not for their lasers' errors, (N, 3)."""
+        if errors is None or not errors.any():
+            return np.asarray(points["xyz"])
+        return errors.corrected(points["xyz"], self.lasers_of(points))
+
+    def lasers_of(self, points: PointArray) -> LaserArray:
+        """(N,) which laser each point is of: 0 where they are not told apart."""
+        if self.nuisance.lasers:
+            return np.asarray(points["ring"])
+        return np.zeros(len(points), np.uint16)
+
+    def collapsed(
+        self, positions: Sequence[int], hits: Hits, keep: BoolArray, weight: FloatArray, stride: int
+    ) -> Micro:
+        """The kept points' moments, with those for the lidar's own parameters where any of these is in play."""
+        bins = collapse(hits, keep, weight, len(self.estimate.normals))
+        if not self._lidar_in_play():
+            return self.micro(positions, bins)
+        groups = self._laser_groups(positions)
+        laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
+        surface = self.nuisance.surface
+        sums = collapse_features(
+            hits, keep, weight, self.estimate.normals, laser=laser, lasers=groups.lasers, group=groups.group,
+            middle=groups.middle, patch=None if surface is None else surface.of(hits), patches=self.nuisance.patches + 1,
+        )  # fmt: skip
+        return self._with_lasers(positions, bins, hits.poses, groups, sums)
+
+    def _laser_groups(self, positions: Sequence[int]) -> LaserGroups:
+        """Slices go together that go to one knot, as they do when they are gathered."""
+        counts = [self._slices(i) for i in positions]
+        centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
+        knot = self.motion.nearest_knot(centre_s - self.estimate.time_offset_s)
+        begins = np.concatenate([[True], np.diff(knot) != 0])
+        begins[np.cumsum(counts)[:-1]] = True
+        first = np.flatnonzero(begins)
+        middle = (first + np.append(first[1:], len(knot)) - 1) // 2
+        return LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle)
+
+    def _with_lasers(
+        self, positions: Sequence[int], bins: MicroBins, poses: SlicePoses, groups: LaserGroups, sums: LaserSums
+    ) -> Micro:
+        """Moments of all points and of each laser's, both by groups of slices, so that the ones are the sum of the others.
+
+        Where one kind followed the motion slice by slice and the other group by group, what a shift of the map does to them
+        would differ by a millionth, and millions of points would pull offset and incidence of all lasers, which together are
+        such a shift where planes face three ways, as far as that takes.
+        """
+        micro = self.micro(
+            positions, bins.together(*steps_to_middles(poses, groups.group, groups.middle), groups.group, groups.middle)
+        )
+        time_s, scan = self._instants(positions, groups.middle[sums.group])
+        return replace(micro, lasers=LaserMicro(time_s, scan, sums))
+
+    def whole_scan(self, position: int, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> Micro:
+        """All points of one scan, laid on planes and collapsed in one go."""
+        e, poses = self.estimate, self.slice_poses(position)
+        groups = self._laser_groups([position]) if self._lidar_in_play() else None
+        bins, sums = scan_moments(
+            self.scans[position].points,
+            poses,
+            (np.vstack([e.normals, e.aside_normals]), np.append(e.offsets_m, e.aside_offsets_m), len(e.normals)),
+            noise,
+            gate,
+            extents,
+            errors=self._errors(),
+            told_apart=self.nuisance.lasers > 0,
+            groups=groups,
+            field_of_view_deg=self.settings.field_of_view_deg,
+        )
+        if groups is None or sums is None:
+            return self.micro([position], bins)
+        return self._with_lasers([position], bins, poses, groups, sums)
+
+    def _lidar_in_play(self) -> bool:
+        """Whether any of the lidar's own parameters is an unknown."""
+        return any(self.nuisance.start(block) >= 0 for block in (*LASER_BLOCKS, *LIDAR_BLOCKS, SURFACE))
+
+    def _first_slices(self, positions: Sequence[int]) -> IntArray:
+        """Where each scan's slices begin when those of all are in a row."""
+        return np.cumsum([0, *(self._slices(i) for i in positions[:-1])])
+
+    def micro(self, positions: Sequence[int], bins: MicroBins) -> Micro:
+        """Bins of scans whose slices are in a row, each with its time and scan."""
+        return Micro(*self._instants(positions, bins.slice_index), bins.plane, bins.scatter, bins.count)
+
+    def _instants(self, positions: Sequence[int], slice_index: IntArray) -> tuple[FloatArray, IntArray]:
+        """The centres of slices that are counted through scans, and of which scan each is."""
+        first = self._first_slices(positions)
+        which = np.searchsorted(first, slice_index, side="right") - 1
+        scan = np.asarray(positions, np.int64)[which]
+        return self.clocks.scan_s[scan] + (slice_index - first[which] + 0.5) * SLICE_S, scan
+
+    def slice_poses(self, position: int) -> SlicePoses:
+        """The lidar at the centres of a scan's slices."""
+        self.lay_out([position])
+        return self.poses[position]
+
+    def cloud(self, position: int, count: int) -> tuple[FloatArray, IntArray]:
+        """About so many points of a scan, straightened, in the frame of the solve: (M, 3), and their places in it: (M,)."""
+        scan = self.scans[position]
+        stride = max(1, len(scan.points) // count)
+        points = scan.points[::stride]
+        poses = self.slice_poses(position)
+        index = (points["offset_ns"] * 1e-9 / SLICE_S).astype(np.int64)
+        usable = poses.usable[index]
+        index = index[usable]
+        xyz = self._corrected(points, self._errors())[usable].astype(np.float64)
+        there = (poses.R[index] @ xyz[..., None])[..., 0] + poses.p[index]
+        return there, np.flatnonzero(usable) * stride
+
+    def strays(self, position: int, count: int, away_m: float) -> FloatArray:
+        """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
+        cloud, place = self.cloud(position, count)
+        hits = self.hits([position], Gate(), max(1, len(self.scans[position].points) // count))
+        free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
+        return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
+
+    def over_scans(self, positions: Sequence[int], job: Callable[[int], T], on_scans: OnScans = ignore) -> list[T]:
+        """A job for each scan, on several threads where allowed; results in the order of the positions."""
+        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans)
+
+    def over_batches(
+        self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T], on_scans: OnScans = ignore
+    ) -> list[T]:
+        """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
+        batches: list[list[int]] = []
+        room = 0
+        for i in positions:
+            points = int(self.clocks.scan_points[i]) // stride
+            if points > room or not batches:
+                batches.append([])
+                room = SURVEYING.batch_points
+            batches[-1].append(i)
+            room -= points
+        return self._over(positions, batches, job, on_scans)
+
+    def _over(
+        self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T], on_scans: OnScans
+    ) -> list[T]:
+        """The jobs' results in order; on_scans is told from the caller's own thread, which may stop it all by raising."""
+        self.lay_out(positions)
+        several = self.threads > 1 and len(tasks) > 1
+        results = []
+        done = 0
+        for task, result in zip(tasks, workers().map(job, tasks) if several else map(job, tasks), strict=True):
+            results.append(result)
+            done += len(task)
+            on_scans(done)
+        return results
