@@ -95,7 +95,8 @@ def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -
     power = np.abs(np.fft.rfft(score * taper, size, axis=0)) ** 2
     scale = np.sum(information * taper**2, axis=0)
     return Periodogram(
-        np.fft.rfftfreq(size, problem.readings.spacing_s), power / np.maximum(scale, np.finfo(float).tiny)
+        np.asarray(np.fft.rfftfreq(size, problem.readings.spacing_s), np.float64),
+        np.asarray(power / np.maximum(scale, np.finfo(float).tiny)),
     )
 
 

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from calib_core.factors.patches import SurfacePatches
-from calib_core.full.prepare.settings import LASERS
+from calib_core.full.prepare.settings import LASERS, TONES
 from calib_core.intrinsics import AXES, CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
@@ -42,8 +42,6 @@ SURFACE: Literal["surface"] = "surface"
 #: Of the IMU's surroundings: shaking faster than it samples. Admitted where the lidar's motion contradicts the readings so.
 TONE: Literal["tone"] = "tone"
 AnyBlock = Block | Literal["surface", "tone"]
-#: Of a tone, one standard deviation: no IMU reads more, so that next to nothing is said of them beforehand.
-_TONE_GYRO_STD_RAD_S, _TONE_ACCEL_STD_M_S2 = 1.0, 10.0
 _TONE_NAMES = (
     *(
         f"{sensor} {axis} {part}{where}"
@@ -127,7 +125,7 @@ class Nuisance:
 
         zero_s: t0 of the first one.
         """
-        std = np.concatenate([np.tile(np.repeat([_TONE_GYRO_STD_RAD_S, _TONE_ACCEL_STD_M_S2], 3), 4), [resolution_hz]])
+        std = np.concatenate([np.tile(np.repeat([TONES.gyro_std_rad_s, TONES.accel_std_m_s2], 3), 4), [resolution_hz]])
         names = tuple(f"{hz:.2f} Hz {name}" for name in _TONE_NAMES)
         before = next((each for each in self.blocks if each.block == TONE), NuisanceBlock(TONE, (), np.zeros(0)))
         block = NuisanceBlock(TONE, (*before.names, *names), np.concatenate([before.prior_std, std]))

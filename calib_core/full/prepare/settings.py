@@ -106,4 +106,13 @@ class Lasers:
     tail_percent: float = 10.0
 
 
-LENGTH, NOISE, SPECTRUM, STAMPS, LASERS = Length(), Noise(), Spectrum(), Stamps(), Lasers()
+@dataclass(frozen=True, slots=True)
+class ToneSizes:
+    """How large an unseen shaking may be, one standard deviation of each of its amplitudes."""
+
+    #: Several times what an engine of 3 m/s2 makes of one line, a third of a metre from where the rig turns.
+    gyro_std_rad_s: float = 0.1
+    accel_std_m_s2: float = 3.0
+
+
+LENGTH, NOISE, SPECTRUM, STAMPS, LASERS, TONES = Length(), Noise(), Spectrum(), Stamps(), Lasers(), ToneSizes()
