@@ -125,7 +125,12 @@ class Nuisance:
 
         zero_s: t0 of the first one.
         """
-        std = np.concatenate([np.tile(np.repeat([TONES.gyro_std_rad_s, TONES.accel_std_m_s2], 3), 4), [resolution_hz]])
+        std = np.concatenate(
+            [
+                np.resize(np.repeat([TONES.gyro_std_rad_s, TONES.accel_std_m_s2], 3), len(_TONE_NAMES) - 1),
+                [resolution_hz],
+            ]
+        )
         names = tuple(f"{hz:.2f} Hz {name}" for name in _TONE_NAMES)
         before = next((each for each in self.blocks if each.block == TONE), NuisanceBlock(TONE, (), np.zeros(0)))
         block = NuisanceBlock(TONE, (*before.names, *names), np.concatenate([before.prior_std, std]))
