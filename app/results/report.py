@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.results import captions, plots
+from app.results import captions, plot_parts, plots
 from app.results.verdict import tone, verdict
 from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
@@ -136,6 +136,7 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
         caption = captions.by_value(evidence.by_ring, "ring")
         picture = plots.by_value(evidence.by_ring, "ring (laser) number")
         found.append(Figure("Distance from planes by ring", picture, caption, half=True))
+    found += _of_parts(result)
     if result.quality.planes:
         picture = plots.planes(result.quality.planes, beside.walls)
         found.append(Figure("What is left on each plane", picture, captions.planes(result)))
@@ -146,6 +147,31 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
     if len(evidence.steps) > 1:
         found.append(
             Figure("How the solve settled", plots.convergence(evidence.steps), captions.convergence(evidence.steps))
+        )
+    return found
+
+
+def _of_parts(result: CalibrationResult) -> list[Figure]:
+    """What the recording's parts and its turning say beside the joint answer."""
+    inner = result.evidence
+    if inner is None:
+        return []
+    found: list[Figure] = []
+    if inner.time_offset_profile is not None:
+        picture = plot_parts.offset_profile(inner.time_offset_profile)
+        caption = captions.offset_profile(inner.time_offset_profile)
+        found.append(Figure("The turning over the time offset", picture, caption, half=True))
+    if inner.parts.time_blocks:
+        picture, caption = (
+            plot_parts.time_blocks(inner.parts.time_blocks),
+            captions.time_blocks(inner.parts.time_blocks),
+        )
+        found.append(Figure("What each stretch answers by itself", picture, caption))
+    if inner.parts.planes:
+        parts = (inner.parts.planes, inner.parts.ranges)
+        caption = captions.planes_and_ranges(*parts)
+        found.append(
+            Figure("What planes and ranges answer by themselves", plot_parts.planes_and_ranges(*parts), caption)
         )
     return found
 
