@@ -1070,7 +1070,7 @@ export interface components {
              * @default scan
              * @enum {string}
              */
-            extent: "scan" | "map";
+            extent: "scan" | "map" | "surface";
             /** Job Id */
             job_id?: string | null;
             /**
@@ -1817,7 +1817,7 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "simulate" | "inspect" | "planes" | "solve" | "audit";
+            kind: "simulate" | "inspect" | "planes" | "solve" | "audit" | "surface";
             /**
              * Planes
              * @description those confirmed when a solve was asked for
@@ -1834,7 +1834,7 @@ export interface components {
              */
             recording_id: string;
             /** Result */
-            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"]) | null;
+            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"] | components["schemas"]["SurfaceOutcome"]) | null;
             /** Retry Of */
             retry_of?: string | null;
             settings: components["schemas"]["CalibrateSettings"];
@@ -3264,6 +3264,19 @@ export interface components {
             used_bytes: number;
         };
         /**
+         * SurfaceOutcome
+         * @description The surface of a solved room was laid; a view of the extent `surface` shows it.
+         */
+        SurfaceOutcome: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "surface";
+            /** Triangles */
+            triangles: number;
+        };
+        /**
          * SweepMotion
          * @description Where a step of the solve puts the lidar at a few instants of one sweep, in the frame its planes are told in.
          */
@@ -3513,11 +3526,11 @@ export interface components {
             dark: boolean;
             /**
              * Extent
-             * @description one scan, or the map accumulated from many
+             * @description one scan, the map accumulated from many, or a surface laid through the de-skewed map
              * @default scan
              * @enum {string}
              */
-            extent: "scan" | "map";
+            extent: "scan" | "map" | "surface";
             /**
              * Job Id
              * @description whose result; None: the latest that has one
