@@ -92,7 +92,7 @@ def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswe
     return (
         f"The same of each plane, and of the nearer and the farther half of the points: {crossing} of {bars} bars cross zero. "
         "One plane that asks for something else with a short bar is bent or has moved; near against far is the lidar's own "
-        "range error."
+        "range error. A row without bars says too little to be drawn beside the others."
     )
 
 

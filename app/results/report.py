@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -69,7 +70,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
         messages=_messages(result),
         settings=_settings(result),
         made_at=None if beside.made_at is None else beside.made_at.strftime("%Y-%m-%d %H:%M %Z").strip(),
-        command=beside.command,
+        command=None if beside.command is None else _in_lines(beside.command),
         document_sha256=hashlib.sha256(result.to_json().encode()).hexdigest(),
     )
 
@@ -108,6 +109,16 @@ def _rows(
     ]
     std_ms = 1e3 * uncertainty.time_offset_std_s
     return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", f"{std_ms:.4f}", "ms", "of the clocks")]
+
+
+def _in_lines(command: str) -> str:
+    """A command with a line for each option: one that is broken at a hyphen is no command any more."""
+    lines: list[list[str]] = [[]]
+    for word in shlex.split(command):
+        if word.startswith("--"):
+            lines.append([])
+        lines[-1].append(word)
+    return " \\\n  ".join(shlex.join(words) for words in lines)
 
 
 def _rig(result: CalibrationResult) -> str | None:

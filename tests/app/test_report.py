@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import html
 import re
+import shlex
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -130,6 +132,26 @@ def test_parts_that_say_nothing_do_not_press_the_others_flat():
     assert looks["time offset"][1].shape == (8, 1)
     # Of each stretch the position along y is 2 mm off with a bar of 1 mm; all others are within theirs.
     assert captions.crossing_zero(blocks) == (8 * 6, 8 * 7)
+
+
+def test_every_axis_has_three_ticks_however_low(beside):
+    """Mutation: matplotlib's own two at least, which low axes of the IMU's readings come to."""
+    canvas = plots.Canvas(plots.FULL, 2.2)
+    for axes in canvas.axes(4, 1)[:, 0]:
+        axes.plot([0.0, 1.0], [-0.1, 0.09])
+    canvas.svg()
+    for axes in canvas.figure.axes:
+        low, high = axes.get_ylim()
+        assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 3
+
+
+def test_a_command_is_broken_before_its_options_only():
+    """Oracle: the shell's own words. Mutation: broken at every hyphen, or inside of a quoted name."""
+    command = "unsweep calibrate 'a -- b.bag' --lidar-topic /velodyne --output result.json"
+    page = report_page(world.make_result(), Beside(command=command))
+    (shown,) = re.findall(r"<pre>(unsweep.*?)</pre>", page, re.DOTALL)
+    assert shlex.split(html.unescape(shown).replace("\\\n", "")) == shlex.split(command)
+    assert [line.strip().split(" ")[0] for line in shown.splitlines()] == ["unsweep", "--lidar-topic", "--output"]
 
 
 def test_the_turning_is_said_to_agree_or_not():
