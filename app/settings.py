@@ -90,6 +90,7 @@ class AppSettings(BaseSettings):
             "planes": self.planes_limit_s,
             "solve": self.solve_limit_s,
             "audit": self.solve_limit_s,
+            "surface": self.solve_limit_s,
         }
         return limits[kind]
 

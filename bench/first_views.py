@@ -21,9 +21,9 @@ from scipy.spatial import cKDTree
 
 from app.planes.state import PlaneHistory, PlaneSet, suggested
 from app.planes.upright import Room, named, room_of
-from app.scene.aim import hidden, stand, wall_of
+from app.scene.aim import Stage, hidden, stand, wall_of
 from app.scene.build import build_planes
-from app.scene.items import Cloud, Content, Label, Sheet
+from app.scene.items import Cloud, Content, Edges, Label, Sheet
 from calib_core import api
 from calib_core.simulate import TruthFile, simulate, truth_path
 from calib_core.types import FloatArray, PlaneProposals
@@ -43,6 +43,8 @@ GROUNDS = ("floor", "ground")
 ON_PLANE_M = 0.12
 #: What stands so far over the ground, beside a point of it within this.
 OVER_M, BESIDE_M = 0.5, 0.3
+#: Between two rings of a sixteen-beam lidar, 2 deg apart, is seen ground, however far out; a cell of it may reach over its edge.
+RINGS_RAD = float(np.radians(2.5))
 #: Nobody sees that a room is this little aslant.
 UP_DEG = 5.0
 
@@ -114,11 +116,18 @@ def look(slug: str, folder: Path, *, duration_s: float = DURATION_S) -> FirstVie
         floor_low=floor_low,
         wrong_names=wrong_names(planes, up),
         inside=bool((sides > 0.0).all()),
-        stray=float((apart_m > BESIDE_M).mean()),
+        stray=float(((apart_m > BESIDE_M) & (aside_rad(corners, proposals.cloud_m) > RINGS_RAD)).mean()),
         furniture=float((off_m > ON_PLANE_M).mean()),
         seen=float((~cut[wall_of(cloud, content.stage.walls)]).mean()),
         content=content,
     )
+
+
+def aside_rad(points_m: FloatArray, cloud_m: NDArray[np.float32]) -> FloatArray:
+    """(N,) [rad]: how far from each point the nearest ray passed, seen from the lidar, which stands at the map's origin."""
+    ways, rays = (xyz / np.maximum(np.linalg.norm(xyz, axis=1), 1e-6)[:, None] for xyz in (points_m, cloud_m))
+    chord, _ = cKDTree(rays).query(ways)
+    return 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
 
 
 def is_below(points_m: FloatArray, rows: FloatArray, ground: FloatArray) -> bool | None:
@@ -167,14 +176,18 @@ def project(points_m: FloatArray, eye_m: FloatArray, middle_m: FloatArray, up: F
     return np.stack(pixels, axis=1)
 
 
-def draw(view: FirstView) -> Image.Image:
-    """The first view as the application aims it: points in their colours, what is cut away left out, names."""
+def draw(view: FirstView, *, upright: bool = True) -> Image.Image:
+    """The first view as the application aims it: points in their colours, outlines, names, what is cut away left out.
+
+    upright: else the whole cloud in the lidar's own axes, as it is seen where nobody asks which way is up.
+    """
     content = view.content
+    stage = content.stage if upright else Stage()
     cloud = next(item for item in content.items if isinstance(item, Cloud))
-    found = stand(cloud.xyz.astype(np.float64), content.stage, "overview", fov_rad=FOV_RAD, aspect=WIDTH / HEIGHT)
-    cut = np.append(hidden(content.stage.walls, found.eye_m), False)
-    kept = ~cut[wall_of(cloud.xyz, content.stage.walls)]
-    seen = project(cloud.xyz[kept].astype(np.float64), found.eye_m, found.middle_m, content.stage.up)
+    found = stand(cloud.xyz.astype(np.float64), stage, "overview", fov_rad=FOV_RAD, aspect=WIDTH / HEIGHT)
+    cut = np.append(hidden(stage.walls, found.eye_m), False)
+    kept = ~cut[wall_of(cloud.xyz, stage.walls)]
+    seen = project(cloud.xyz[kept].astype(np.float64), found.eye_m, found.middle_m, stage.up)
     canvas: NDArray[np.uint8] = np.full((HEIGHT, WIDTH, 3), (12, 14, 17), np.uint8)
     order = np.argsort(-seen[:, 2], kind="stable")
     for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
@@ -183,14 +196,18 @@ def draw(view: FirstView) -> Image.Image:
         canvas[y[on], x[on]] = cloud.rgb[kept][order][on]
     image = Image.fromarray(canvas)
     pen = ImageDraw.Draw(image)
-    for item in content.items:
+    for item in content.items if upright else ():
+        if isinstance(item, Edges) and (item.wall is None or not cut[item.wall]):
+            ends = project(item.ends.reshape(-1, 3).astype(np.float64), found.eye_m, found.middle_m, stage.up)
+            for first, second in ends.reshape(-1, 2, 3):
+                if min(first[2], second[2]) > 0:
+                    pen.line((*first[:2], *second[:2]), fill=item.rgb)
+    for item in content.items if upright else ():
         if isinstance(item, Label) and (item.wall is None or not cut[item.wall]):
-            x, y, depth = project(
-                item.position[None].astype(np.float64), found.eye_m, found.middle_m, content.stage.up
-            )[0]
+            x, y, depth = project(item.position[None].astype(np.float64), found.eye_m, found.middle_m, stage.up)[0]
             if depth > 0:
                 pen.text((x, y), item.text, fill="white", anchor="mm", stroke_width=2, stroke_fill="black")
-    pen.text((8, 6), view.slug, fill="white")
+    pen.text((8, 6), view.slug if upright else f"{view.slug}, as the lidar has it", fill="white")
     return image
 
 
@@ -200,12 +217,13 @@ def main() -> int:
     parser.add_argument("scenarios", nargs="*", default=SCENARIOS)
     parser.add_argument("--folder", type=Path, help="for the recordings, which go when they have been looked at")
     given = parser.parse_args()
-    sheet = Image.new("RGB", (2 * WIDTH, HEIGHT * -(-len(given.scenarios) // 2)))
+    sheet = Image.new("RGB", (2 * WIDTH, HEIGHT * len(given.scenarios)))
     wrong = 0
     with tempfile.TemporaryDirectory(dir=given.folder) as folder:
         for place, slug in enumerate(given.scenarios):
             view = look(slug, Path(folder))
-            sheet.paste(draw(view), (place % 2 * WIDTH, place // 2 * HEIGHT))
+            sheet.paste(draw(view, upright=False), (0, place * HEIGHT))
+            sheet.paste(draw(view), (WIDTH, place * HEIGHT))
             names = ", ".join(item.text for item in view.content.items if isinstance(item, Label))
             shares = f"{view.seen:.0%} seen, {view.furniture:.0%} of the sheets on furniture"
             sys.stdout.write(f"{slug}: {'; '.join(view.faults) or 'right'} ({names}; {shares})\n")

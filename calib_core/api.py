@@ -286,11 +286,11 @@ def room_map(
     return room.room_of(recording.scans, trajectory, voxel_m, should_cancel=should_cancel)
 
 
-def room_mesh(room: Room) -> Mesh:
-    """The room's surface, where it was seen."""
+def room_mesh(room: Room, *, triangles: int | None = None) -> Mesh:
+    """The room's surface, where it was seen, of at most so many triangles."""
     from calib_core.maps import surface
 
-    return surface.mesh_of(room.cloud, room.normals)
+    return surface.mesh_of(room.cloud, room.normals, triangles=triangles)
 
 
 def read_cloud(path: Path) -> StructArray:

@@ -11,6 +11,7 @@ import numpy as np
 from calib_core.geometry import euler_xyz_deg, quaternion_xyzw, transform_matrix
 from calib_core.result import (
     CalibrationResult,
+    Evidence,
     Intrinsic,
     Message,
     Observability,
@@ -59,6 +60,7 @@ class Answer:
     clock_rate_ppm: tuple[float, float] | None = None
     time_offset_at_s: float | None = None
     imu_noise: ImuNoise | None = None
+    evidence: Evidence | None = None
 
 
 def document(
@@ -104,6 +106,7 @@ def document(
         time_offset_at_s=answer.time_offset_at_s,
         imu_noise=answer.imu_noise,
         imu_frame=answer.imu_frame,
+        evidence=answer.evidence,
     )
 
 

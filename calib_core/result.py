@@ -87,6 +87,65 @@ class Crispness(_Model):
     text: str
 
 
+class OwnAnswer(_Model):
+    """What a part of the recording alone would ask for: a shift from the joint answer, and its standard deviations.
+
+    Turns about the lidar's axes, shifts along the IMU's. A part that says nothing of one has the standing prior's 1 rad, 10 m
+    or 10 s. Weighted by their information the stretches of time agree with the joint answer.
+    """
+
+    rotation_shift_deg: list[float]
+    translation_shift_m: list[float]
+    time_offset_shift_s: float
+    rotation_std_deg: list[float]
+    translation_std_m: list[float]
+    time_offset_std_s: float
+
+
+class TimeBlock(OwnAnswer):
+    t_start_s: float = Field(description="lidar time, seconds after the first scan")
+    t_end_s: float
+
+
+class PlaneAnswer(OwnAnswer):
+    name: str
+
+
+class RangeAnswer(OwnAnswer):
+    from_m: float
+    to_m: float
+
+
+class Parts(_Model):
+    """The recording in parts, each with its own answer."""
+
+    time_blocks: list[TimeBlock]
+    planes: list[PlaneAnswer]
+    ranges: list[RangeAnswer] = Field(description="points nearer and farther than the middle one")
+
+
+class OffsetProfile(_Model):
+    """How well the lidar's turning and the gyroscope's go together, over the time offset around the answer's."""
+
+    first_s: float = Field(description="time offset of the first value, from the answer's")
+    step_s: float
+    likeness: list[float | None] = Field(
+        description="1 where a turn of the axes explains all of both, null where too little is in common"
+    )
+    best_s: float = Field(description="where it is highest, from the answer's time offset")
+
+
+class Evidence(_Model):
+    """How the answer stands within its recording. parts: by the joint solve.   time_offset_profile: apart from it."""
+
+    parts: Parts
+    time_offset_profile: OffsetProfile | None = Field(
+        default=None,
+        description="absent where the body hardly turned",
+        exclude_if=lambda profile: profile is None,
+    )
+
+
 class Quality(_Model):
     point_to_plane_rms_m: float
     points_used: int
@@ -162,6 +221,11 @@ class CalibrationResult(_Model):
         default=None, description="the IMU's noise densities and random walks that the solve used, mean over axes"
     )
     imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
+    evidence: Evidence | None = Field(
+        default=None,
+        description="what parts of the recording answer by themselves; absent where there is no answer",
+        exclude_if=lambda evidence: evidence is None,
+    )
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
 

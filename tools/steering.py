@@ -41,6 +41,7 @@ RECORDS = (
     ("odometry", "calib_core/full/odometry/settings.py", "Pairs"),
     ("initialise", "calib_core/full/initialise/settings.py", "Lags"),
     ("initialise", "calib_core/full/initialise/settings.py", "Vectors"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Profile"),
     ("initialise", "calib_core/full/initialise/settings.py", "Agreeing"),
     ("initialise", "calib_core/full/initialise/settings.py", "Rotating"),
     ("initialise", "calib_core/full/initialise/settings.py", "Linear"),

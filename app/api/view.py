@@ -23,7 +23,9 @@ def read_view(services: ServicesDep, recording: RecordingDep) -> View:
 @router.post("")
 def change_view(services: ServicesDep, recording: RecordingDep, change: ChangeView) -> View:
     """Show something else; all browsers are told."""
-    return services.scenes.change_view(recording.id, change)
+    view = services.scenes.change_view(recording.id, change)
+    services.workflow.see_to_surface(recording, view)
+    return view
 
 
 @router.get("/under")

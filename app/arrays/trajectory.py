@@ -9,6 +9,9 @@ import numpy as np
 from app.storage.atomic import put_in_place
 from calib_core.types import Trajectory
 
+#: In the folder of its solve.
+TRAJECTORY = "trajectory.npz"
+
 
 def write_trajectory(path: Path, trajectory: Trajectory) -> None:
     """Write the motion to `path` (.npz), whole or not at all."""

@@ -52,10 +52,10 @@ def outcome_of(record: JobRecord) -> Outcome | None:
 def telling(records: Sequence[JobRecord]) -> JobRecord | None:
     """The job that says where a recording stands, of its jobs newest first.
 
-    What is being done, else the newest solve: its answer is there whatever was read anew or audited since. Without a solve,
-    the newest.
+    What is being done, else the newest solve: its answer is there whatever was read anew, audited or drawn since. Without a
+    solve, the newest.
     """
-    own = next((record for record in records if record.kind != "audit"), None)
+    own = next((record for record in records if record.kind not in {"audit", "surface"}), None)
     if own is not None and own.state not in FINAL:
         return own
     solve = next((record for record in records if record.kind == "solve"), None)

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from app.limits import JobLimits
 from app.schemas.audits import NewAudit
-from app.schemas.common import ErrorFacts
+from app.schemas.common import ErrorFacts, RecordId
 from app.schemas.jobs import InitialGuess, JobKind, Outcome
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -39,6 +39,7 @@ class StoredRequest(_Parcel):
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
     audit: NewAudit | None = None
+    surface_of: RecordId | None = Field(default=None, description="the solve whose room a surface is laid through")
     client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.schemas.evidence import Binned, ImuComparison, Picture, Step
 from app.schemas.results import ScanQuality, Thickness
-from calib_core.result import CalibrationResult
+from calib_core.result import CalibrationResult, OffsetProfile, OwnAnswer, PlaneAnswer, RangeAnswer, TimeBlock
 
 #: A mean beyond this, in millimetres, is more than chance and more than a good lidar's own bias.
 STRIKING_MM = 5.0
@@ -74,6 +74,53 @@ def over_time(scans: ScanQuality) -> str:
         f"Each dot is a scan. The spread should be even: its median is {middle_mm:.1f} mm, the worst scan has "
         f"{worst_mm:.1f} mm. A hill is a stretch that the answer does not explain; few points on planes weigh little."
     )
+
+
+def time_blocks(blocks: Sequence[TimeBlock]) -> str:
+    """Of the stretches' answers."""
+    crossing, bars = crossing_zero(blocks)
+    return (
+        f"What each of {len(blocks)} stretches of the recording would answer alone, less the joint answer; bars are one "
+        f"standard deviation, long where little turned. Two thirds of the bars or more should cross zero, without a trend: "
+        f"{crossing} of {bars} do. A drift over time is a mount that gives, or clocks that part."
+    )
+
+
+def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswer]) -> str:
+    """Of the planes' answers."""
+    crossing, bars = crossing_zero([*planes, *ranges])
+    return (
+        f"The same of each plane, and of the nearer and the farther half of the points: {crossing} of {bars} bars cross zero. "
+        "One plane that asks for something else with a short bar is bent or has moved; near against far is the lidar's own "
+        "range error. A row without bars says too little to be drawn beside the others."
+    )
+
+
+def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:
+    """How many of the bars of one standard deviation hold zero, and how many there are."""
+    within = [
+        abs(shift) <= std
+        for part in parts
+        for shift, std in zip(
+            [*part.rotation_shift_deg, *part.translation_shift_m, part.time_offset_shift_s],
+            [*part.rotation_std_deg, *part.translation_std_m, part.time_offset_std_s],
+            strict=True,
+        )
+    ]
+    return sum(within), len(within)
+
+
+def offset_profile(profile: OffsetProfile) -> str:
+    """Of the turning over the time offset."""
+    best_ms, step_ms = 1e3 * profile.best_s, 1e3 * profile.step_s
+    top = max(value for value in profile.likeness if value is not None)
+    seen = (
+        "How well the lidar's turning and the gyroscope's go together if the clocks were so much farther apart, without planes "
+        f"and mounting. It should have one clear peak at zero: the highest, {top:.3f}, is at {best_ms:+.1f} ms"
+    )
+    if abs(profile.best_s) > profile.step_s:
+        return f"{seen}, more than its step of {step_ms:.0f} ms away: the answer and the turning disagree."
+    return f"{seen}, which agrees with the answer."
 
 
 def imu(compared: ImuComparison) -> str:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 #: Width of the page between its margins, and of half of it [inches].
 FULL, HALF = 7.0, 3.4
 BEFORE, AFTER, SERIES = "#c2550a", "#0b6e8f", ("#c0392b", "#2e7d32", "#1f5fa8")
+#: Of two ticks nobody can read a third value.
+FEWEST_TICKS = 3
 #: matplotlib's style is one for the whole process, and a server draws several reports at once.
 _DRAWING = threading.Lock()
 
@@ -58,6 +60,13 @@ class Canvas:
 
     def svg(self) -> str:
         """The figure as a data address: <img src=...> keeps its names apart from other figures'."""
+        from matplotlib.ticker import AutoLocator
+
+        for axes in self.figure.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                locator = axis.get_major_locator()
+                if isinstance(locator, AutoLocator):
+                    locator.set_params(min_n_ticks=FEWEST_TICKS)
         return _address(self.figure)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.results import captions, plots
+from app.results import captions, plot_parts, plots
 from app.results.verdict import tone, verdict
 from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
@@ -69,7 +70,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
         messages=_messages(result),
         settings=_settings(result),
         made_at=None if beside.made_at is None else beside.made_at.strftime("%Y-%m-%d %H:%M %Z").strip(),
-        command=beside.command,
+        command=None if beside.command is None else _in_lines(beside.command),
         document_sha256=hashlib.sha256(result.to_json().encode()).hexdigest(),
     )
 
@@ -110,6 +111,16 @@ def _rows(
     return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", f"{std_ms:.4f}", "ms", "of the clocks")]
 
 
+def _in_lines(command: str) -> str:
+    """A command with a line for each option: one that is broken at a hyphen is no command any more."""
+    lines: list[list[str]] = [[]]
+    for word in shlex.split(command):
+        if word.startswith("--"):
+            lines.append([])
+        lines[-1].append(word)
+    return " \\\n  ".join(shlex.join(words) for words in lines)
+
+
 def _rig(result: CalibrationResult) -> str | None:
     if result.T_imu_lidar is None:
         return None
@@ -136,6 +147,7 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
         caption = captions.by_value(evidence.by_ring, "ring")
         picture = plots.by_value(evidence.by_ring, "ring (laser) number")
         found.append(Figure("Distance from planes by ring", picture, caption, half=True))
+    found += _of_parts(result)
     if result.quality.planes:
         picture = plots.planes(result.quality.planes, beside.walls)
         found.append(Figure("What is left on each plane", picture, captions.planes(result)))
@@ -146,6 +158,31 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
     if len(evidence.steps) > 1:
         found.append(
             Figure("How the solve settled", plots.convergence(evidence.steps), captions.convergence(evidence.steps))
+        )
+    return found
+
+
+def _of_parts(result: CalibrationResult) -> list[Figure]:
+    """What the recording's parts and its turning say beside the joint answer."""
+    inner = result.evidence
+    if inner is None:
+        return []
+    found: list[Figure] = []
+    if inner.time_offset_profile is not None:
+        picture = plot_parts.offset_profile(inner.time_offset_profile)
+        caption = captions.offset_profile(inner.time_offset_profile)
+        found.append(Figure("The turning over the time offset", picture, caption, half=True))
+    if inner.parts.time_blocks:
+        picture, caption = (
+            plot_parts.time_blocks(inner.parts.time_blocks),
+            captions.time_blocks(inner.parts.time_blocks),
+        )
+        found.append(Figure("What each stretch answers by itself", picture, caption))
+    if inner.parts.planes:
+        parts = (inner.parts.planes, inner.parts.ranges)
+        caption = captions.planes_and_ranges(*parts)
+        found.append(
+            Figure("What planes and ranges answer by themselves", plot_parts.planes_and_ranges(*parts), caption)
         )
     return found
 

@@ -206,11 +206,12 @@ class ShownScene:
         self._cut(found.eye_m)
 
     def _look(self, content: Content, aim: tuple[str, str, int]) -> None:
-        """Look as the preset says at all clouds, in browsers that are here and those that come."""
+        """Look as the preset says at all clouds, without any at the sheets, in browsers that are here and those that come."""
         clouds = [item.xyz for item in content.items if isinstance(item, Cloud) and len(item.xyz) > 0]
-        if not clouds:
+        whole = clouds or [item.vertices for item in content.items if isinstance(item, Sheet)]
+        if not whole:
             return
-        points = np.concatenate(clouds).astype(np.float64)
+        points = np.concatenate(whole).astype(np.float64)
         self._whole = points[:: max(1, len(points) // 5000)]
         self._aim = aim
         found = self._stand(fov_rad=float(self._server.initial_camera.fov), aspect=ASPECT)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.errors import ApiError
+from app.jobs.kept import error_of
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.scene.aim import Stage, stage_of
@@ -16,8 +17,9 @@ from app.scene.converge import build_converging
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Cloud, Content
 from app.scene.nudge import nudged, wall_blur, with_old
-from app.scene.sources import SceneSources, Shelf
+from app.scene.sources import SceneSources, Shelf, SolvedJob
 from app.scene.straighten import fastest_scan, straighten
+from app.scene.surface import LEGEND, surface_items
 from app.scene.upright import vertical_of
 from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
@@ -140,7 +142,23 @@ class Composer:
             nudge=None if state.nudge is None else self._cost(found.job_id, recording, found.solved, motions.shown),
             old=None if motions.old is None else self._cost(found.job_id, recording, found.solved, motions.old),
         )
-        return build_inspection(recording, look, motions, camera), costs
+        if state.extent != "surface":
+            return build_inspection(recording, look, motions, camera), costs
+        return self._with_surface(record, recording, found, look, motions), costs
+
+    def _with_surface(
+        self, record: RecordingRecord, recording: Recording, found: SolvedJob, look: Look, motions: Motions
+    ) -> Content:
+        """The surface instead of the map, once it has been laid; what is being done about it until then."""
+        shown = build_inspection(recording, replace(look, extent="map", show="deskewed"), motions, None)
+        if found.surface is None:
+            job = self._sources.surface_job(record, found.job_id)
+            error = None if job is None else error_of(job)
+            waits = "The surface is being laid; until then, the map."
+            return replace(shown, note=waits if error is None else error.text)
+        sheets = surface_items(found.surface, found.solved, look.stage)
+        kept = tuple(item for item in shown.items if not isinstance(item, Cloud))
+        return replace(shown, items=(*sheets, *kept), legend=LEGEND)
 
     def _cost(self, job_id: str, recording: Recording, solved: Solved, wrong: Trajectory) -> WallBlur:
         """What a wrong motion costs, worked out once: a slider through the scans does not change it."""

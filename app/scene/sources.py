@@ -17,8 +17,10 @@ import numpy as np
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
 from app.arrays.folder import DamagedArrays
 from app.arrays.recording import has_recording, read_recording, recording_arrays
-from app.arrays.trajectory import read_trajectory
+from app.arrays.surface import SURFACE, Surface, read_surface
+from app.arrays.trajectory import TRAJECTORY, read_trajectory
 from app.errors import ApiError
+from app.jobs.kept import readable_request
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
 from app.locks import NamedLocks
@@ -60,10 +62,11 @@ class Shelf(Generic[Kept]):
 
 @dataclass(frozen=True)
 class SolvedJob:
-    """A job that has an answer, and what it left."""
+    """A job that has an answer, and what it left. surface: of its room, once it was laid."""
 
     job_id: str
     solved: Solved
+    surface: Surface | None = None
 
 
 class SceneSources:
@@ -74,6 +77,7 @@ class SceneSources:
         self._jobs = jobs
         self._recordings: Shelf[Recording] = Shelf()
         self._solved: Shelf[Solved] = Shelf()
+        self._surfaces: Shelf[Surface] = Shelf()
 
     def recording(self, record: RecordingRecord) -> Recording | None:
         """The decoded recording, or None until it has been read."""
@@ -98,10 +102,26 @@ class SceneSources:
         for job in self._jobs.records_of(record.id):
             if job.kind != "solve" or job.state != "done" or (job_id is not None and job.id != job_id):
                 continue
-            if not (self._files.job(job.id) / "trajectory.npz").is_file():
+            if not (self._files.job(job.id) / TRAJECTORY).is_file():
                 continue
             with suppress(OSError, ValueError, KeyError, BadZipFile):  # damaged on the disk: as if it had no answer
-                return SolvedJob(job.id, self._solved.get(job.id, partial(self._load, job)))
+                return SolvedJob(job.id, self._solved.get(job.id, partial(self._load, job)), self._surface(job))
+        return None
+
+    def surface_job(self, record: RecordingRecord, job_id: str) -> JobRecord | None:
+        """The newest job that lays a surface through that solve's room."""
+        for job in self._jobs.records_of(record.id):
+            request = readable_request(job) if job.kind == "surface" else None
+            if request is not None and request.surface_of == job_id:
+                return job
+        return None
+
+    def _surface(self, job: JobRecord) -> Surface | None:
+        path = self._files.job(job.id) / SURFACE
+        if not path.is_file():
+            return None
+        with suppress(OSError, ValueError, KeyError, BadZipFile):
+            return self._surfaces.get(job.id, partial(read_surface, path))
         return None
 
     def _load(self, job: JobRecord) -> Solved:
@@ -109,7 +129,7 @@ class SceneSources:
         result = CalibrationResult.model_validate_json((folder / "result.json").read_text(encoding="utf-8"))
         matrix: FloatArray = np.eye(4) if result.T_imu_lidar is None else np.array(result.T_imu_lidar.matrix)
         return Solved(
-            trajectory=read_trajectory(folder / "trajectory.npz"),
+            trajectory=read_trajectory(folder / TRAJECTORY),
             planes=result.quality.planes,
             colors=self._colors(job, [plane.name for plane in result.quality.planes]),
             T_imu_lidar=matrix,

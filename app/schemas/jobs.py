@@ -13,7 +13,7 @@ from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.result import Status
 from calib_core.settings import CalibrateSettings
 
-JobKind = Literal["simulate", "inspect", "planes", "solve", "audit"]
+JobKind = Literal["simulate", "inspect", "planes", "solve", "audit", "surface"]
 JobState = Literal["queued", "running", "cancelling", "done", "failed", "cancelled", "interrupted"]
 
 
@@ -68,8 +68,16 @@ class AuditOutcome(WireModel):
     text: str = Field(description="one sentence for a person")
 
 
+class SurfaceOutcome(WireModel):
+    """The surface of a solved room was laid; a view of the extent `surface` shows it."""
+
+    kind: Literal["surface"] = "surface"
+    triangles: int
+
+
 Outcome = Annotated[
-    SimulateOutcome | InspectOutcome | PlanesOutcome | SolveOutcome | AuditOutcome, Field(discriminator="kind")
+    SimulateOutcome | InspectOutcome | PlanesOutcome | SolveOutcome | AuditOutcome | SurfaceOutcome,
+    Field(discriminator="kind"),
 ]
 
 

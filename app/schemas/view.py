@@ -13,7 +13,7 @@ from app.schemas.jobs import Job
 Mode = Literal["planes", "solve", "inspect"]
 Show = Literal["raw", "deskewed", "old", "both", "side", "wipe"]
 Against = Literal["raw", "old"]
-Extent = Literal["scan", "map"]
+Extent = Literal["scan", "map", "surface"]
 ColorBy = Literal["plane", "time", "residual", "intensity"]
 Click = Literal["toggle", "grow", "restrict"]
 Preset = Literal["overview", "inside", "top", "front"]
@@ -62,7 +62,10 @@ class ViewState(WireModel):
     )
     against: Against = Field(default="raw", description="what `both` and `wipe` compare the de-skewed cloud with")
     wipe: float = Field(default=0.5, ge=0, le=1, description="where the line of `wipe` is, share of the canvas's width")
-    extent: Extent = Field(default="scan", description="one scan, or the map accumulated from many")
+    extent: Extent = Field(
+        default="scan",
+        description="one scan, the map accumulated from many, or a surface laid through the de-skewed map",
+    )
     color_by: ColorBy = "plane"
     nudge: Nudge | None = None
     old: OldExtrinsic | None = None

@@ -103,7 +103,7 @@ class Services:
             displayed_points=settings.displayed_points,
         )
         self.scenes = SceneHub(recording_store, documents, self.planes, composer, bus, settings=settings)
-        self.workflow = Workflow(recording_store, self.files, self.jobs, self.planes, self.feed, bus)
+        self.workflow = Workflow(recording_store, self.files, self.jobs, self.planes, self.feed, bus, self.sources)
         self._subscribe(bus)
 
     def start(self) -> None:

@@ -16,11 +16,12 @@ from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of
 from app.results.extrinsic_text import parse_extrinsic
+from app.scene.sources import SceneSources
 from app.schemas.audits import NewAudit
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, NewJob
 from app.schemas.recordings import RecordingState
-from app.schemas.view import JobChanged, RecordingChanged
+from app.schemas.view import JobChanged, RecordingChanged, View
 from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
@@ -89,6 +90,7 @@ class Workflow:
         planes: PlaneService,
         feed: RecordingFeed,
         bus: Bus,
+        sources: SceneSources,
     ) -> None:
         self._recordings = recordings
         self._files = files
@@ -96,6 +98,7 @@ class Workflow:
         self._planes = planes
         self._feed = feed
         self._bus = bus
+        self._sources = sources
         bus.subscribe(JobMoved, lambda event: self.job_changed(event.record, event.job))
         bus.subscribe(JobSaid, lambda event: self.job_said(event.record, event.said))
         bus.subscribe(RecordingArrived, lambda event: self._arrived(event.record))
@@ -121,6 +124,16 @@ class Workflow:
             parse_extrinsic(wish.extrinsic, wish.direction)
         return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish))
 
+    def see_to_surface(self, record: RecordingRecord, view: View) -> None:
+        """Have the surface laid that a view asks for, once for each solve: one that failed is asked for by retrying."""
+        if view.mode != "inspect" or view.extent != "surface":
+            return
+        solved = self._sources.solved(record, view.job_id)
+        if solved is None or solved.surface is not None:
+            return
+        if self._sources.surface_job(record, solved.job_id) is None:
+            self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
+
     def retry(self, job: JobRecord) -> Job:
         """The same again."""
         if job.state not in FINAL:
@@ -141,9 +154,10 @@ class Workflow:
         if job.state == "done" and job.kind == "planes":
             self._proposed(recording.id)
         # A report names the planes and tells which way is up.
-        if (job.kind in {"planes", "solve"} and job.state in {"done", "running"}) or (job.kind, job.state) == (
-            "inspect",
-            "done",
+        if (
+            (job.kind in {"planes", "solve"} and job.state in {"done", "running"})
+            or (job.kind, job.state) == ("inspect", "done")
+            or (job.kind == "surface" and job.state in FINAL)
         ):
             self._bus.publish(ShownChanged(recording.id))
         if job.state == "done" and job.kind == "simulate":

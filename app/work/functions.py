@@ -6,6 +6,7 @@ planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
 audit      compare an extrinsic          -> {job}/audit.json
 solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json,
                                              evidence.json
+surface    a mesh of a solved room       -> {its solve}/surface.npz
 """
 
 from __future__ import annotations
@@ -14,31 +15,35 @@ import importlib
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
 from app.arrays.folder import DamagedArrays, discard
 from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals, write_proposals
 from app.arrays.recording import has_recording, read_recording, recording_arrays, write_recording
-from app.arrays.trajectory import write_trajectory
+from app.arrays.surface import SURFACE, Surface, write_surface
+from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
 from app.results.evidence import StepListener, measure_evidence
 from app.results.scans import measure_scans
-from app.results.thickness import measure_thickness
+from app.results.thickness import measure_thickness, spread
 from app.results.verdict import solve_outcome
-from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome
+from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome, SurfaceOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
 from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from calib_core import api
-from calib_core.errors import Cancelled
+from calib_core.errors import Cancelled, InputError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
 
 #: A sample is the same recording for everybody.
 SAMPLE_SEED = 1
+#: A surface is laid through so many scans, thinned to voxels of this edge, and drawn with so many triangles.
+SURFACE_SCANS, SURFACE_VOXEL_M, SURFACE_TRIANGLES = 60, 0.1, 12_000
 #: What a job says once its planes can be looked at, while it goes on reading.
 PROPOSED = "planes.proposed"
 
@@ -67,6 +72,8 @@ def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcom
             return run_solve(order, on_event, should_cancel)
         case "audit":
             return run_audit(order, on_event, should_cancel)
+        case "surface":
+            return run_surface(order, on_event, should_cancel)
 
 
 def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> SimulateOutcome:
@@ -120,7 +127,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     order.folder.mkdir(parents=True, exist_ok=True)
     if calibration.trajectory is not None:
         on_event(StageEvent(stage="deskew", fraction=0.0, text="measuring the walls"))
-        write_trajectory(order.folder / "trajectory.npz", calibration.trajectory)
+        write_trajectory(order.folder / TRAJECTORY, calibration.trajectory)
         kept = api.without_spans(recording, order.request.settings.excluded_spans_s)
         walls = measure_thickness(kept, calibration.trajectory, calibration.result.quality.planes)
         _write(order.folder / "thickness.json", walls.model_dump_json())
@@ -144,6 +151,28 @@ def run_audit(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> A
     report = api.audit(recording, given, limits=wish.limits, on_event=on_event, should_cancel=should_cancel)
     _write(order.folder / "audit.json", document_by_name(order, report.to_json()))
     return AuditOutcome(verdict=report.verdict, text=report.text)
+
+
+def run_surface(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> SurfaceOutcome:
+    """Lay a surface through the map of a solve, light enough to be drawn in software."""
+    if order.request.surface_of is None:
+        raise ValueError("a surface was ordered of no solve")
+    solve = order.folder.parent / order.request.surface_of
+    try:
+        trajectory = read_trajectory(solve / TRAJECTORY)
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise InputError(
+            "Expected the motion of a solve to lay a surface through its map, but it is gone; solve again.",
+            code="surface.no_motion",
+        ) from error
+    recording = decoded(order, on_event, should_cancel)
+    on_event(StageEvent(stage="deskew", fraction=0.0, text="laying a surface through the map"))
+    scans = [recording.scans[place] for place in spread(len(recording.scans), SURFACE_SCANS)]
+    some = replace(recording, scans=scans)
+    room = api.room_map(some, trajectory, voxel_m=SURFACE_VOXEL_M, should_cancel=should_cancel)
+    mesh = api.room_mesh(room, triangles=SURFACE_TRIANGLES)
+    write_surface(solve / SURFACE, Surface(mesh.vertices_m, mesh.triangles.astype(np.uint32)))
+    return SurfaceOutcome(triangles=len(mesh.triangles))
 
 
 def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Recording:

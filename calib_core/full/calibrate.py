@@ -44,7 +44,7 @@ def calibrate_full(
 
     def judged(run: Run, solved: Solved) -> Answer:
         wider = 1.0 if planes is None else weigh_chosen(run, solved)
-        return answer(run, solved, weigh(run, solved, at_least=wider))
+        return answer(run, solved, weigh(run, solved, at_least=wider), lidar)
 
     return with_sensors_held(run, solved, judged)
 

@@ -23,6 +23,8 @@ _SEEN_WITHIN_VOXELS = 1.5
 #: Depth of the octree: 2^9 cells across a room of 20 m are 4 cm each, and deeper ones take minutes.
 _DEEPEST = 9
 _FEWEST_POINTS = 100
+#: Passes of a smoothing that does not shrink (Taubin), before flat parts are made of fewer triangles.
+_SMOOTHED = 15
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,12 @@ def normals_of(room: RoomMap, seen_from_m: FloatArray) -> Float32Array:
     return np.where(away[:, None], -normals, normals).astype(np.float32)
 
 
-def mesh_of(room: RoomMap, normals: Float32Array) -> Mesh:
-    """The surface through the map's points (screened Poisson), cut back to where points are."""
+def mesh_of(room: RoomMap, normals: Float32Array, *, triangles: int | None = None) -> Mesh:
+    """The surface through the map's points (screened Poisson), cut back to where points are.
+
+    triangles: at most so many; the lidar's noise is smoothed away first, and flat parts are made of fewer (quadric error).
+    None for as many as there are, where the points are.
+    """
     o3d = load_open3d()
     if len(room.points) < _FEWEST_POINTS:
         raise InputError(
@@ -75,6 +81,8 @@ def mesh_of(room: RoomMap, normals: Float32Array) -> Mesh:
     far = np.asarray(corners.compute_point_cloud_distance(cloud)) > _SEEN_WITHIN_VOXELS * room.voxel_m
     surface.remove_vertices_by_mask(far)
     surface.remove_unreferenced_vertices()
+    if triangles is not None and len(surface.triangles) > triangles:
+        surface = surface.filter_smooth_taubin(_SMOOTHED).simplify_quadric_decimation(triangles)
     surface.compute_vertex_normals()
     return Mesh(
         np.asarray(surface.vertices, np.float32),

@@ -11,6 +11,8 @@ import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.planes import service
+from app.scene.aim import stage_of
+from app.scene.surface import surface_items
 from tests.app.support import world
 
 
@@ -309,3 +311,40 @@ def test_a_run_knows_its_planes_by_todays_names(shared_live):
     assert [look["color"] for look in looks] == [patch["color"] for patch in before if patch["confirmed"]]
     assert looks[3]["title"] == "wall A"
     assert [look["title"] for look in looks[:3]] == [look["name"] for look in looks[:3]]
+
+
+def test_a_surface_is_laid_when_a_view_asks_for_it_and_once(shared_live, solved):
+    """Until it is there the map is shown and says so. Oracle: the world's walls, which the page's own triangles lie on.
+
+    Mutations: laid at every change of the view; sheets hidden with another wall; the job taken for where the recording
+    stands.
+    """
+    recording_id, job_id = solved
+    url = f"/api/recordings/{recording_id}"
+    wish = {"mode": "inspect", "job_id": job_id, "extent": "surface"}
+    first = shared_live.http.post(f"{url}/view", json=wish).json()
+    assert "being laid" in first["note"]
+    assert first["points_shown"] > 0
+    shared_live.http.post(f"{url}/view", json=wish | {"scan": 2})
+    (job,) = [job for job in shared_live.http.get(f"{url}/jobs").json() if job["kind"] == "surface"]
+    done = shared_live.finish(job["id"])
+    assert done["state"] == "done", done["error"]
+    assert 1000 < done["result"]["triangles"] <= 12_000
+    after = shared_live.http.post(f"{url}/view", json=wish | {"scan": 1}).json()
+    assert (after["note"], after["points_shown"]) == ("", 0)
+    assert after["legend"].startswith("The surface")
+    assert [job["kind"] for job in shared_live.http.get(f"{url}/jobs").json()].count("surface") == 1
+    assert shared_live.http.get(url).json()["latest_job"]["id"] == job_id
+    found = shared_live.services.sources.solved(shared_live.services.recordings.get(recording_id), job_id)
+    walls = np.array([(*normal, offset_m) for _, normal, offset_m in world.WALLS])
+    sheets = surface_items(found.surface, found.solved, stage_of(None, walls))
+    vertices = np.concatenate([sheet.vertices for sheet in sheets])
+    assert (
+        np.percentile(np.abs(vertices @ walls[:, :3].T + walls[:, 3]).min(axis=1), 95) < 0.08
+    )  # 18 000 points for 200 m2
+    # Each is hidden with the wall that it lies on.
+    on = [sheet for sheet in sheets if sheet.wall is not None]
+    assert {sheet.wall for sheet in on} == set(range(6))
+    for sheet in on:
+        assert np.median(np.abs(sheet.vertices @ walls[sheet.wall, :3] + walls[sheet.wall, 3])) < 0.03
+    shared_live.http.post(f"{url}/view", json={"mode": "planes", "extent": "scan"})

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import base64
+import html
 import re
+import shlex
 from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
-from app.results import plots
+from app.results import captions, plot_parts, plots
 from app.results.evidence import StepListener, measure_evidence
 from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import Beside, report_page
@@ -78,7 +80,7 @@ def test_the_page_says_what_one_signs_for(page):
 def test_every_picture_has_a_sentence_and_units_and_nothing_comes_from_a_network(page):
     """Mutations: a figure without its caption; an axis without its label; the SVG linked instead of held."""
     figures = re.findall(r"<figure.*?</figure>", page, re.DOTALL)
-    assert len(figures) == 9  # all but that by ring: this lidar has one
+    assert len(figures) == 12  # all but that by ring: this lidar has one
     for figure in figures:
         source = re.search(r'src="data:image/svg\+xml;base64,([^"]+)"', figure)
         assert source is not None
@@ -113,6 +115,50 @@ def test_an_answer_whose_parts_disagree_says_so_once_and_not_in_green():
     assert re.search(r'<div class="verdict good"><b>Calibrated\.</b> One standard deviation is', report_page(result))
     refused = result.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
     assert re.search(r'<div class="verdict bad"><b>Refused\.</b> ', report_page(refused))
+
+
+def test_parts_that_say_nothing_do_not_press_the_others_flat():
+    """Of one stretch the turn is known to 57 deg, of the others to 0.03. Oracle: the bars that tell, by hand. Mutations: the
+    longest bar counts; shifts of the wrong unit; what crosses zero counted by the shift alone."""
+    blocks = world.make_evidence().parts.time_blocks
+    looks = {name: (unit, shift, std) for name, unit, shift, std in plot_parts.own_answers(blocks)}
+    unit, shift, std = looks["rotation"]
+    assert unit == "deg"
+    assert std.max() == 57.3
+    assert plot_parts.reach(shift, std) == pytest.approx(1.1 * 0.04)
+    unit, shift, std = looks["position"]
+    assert unit == "mm"
+    assert plot_parts.reach(shift, std) == pytest.approx(1.1 * 3.5)
+    assert looks["time offset"][1].shape == (8, 1)
+    # Of each stretch the position along y is 2 mm off with a bar of 1 mm; all others are within theirs.
+    assert captions.crossing_zero(blocks) == (8 * 6, 8 * 7)
+
+
+def test_every_axis_has_three_ticks_however_low(beside):
+    """Mutation: matplotlib's own two at least, which low axes of the IMU's readings come to."""
+    canvas = plots.Canvas(plots.FULL, 2.2)
+    for axes in canvas.axes(4, 1)[:, 0]:
+        axes.plot([0.0, 1.0], [-0.1, 0.09])
+    canvas.svg()
+    for axes in canvas.figure.axes:
+        low, high = axes.get_ylim()
+        assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 3
+
+
+def test_a_command_is_broken_before_its_options_only():
+    """Oracle: the shell's own words. Mutation: broken at every hyphen, or inside of a quoted name."""
+    command = "unsweep calibrate 'a -- b.bag' --lidar-topic /velodyne --output result.json"
+    page = report_page(world.make_result(), Beside(command=command))
+    (shown,) = re.findall(r"<pre>(unsweep.*?)</pre>", page, re.DOTALL)
+    assert shlex.split(html.unescape(shown).replace("\\\n", "")) == shlex.split(command)
+    assert [line.strip().split(" ")[0] for line in shown.splitlines()] == ["unsweep", "--lidar-topic", "--output"]
+
+
+def test_the_turning_is_said_to_agree_or_not():
+    """Mutation: the same sentence for a peak three steps away."""
+    profile = world.make_evidence().time_offset_profile
+    assert "agrees with the answer" in captions.offset_profile(profile)
+    assert "disagree" in captions.offset_profile(profile.model_copy(update={"best_s": -0.03}))
 
 
 def test_the_same_run_gives_the_same_pictures(beside):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.scene.items import Label
-from bench.first_views import draw, is_below, look
+from bench.first_views import aside_rad, draw, is_below, look
 
 
 @pytest.mark.parametrize("slug", ["paper-normal", "attic", "livox"])
@@ -29,3 +29,10 @@ def test_a_floor_seen_above_what_stands_on_it_is_found_out() -> None:
     assert is_below(points, np.array([200.0, 100.0, 300.0]), floor) is True
     assert is_below(points, np.array([100.0, 200.0, 0.0]), floor) is False
     assert is_below(points[:1], np.zeros(1), floor) is None
+
+
+def test_what_lies_between_two_rings_was_seen_and_what_lies_aside_was_not() -> None:
+    """By hand, seen from the origin. Mutations: degrees for radians; the chord for its half."""
+    rings = np.array([[10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.float32)
+    asked = np.array([[15.0, 0.0, 0.0], [10.0, 10.0 * np.tan(0.05), 0.0], [-3.0, 0.0, 0.0]])
+    np.testing.assert_allclose(aside_rad(asked, rings), [0.0, 0.05, np.pi / 2], atol=1e-6)

@@ -25,9 +25,10 @@ def positions_mm(numbers: Locator) -> list[float]:
 
 @both
 def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> None:
-    """The verdict, the transform both ways, an export, the frames and the command are there.
+    """The verdict, the transform both ways, what stretches answer, an export, the frames and the command are there.
 
-    Fails with the inverse's translation not turned; with its sign lost; with the export's format ignored.
+    Fails with the inverse's translation not turned; with its sign lost; with the export's format ignored; with ticks told how
+    many digits by their number, which leaves plots empty.
     """
     recording, job = solved
     page.goto(f"/r/{recording}/result?job={job}")
@@ -43,6 +44,11 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
         )
         np.testing.assert_allclose(shown.reshape(4, 4), there, atol=1e-6)
     expect(page.get_by_role("figure", name="axes drawn in the IMU's frame")).to_be_visible()
+    stretches = page.get_by_role("region", name="What parts of the recording answer")
+    expect(stretches.get_by_role("figure")).to_have_count(4)
+    turns = stretches.get_by_role("figure", name="Rotation")
+    turns.locator(".u-over").hover()
+    expect(turns.locator("b").first).to_have_text(re.compile(r"^ ?−?\d[\d.]*±\d[\d.]*$"))
     page.get_by_role("combobox", name="Format").select_option("urdf")
     expect(page.get_by_role("group", name="the urdf text")).to_contain_text("rpy")
     assert faults_in_all_sizes(page) == []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.assess.considered import Considered, consider
-from calib_core.full.assess.disagreement import Disagreement, disagreements, together
+from calib_core.full.assess.disagreement import Apart, Disagreement, disagreements, take_apart, together
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.undetermined import UNITS
@@ -25,11 +25,15 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Confidence:
-    """knowledge: with everything counted.   considered: None where the sensors' parameters were estimated, or are none."""
+    """knowledge: with everything counted.   considered: None where the sensors' parameters were estimated, or are none.
+
+    apart: the parts that were compared.
+    """
 
     knowledge: Knowledge
     considered: Considered | None
     found: tuple[Disagreement, ...]
+    apart: Apart
 
 
 def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
@@ -49,7 +53,8 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
         considered = consider(problem, estimate, sensors.prior_std)
         added = considered.added
     stated = plain.covariance / UNITS / UNITS[:, None]
-    found = tuple(disagreements(problem, estimate, stated))
+    apart = take_apart(problem, estimate)
+    found = tuple(disagreements(apart, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
     if beyond.any():
         _say(run, found, beyond)
@@ -61,7 +66,7 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
         offset_std_s=run.clocks.jitter_mean_std_s,
         added=added + beyond,
     )
-    return Confidence(knowledge, considered, found)
+    return Confidence(knowledge, considered, found, apart)
 
 
 def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:

@@ -43,15 +43,39 @@ class Disagreement:
         return bool(np.any(self.excess))
 
 
-def disagreements(problem: JointProblem, estimate: Estimate, covariance: FloatArray) -> list[Disagreement]:
-    """Of all ways to take a solved recording apart. covariance: (7, 7), scaled units. Raises NotPositiveDefinite."""
+@dataclass(frozen=True)
+class Apart:
+    """A solved recording in its parts. clusters: by the way of taking it apart, "time", "surfaces", "planes" and "range".
+
+    covariance: (7, 7) of the joint answer, the priors' share included, in units of 1 deg, 10 mm, 1 ms.   edges_s: (B + 1,)
+    ends of the stretches of time, the IMU's clock.   ranges_m: (3,) nearest, middle and farthest.
+    """
+
+    clusters: dict[str, Influences]
+    covariance: FloatArray
+    edges_s: FloatArray
+    ranges_m: FloatArray
+
+
+def take_apart(problem: JointProblem, estimate: Estimate) -> Apart:
+    """Every way of it. Raises NotPositiveDefinite."""
+    of = factor_influences(problem, estimate)
+    block = np.arange(len(problem.readings.knots_s)) * PARTS.time_blocks // len(problem.readings.knots_s)
+    space, ranges_m = _in_space(problem, estimate)
+    clusters = {"time": _in_time(problem, of, block)}
+    clusters |= {name: of.bins.summed(*numbered(key)) for name, key in space.items()}
+    clusters["planes"] = of.bins.summed(problem.bins.plane, len(estimate.normals))
+    knots_s = problem.readings.knots_s
+    starts_s = knots_s[np.minimum(np.searchsorted(block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]
+    return Apart(clusters, of.covariance, np.append(starts_s, knots_s[-1]), ranges_m)
+
+
+def disagreements(apart: Apart, covariance: FloatArray) -> list[Disagreement]:
+    """Of all ways to take a solved recording apart. covariance: (7, 7), scaled units."""
     whiten, root = roots(covariance)
     if whiten.shape[1] == 0:
         return []
-    of = factor_influences(problem, estimate)
-    clusters = {"time": _in_time(problem, of)}
-    clusters |= {name: of.bins.summed(*numbered(key)) for name, key in _in_space(problem, estimate).items()}
-    return [judge(name, each, whiten, root) for name, each in clusters.items()]
+    return [judge(name, each, whiten, root) for name, each in apart.clusters.items()]
 
 
 def roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,16 +95,14 @@ def numbered(key: IntArray) -> tuple[IntArray, int]:
     return number, int(number.max(initial=-1)) + 1
 
 
-def _in_time(problem: JointProblem, of: FactorInfluences) -> Influences:
-    knots = len(problem.readings.knots_s)
-    block = np.arange(knots) * PARTS.time_blocks // knots
+def _in_time(problem: JointProblem, of: FactorInfluences, block: IntArray) -> Influences:
     links = of.links.summed(block[:-1], PARTS.time_blocks)
     bins = of.bins.summed(block[problem.bins.knot], PARTS.time_blocks)
     return Influences(links.moved + bins.moved, links.allowed + bins.allowed)
 
 
-def _in_space(problem: JointProblem, estimate: Estimate) -> dict[str, IntArray]:
-    """Keys of every bin: the metre of its plane, its plane, and the nearer or farther half."""
+def _in_space(problem: JointProblem, estimate: Estimate) -> tuple[dict[str, IntArray], FloatArray]:
+    """Keys of every bin: the metre of its plane, its plane, and the nearer or farther half; and where the halves end."""
     bins = problem.bins
     weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
     centre = bins.scatter[:, 3, :3] / weight[:, None]
@@ -93,8 +115,10 @@ def _in_space(problem: JointProblem, estimate: Estimate) -> dict[str, IntArray]:
     order = np.argsort(range_m)
     far = np.zeros(len(range_m), np.int64)
     total = np.cumsum(weight[order])
-    far[order[np.searchsorted(total, 0.5 * total[-1]) :]] = 1
-    return {"surfaces": surfaces, "planes": bins.plane, "range": far}
+    half = int(np.searchsorted(total, 0.5 * total[-1]))
+    far[order[half:]] = 1
+    ends_m = range_m[order[[0, half, -1]]]
+    return {"surfaces": surfaces, "planes": bins.plane, "range": far}, ends_m
 
 
 def judge(name: str, clusters: Influences, whiten: FloatArray, root: FloatArray) -> Disagreement:

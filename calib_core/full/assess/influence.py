@@ -41,10 +41,11 @@ class Influences:
 
 @dataclass(frozen=True)
 class FactorInfluences:
-    """links: one a link.   bins: one a bin, its lasers' part included."""
+    """links: one a link.   bins: one a bin, its lasers' part included.   covariance: (7, 7) of the seven, in their units."""
 
     links: Influences
     bins: Influences
+    covariance: FloatArray
 
 
 def factor_influences(problem: JointProblem, estimate: Estimate) -> FactorInfluences:
@@ -53,7 +54,9 @@ def factor_influences(problem: JointProblem, estimate: Estimate) -> FactorInflue
     layout = problem.layout(estimate)
     along, border = along / UNITS, border / UNITS
     return FactorInfluences(
-        _of_links(problem, estimate, layout, along, border), _of_bins(problem, estimate, layout, along, border)
+        _of_links(problem, estimate, layout, along, border),
+        _of_bins(problem, estimate, layout, along, border),
+        border[:CALIBRATION] / UNITS[:, None],
     )
 
 

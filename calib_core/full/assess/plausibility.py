@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.full.assess.disagreement import disagreements
+from calib_core.full.assess.disagreement import disagreements, take_apart
 from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import away_m, misfit
@@ -73,7 +73,7 @@ def _beyond_gravity(solved: Solved, away: float, prior_std_m_s2: float) -> bool:
         return False
     assert solved.minimum.solution is not None
     seven = covariance(solved.minimum.solution.information).of(slice(0, CALIBRATION)) / UNITS / UNITS[:, None]
-    found = disagreements(solved.problem, solved.estimate, seven)
+    found = disagreements(take_apart(solved.problem, solved.estimate), seven)
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
     return away > PLAUSIBLE.gravity_sigmas * max(allowed, wider * gravity_std(solved))
 

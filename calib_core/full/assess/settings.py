@@ -53,6 +53,8 @@ class Parts:
     time_blocks: int = 8
     #: Walls are bent over metres, panels and doors are about one wide.
     cell_m: float = 1.0
+    #: Digits worth keeping of what a part answers, beside its standard deviation.
+    digits: int = 5
 
 
 PLAUSIBLE, WORDING, PARTS = Plausible(), Wording(), Parts()

@@ -8,15 +8,18 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence, confidence
 from calib_core.full.assess.observability import Knowledge, advice
+from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
 from calib_core.full.assess.sensors import sensor_findings
 from calib_core.full.assess.settings import PLAUSIBLE
+from calib_core.full.initialise.profile import offset_profile
+from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics
 from calib_core.full.run import Clocks, Run
 from calib_core.presets import random_walks
-from calib_core.result import Message, PlaneQuality
+from calib_core.result import Evidence, Message, PlaneQuality
 from calib_core.settings import ImuNoise
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import Trajectory
@@ -56,8 +59,8 @@ def require_rotation(knowledge: Knowledge) -> None:
         )
 
 
-def answer(run: Run, solved: Solved, trust: Confidence) -> Answer:
-    """The answer in the map frame, as the document wants it."""
+def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Answer:
+    """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
     sensors = sensor_findings(solved, trust.considered)
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
@@ -93,6 +96,17 @@ def answer(run: Run, solved: Solved, trust: Confidence) -> Answer:
         clock_rate_ppm=None if clock is None else (clock.value, clock.std),
         time_offset_at_s=run.clocks.middle_s,
         imu_noise=noise_used(run),
+        evidence=evidence(run, solved, trust, lidar),
+    )
+
+
+def evidence(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Evidence:
+    """What parts of the recording answer, and what the turning alone says of the time offset."""
+    e, imu = solved.estimate, run.recording.imu
+    rate_ppm = clock_rate_ppm(solved.nuisance, e.nuisance)
+    return Evidence(
+        parts=parts_of(trust.apart, e, run.clocks, rate_ppm, [plane.name for plane in solved.planes]),
+        time_offset_profile=offset_profile(lidar, run.clocks.imu_s, imu.gyro_rad_s, e.time_offset_s),
     )
 
 

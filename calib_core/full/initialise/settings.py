@@ -53,6 +53,15 @@ class Vectors:
 
 
 @dataclass(frozen=True, slots=True)
+class Profile:
+    """Around an answer's time offset, how alike the turns of lidar and gyroscope are."""
+
+    #: So far to each side: a hand's to and fro repeats itself within it. In such steps: a parabola tells between them.
+    reach_s: float = 0.5
+    step_s: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
 class Agreeing:
     """Whether the track's turning is the gyroscope's."""
 
@@ -175,5 +184,5 @@ class Upright:
     worth_a_turn: float = 0.5
 
 
-LAGS, VECTORS, AGREEING, ROTATING = Lags(), Vectors(), Agreeing(), Rotating()
+LAGS, VECTORS, PROFILE, AGREEING, ROTATING = Lags(), Vectors(), Profile(), Agreeing(), Rotating()
 LINEAR, SIGNS, UPRIGHT = Linear(), Signs(), Upright()

@@ -29,7 +29,7 @@ def lags_by_vectors(
     lags = np.arange(first_s, last_s, VECTORS.step_s)
     score = np.concatenate(
         [
-            _likeness(turns, imu_s, gyro_rad_s, lags[k : k + VECTORS.lags_at_once])
+            likeness(turns, imu_s, gyro_rad_s, lags[k : k + VECTORS.lags_at_once])
             for k in range(0, len(lags), VECTORS.lags_at_once)
         ]
     )
@@ -41,8 +41,8 @@ def lags_by_vectors(
     return best
 
 
-def _likeness(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray, lags_s: FloatArray) -> FloatArray:
-    """How alike the turns are at each lag (L,), -inf where too few are in common."""
+def likeness(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray, lags_s: FloatArray) -> FloatArray:
+    """How alike the turns are at each lag [s] (L,), -inf where too few are in common. imu_s: (Q,).   gyro_rad_s: (Q, 3)."""
     size = np.linalg.norm(turns.rate_rad_s, axis=1)
     a = turns.rate_rad_s * np.minimum(1.0, np.percentile(size, VECTORS.top_percent) / np.maximum(size, 1e-12))[:, None]
     total = np.vstack(

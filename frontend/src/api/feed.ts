@@ -23,7 +23,7 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
       client.setQueryData(keys.view(id), message.view);
       return;
     case "job-changed":
-      if (message.job.kind !== "audit")
+      if (message.job.kind !== "audit" && message.job.kind !== "surface")
         client.setQueryData<Recording>(keys.recording(id), (old) =>
           old === undefined ? old : { ...old, latest_job: message.job },
         );

@@ -208,7 +208,7 @@ export function useDeleteRecording() {
 
 function rememberJob(client: QueryClient, job: Job) {
   // Which of its jobs tells where a recording stands after an audit, the server says.
-  if (job.kind !== "audit")
+  if (job.kind !== "audit" && job.kind !== "surface")
     client.setQueryData<Recording>(keys.recording(job.recording_id), (old) =>
       old === undefined ? old : { ...old, latest_job: job },
     );

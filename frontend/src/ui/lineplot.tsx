@@ -11,6 +11,8 @@ export interface Line {
   color: string;
   values: readonly (number | null)[];
   dash?: number[];
+  /** One standard deviation of each value: points with bars instead of a curve. */
+  sigmas?: readonly (number | null)[];
 }
 
 interface LinePlotProps {
@@ -24,6 +26,7 @@ interface LinePlotProps {
   logarithmic?: boolean;
   /** Ends of the axis; the ends of the data where left out. */
   xRange?: readonly [number, number];
+  yRange?: readonly [number, number];
   /** A click on the plot, in x units. */
   onPick?: (x: number) => void;
 }
@@ -46,6 +49,7 @@ export function LinePlot({
   height,
   logarithmic = false,
   xRange,
+  yRange,
   onPick,
 }: LinePlotProps) {
   const box = useRef<HTMLDivElement>(null);
@@ -55,16 +59,20 @@ export function LinePlot({
   const scheme = useComputedColorScheme("dark");
   const from = xRange?.[0] ?? null;
   const to = xRange?.[1] ?? null;
-  const shape = JSON.stringify(lines.map((line) => [line.label, line.color, line.dash]));
+  const bottom = yRange?.[0] ?? null;
+  const top = yRange?.[1] ?? null;
+  const shape = JSON.stringify(lines.map((line) => [line.label, line.color, line.dash, line.sigmas !== undefined]));
+  const drawn = useRef(lines);
 
   useEffect(() => {
     pick.current = onPick;
+    drawn.current = lines;
   });
 
   useEffect(() => {
     const element = box.current;
     if (element === null) return;
-    const styles = JSON.parse(shape) as [string, string, number[] | null][];
+    const styles = JSON.parse(shape) as [string, string, number[] | null, boolean][];
     const ink = token("var(--ink-3)");
     const grid = token("var(--line)");
     const font = '11px "IBM Plex Sans", sans-serif';
@@ -74,12 +82,22 @@ export function LinePlot({
         width: Math.max(40, element.clientWidth),
         height,
         legend: { show: false },
-        padding: [8, 8, 0, 0],
-        hooks: { setCursor: [(self) => setHovered(self.cursor.idx ?? null)] },
-        cursor: { y: false, drag: { x: false, y: false }, points: { size: 5 } },
+        padding: [8, 16, 0, 0],
+        hooks: {
+          setCursor: [(self) => setHovered(self.cursor.idx ?? null)],
+          draw: [(self) => drawBars(self, drawn.current)],
+        },
+        cursor: {
+          y: false,
+          drag: { x: false, y: false },
+          points: { size: 5, show: !styles.some((style) => style[3]) },
+        },
         scales: {
           x: { time: false, ...(from === null || to === null ? {} : { range: [from, to] as [number, number] }) },
-          y: logarithmic ? logarithmicScale : {},
+          y: {
+            ...(logarithmic ? logarithmicScale : {}),
+            ...(bottom === null || top === null ? {} : { range: [bottom, top] as [number, number] }),
+          },
         },
         axes: [
           {
@@ -97,17 +115,18 @@ export function LinePlot({
             splits: (_, __, low, high) => (logarithmic ? logTicks : ticks)(low, high, Math.floor((height - 32) / 24)),
             // uPlot's own filter leaves out what is no power of ten.
             filter: (_, splits) => splits,
-            values: (_, found) => found.map(shortNumber),
+            values: (_, found) => found.map((tick) => shortNumber(tick)),
           },
         ],
         series: [
           {},
-          ...styles.map(([name, color, dash]) => ({
+          ...styles.map(([name, color, dash, barred]) => ({
             label: name,
             stroke: token(color),
             width: 1.4,
             points: { show: false },
             ...(dash === null ? {} : { dash }),
+            ...(barred ? { paths: () => null } : {}),
           })),
         ],
       },
@@ -127,7 +146,7 @@ export function LinePlot({
       chart.destroy();
       plot.current = null;
     };
-  }, [shape, scheme, height, xUnit, logarithmic, from, to]);
+  }, [shape, scheme, height, xUnit, logarithmic, from, to, bottom, top]);
 
   useEffect(() => {
     plot.current?.setData([[...x], ...lines.map((line) => [...line.values])] as uPlot.AlignedData);
@@ -140,7 +159,8 @@ export function LinePlot({
           {label} <span className={css.unit}>{yUnit}</span>
           {!fitsTick(xUnit) && <span className={css.unit}> by {xUnit}</span>}
         </span>
-        {hovered !== null && x[hovered] !== undefined && (
+        {/* Beside three values with their bars there is no room for it, and the cursor's line shows it. */}
+        {hovered !== null && x[hovered] !== undefined && !lines.some((line) => line.sigmas !== undefined) && (
           <span className={`num ${css.hovered ?? ""}`} aria-hidden="true">
             {shortNumber(x[hovered])} {xUnit}
           </span>
@@ -150,7 +170,7 @@ export function LinePlot({
             <span key={line.label}>
               <i style={{ background: line.color }} />
               {line.label}
-              {hovered !== null && <b className="num">{valueText(line.values[hovered])}</b>}
+              {hovered !== null && <b className="num">{valueText(line.values[hovered], line.sigmas?.[hovered])}</b>}
             </span>
           ))}
         </span>
@@ -165,12 +185,55 @@ function fitsTick(unit: string): boolean {
   return unit.length <= 3;
 }
 
-function valueText(value: number | null | undefined): string {
-  return value === null || value === undefined ? " –" : ` ${shortNumber(value)}`;
+function valueText(value: number | null | undefined, sigma: number | null | undefined): string {
+  if (value === null || value === undefined) return " –";
+  return sigma === null || sigma === undefined
+    ? ` ${shortNumber(value)}`
+    : ` ${besides(value, sigma)}±${shortNumber(sigma, 2)}`;
 }
 
-function shortNumber(value: number): string {
+/** A value with as many decimals as two digits of its standard deviation have. */
+function besides(value: number, sigma: number): string {
+  const decimals = sigma > 0 ? Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(sigma)))) : 3;
+  return value.toFixed(decimals).replace("-", "−");
+}
+
+/** Between the bars of one part. */
+const barGap = 7;
+
+/** Points with bars of one standard deviation, those of one x side by side, within the plot's own rectangle. */
+function drawBars(chart: uPlot, lines: readonly Line[]) {
+  const barred = lines.filter((line) => line.sigmas !== undefined);
+  if (barred.length === 0) return;
+  const { ctx, bbox } = chart;
+  const dot = devicePixelRatio;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  ctx.lineWidth = 1.4 * dot;
+  barred.forEach((line, k) => {
+    ctx.strokeStyle = ctx.fillStyle = token(line.color);
+    const aside = (k - (barred.length - 1) / 2) * barGap * dot;
+    line.values.forEach((value, i) => {
+      const at = chart.data[0][i];
+      const sigma = line.sigmas?.[i];
+      if (value === null || at === undefined || sigma === null || sigma === undefined) return;
+      const x = chart.valToPos(at, "x", true) + aside;
+      ctx.beginPath();
+      ctx.moveTo(x, chart.valToPos(value - sigma, "y", true));
+      ctx.lineTo(x, chart.valToPos(value + sigma, "y", true));
+      ctx.stroke();
+      ctx.beginPath();
+      ctx.arc(x, chart.valToPos(value, "y", true), 2.5 * dot, 0, 2 * Math.PI);
+      ctx.fill();
+    });
+  });
+  ctx.restore();
+}
+
+function shortNumber(value: number, digits = 4): string {
   const size = Math.abs(value);
   if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(0).replace("e+", "e");
-  return String(Number(value.toPrecision(4))).replace("-", "−");
+  return String(Number(value.toPrecision(digits))).replace("-", "−");
 }

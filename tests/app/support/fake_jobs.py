@@ -22,6 +22,7 @@ from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, PlanesOutcome, SimulateOutcome
+from app.work.functions import run_surface
 from calib_core import api
 from calib_core.audit.run import report_of
 from calib_core.calibrate import Calibration
@@ -55,6 +56,8 @@ def run(order, on_event, should_cancel):
         report = report_of(given, Calibration(world.make_result(), None), order.request.audit.limits)
         (order.folder / "audit.json").write_text(report.to_json())
         return AuditOutcome(verdict=report.verdict, text=report.text)
+    if order.kind == "surface":
+        return run_surface(order, on_event, should_cancel)
     return solve(order, on_event, should_cancel)
 
 

@@ -10,12 +10,18 @@ import numpy as np
 
 from calib_core.result import (
     CalibrationResult,
+    Evidence,
     Message,
     Observability,
+    OffsetProfile,
+    Parts,
+    PlaneAnswer,
     PlaneQuality,
     Provenance,
     Quality,
+    RangeAnswer,
     RecordingProvenance,
+    TimeBlock,
     Transform,
     Uncertainty,
 )
@@ -163,6 +169,34 @@ def transform_matrix():
     return T
 
 
+def make_evidence():
+    """Eight stretches about the truth, the third hardly turned; six planes, two halves, and a peak at the answer."""
+    own = {
+        "rotation_shift_deg": [0.01, -0.02, 0.0],
+        "translation_shift_m": [0.001, -0.002, 0.0005],
+        "time_offset_shift_s": -0.0002,
+        "rotation_std_deg": [0.03, 0.02, 0.01],
+        "translation_std_m": [0.002, 0.001, 0.003],
+        "time_offset_std_s": 0.0003,
+    }
+    blocks = [TimeBlock(t_start_s=0.15 * k, t_end_s=0.15 * (k + 1), **own) for k in range(8)]
+    blocks[2] = blocks[2].model_copy(update={"rotation_std_deg": [57.3] * 3})
+    away_s = 0.01 * np.arange(-50, 51)
+    return Evidence(
+        parts=Parts(
+            time_blocks=blocks,
+            planes=[PlaneAnswer(name=name, **own) for name, _, _ in WALLS],
+            ranges=[RangeAnswer(from_m=0.5, to_m=2.0, **own), RangeAnswer(from_m=2.0, to_m=7.0, **own)],
+        ),
+        time_offset_profile=OffsetProfile(
+            first_s=-0.5,
+            step_s=0.01,
+            likeness=[None, *(float(value) for value in np.exp(-((away_s[1:] / 0.2) ** 2)))],
+            best_s=0.0004,
+        ),
+    )
+
+
 def make_result(status="calibrated", name="room.bag"):
     """A result document around the truth."""
     answered = status != "refused"
@@ -212,4 +246,5 @@ def make_result(status="calibrated", name="room.bag"):
             settings={},
             software={"unsweep": "test"},
         ),
+        evidence=make_evidence() if answered else None,
     )

@@ -946,6 +946,8 @@ export interface components {
             clock_rate_ppm?: number | null;
             /** Clock Rate Ppm Std */
             clock_rate_ppm_std?: number | null;
+            /** @description what parts of the recording answer by themselves; absent where there is no answer */
+            evidence?: components["schemas"]["Evidence"] | null;
             /** Gravity M S2 */
             gravity_m_s2: number | null;
             /** Gyroscope Bias Rad S */
@@ -1068,7 +1070,7 @@ export interface components {
              * @default scan
              * @enum {string}
              */
-            extent: "scan" | "map";
+            extent: "scan" | "map" | "surface";
             /** Job Id */
             job_id?: string | null;
             /**
@@ -1322,6 +1324,15 @@ export interface components {
              * @example No recording has the id 5f0c...; open the list of recordings and pick one.
              */
             text: string;
+        };
+        /**
+         * Evidence
+         * @description How the answer stands within its recording. parts: by the joint solve.   time_offset_profile: apart from it.
+         */
+        Evidence: {
+            parts: components["schemas"]["Parts"];
+            /** @description absent where the body hardly turned */
+            time_offset_profile?: components["schemas"]["OffsetProfile"] | null;
         };
         /**
          * EvidenceReport
@@ -1806,7 +1817,7 @@ export interface components {
              * Kind
              * @enum {string}
              */
-            kind: "simulate" | "inspect" | "planes" | "solve" | "audit";
+            kind: "simulate" | "inspect" | "planes" | "solve" | "audit" | "surface";
             /**
              * Planes
              * @description those confirmed when a solve was asked for
@@ -1823,7 +1834,7 @@ export interface components {
              */
             recording_id: string;
             /** Result */
-            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"]) | null;
+            result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"] | components["schemas"]["SurfaceOutcome"]) | null;
             /** Retry Of */
             retry_of?: string | null;
             settings: components["schemas"]["CalibrateSettings"];
@@ -2126,6 +2137,29 @@ export interface components {
             weak_directions?: components["schemas"]["WeakDirection"][];
         };
         /**
+         * OffsetProfile
+         * @description How well the lidar's turning and the gyroscope's go together, over the time offset around the answer's.
+         */
+        OffsetProfile: {
+            /**
+             * Best S
+             * @description where it is highest, from the answer's time offset
+             */
+            best_s: number;
+            /**
+             * First S
+             * @description time offset of the first value, from the answer's
+             */
+            first_s: number;
+            /**
+             * Likeness
+             * @description 1 where a turn of the axes explains all of both, null where too little is in common
+             */
+            likeness: (number | null)[];
+            /** Step S */
+            step_s: number;
+        };
+        /**
          * OldExtrinsic
          * @description An extrinsic the user had before, T_imu_lidar in the contract's signs, to be looked at beside the answer.
          */
@@ -2199,6 +2233,21 @@ export interface components {
             weak: boolean;
         };
         /**
+         * Parts
+         * @description The recording in parts, each with its own answer.
+         */
+        Parts: {
+            /** Planes */
+            planes: components["schemas"]["PlaneAnswer"][];
+            /**
+             * Ranges
+             * @description points nearer and farther than the middle one
+             */
+            ranges: components["schemas"]["RangeAnswer"][];
+            /** Time Blocks */
+            time_blocks: components["schemas"]["TimeBlock"][];
+        };
+        /**
          * Patch
          * @description A detected plane, map frame: n . x + offset_m = 0.
          */
@@ -2235,6 +2284,23 @@ export interface components {
              * @description angle between the normal and the vertical, 0..90; see `upright`
              */
             tilt_deg: number;
+        };
+        /** PlaneAnswer */
+        PlaneAnswer: {
+            /** Name */
+            name: string;
+            /** Rotation Shift Deg */
+            rotation_shift_deg: number[];
+            /** Rotation Std Deg */
+            rotation_std_deg: number[];
+            /** Time Offset Shift S */
+            time_offset_shift_s: number;
+            /** Time Offset Std S */
+            time_offset_std_s: number;
+            /** Translation Shift M */
+            translation_shift_m: number[];
+            /** Translation Std M */
+            translation_std_m: number[];
         };
         /**
          * PlaneLook
@@ -2493,6 +2559,25 @@ export interface components {
             scans_total: number;
             /** Scans Used */
             scans_used: number;
+        };
+        /** RangeAnswer */
+        RangeAnswer: {
+            /** From M */
+            from_m: number;
+            /** Rotation Shift Deg */
+            rotation_shift_deg: number[];
+            /** Rotation Std Deg */
+            rotation_std_deg: number[];
+            /** Time Offset Shift S */
+            time_offset_shift_s: number;
+            /** Time Offset Std S */
+            time_offset_std_s: number;
+            /** To M */
+            to_m: number;
+            /** Translation Shift M */
+            translation_shift_m: number[];
+            /** Translation Std M */
+            translation_std_m: number[];
         };
         /**
          * RangeReport
@@ -3179,6 +3264,19 @@ export interface components {
             used_bytes: number;
         };
         /**
+         * SurfaceOutcome
+         * @description The surface of a solved room was laid; a view of the extent `surface` shows it.
+         */
+        SurfaceOutcome: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "surface";
+            /** Triangles */
+            triangles: number;
+        };
+        /**
          * SweepMotion
          * @description Where a step of the solve puts the lidar at a few instants of one sweep, in the frame its planes are told in.
          */
@@ -3214,6 +3312,28 @@ export interface components {
             edges_m: number[];
             /** Walls */
             walls: components["schemas"]["WallThickness"][];
+        };
+        /** TimeBlock */
+        TimeBlock: {
+            /** Rotation Shift Deg */
+            rotation_shift_deg: number[];
+            /** Rotation Std Deg */
+            rotation_std_deg: number[];
+            /** T End S */
+            t_end_s: number;
+            /**
+             * T Start S
+             * @description lidar time, seconds after the first scan
+             */
+            t_start_s: number;
+            /** Time Offset Shift S */
+            time_offset_shift_s: number;
+            /** Time Offset Std S */
+            time_offset_std_s: number;
+            /** Translation Shift M */
+            translation_shift_m: number[];
+            /** Translation Std M */
+            translation_std_m: number[];
         };
         /**
          * Timeline
@@ -3406,11 +3526,11 @@ export interface components {
             dark: boolean;
             /**
              * Extent
-             * @description one scan, or the map accumulated from many
+             * @description one scan, the map accumulated from many, or a surface laid through the de-skewed map
              * @default scan
              * @enum {string}
              */
-            extent: "scan" | "map";
+            extent: "scan" | "map" | "surface";
             /**
              * Job Id
              * @description whose result; None: the latest that has one

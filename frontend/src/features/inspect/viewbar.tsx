@@ -3,7 +3,7 @@ import { viewPageUrl } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { useShortcuts } from "../../ui/shortcuts";
 import css from "./inspect.module.css";
-import type { ColorBy, InspectWish, Show } from "./wish";
+import type { ColorBy, Extent, InspectWish, Show } from "./wish";
 
 const shows: { value: Show; label: string; key: string; said: string }[] = [
   { value: "raw", label: "Raw", key: "r", said: "Raw cloud" },
@@ -12,6 +12,12 @@ const shows: { value: Show; label: string; key: string; said: string }[] = [
   { value: "both", label: "Both", key: "b", said: "Both in one place" },
   { value: "side", label: "Side by side", key: "s", said: "Side by side" },
   { value: "wipe", label: "Wipe", key: "w", said: "Wipe between both" },
+];
+
+const extents: { value: Extent; label: string }[] = [
+  { value: "scan", label: "One scan" },
+  { value: "map", label: "Map" },
+  { value: "surface", label: "Surface" },
 ];
 
 const colorings: { value: ColorBy; label: string }[] = [
@@ -31,7 +37,10 @@ interface ViewBarProps {
 export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
   const offered = shows.filter((show) => show.value !== "old" || wish.old !== null);
   const compares = wish.old !== null && (wish.show === "both" || wish.show === "wipe");
-  const toggleMap = () => change({ extent: wish.extent === "map" ? "scan" : "map" });
+  const nextExtent = () => {
+    const at = extents.findIndex((extent) => extent.value === wish.extent);
+    change({ extent: extents[(at + 1) % extents.length]?.value ?? "scan" });
+  };
   const nextColor = () => {
     const at = colorings.findIndex((color) => color.value === wish.colorBy);
     const next = colorings[(at + 1) % colorings.length];
@@ -39,7 +48,7 @@ export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
   };
   useShortcuts("What the scene shows", [
     ...offered.map((show) => ({ keys: show.key, label: show.said, run: () => change({ show: show.value }) })),
-    { keys: "m", label: "One scan or the map of all", run: toggleMap },
+    { keys: "m", label: "One scan, the map of all or its surface", run: nextExtent },
     { keys: "c", label: "Next colouring", run: nextColor },
   ]);
   return (
@@ -56,13 +65,13 @@ export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
       />
       <SegmentedControl
         size="xs"
-        aria-label="One scan or the map"
+        aria-label="One scan, the map or its surface"
         value={wish.extent}
-        data={[
-          { value: "scan", label: "One scan" },
-          { value: "map", label: "Map" },
-        ]}
-        onChange={(value) => change({ extent: value === "map" ? "map" : "scan" })}
+        data={extents.map(({ value, label }) => ({ value, label }))}
+        onChange={(value) => {
+          const extent = extents.find((one) => one.value === value);
+          if (extent !== undefined) change({ extent: extent.value });
+        }}
       />
       {compares && (
         <NativeSelect

@@ -26,6 +26,7 @@ export interface InspectWish {
 }
 
 const shows: readonly Show[] = ["raw", "deskewed", "old", "both", "side", "wipe"];
+const extents: Record<string, Extent> = { "1": "map", surface: "surface" };
 const colorings: readonly ColorBy[] = ["plane", "time", "residual", "intensity"];
 
 function share(text: string | null): number {
@@ -42,7 +43,7 @@ export function readWish(query: URLSearchParams, firstScan: number): InspectWish
     scan: Number.isInteger(scan) && scan >= 0 ? scan : 0,
     show: show === "old" && old === null ? "raw" : show,
     against: query.get("against") === "old" && old !== null ? "old" : "raw",
-    extent: query.get("map") === "1" ? "map" : "scan",
+    extent: extents[query.get("map") ?? ""] ?? "scan",
     wipe: share(query.get("wipe")),
     colorBy: colorings.find((color) => color === query.get("color")) ?? "plane",
     nudge: parseNudge(query.get("nudge") ?? ""),
@@ -61,7 +62,7 @@ export function writeWish(old: URLSearchParams, part: Partial<InspectWish>): URL
   if (part.scan !== undefined) put("scan", String(part.scan));
   if (part.show !== undefined) put("show", part.show);
   if (part.against !== undefined) put("against", part.against === "old" ? "old" : "");
-  if (part.extent !== undefined) put("map", part.extent === "map" ? "1" : "");
+  if (part.extent !== undefined) put("map", { scan: "", map: "1", surface: "surface" }[part.extent]);
   if (part.wipe !== undefined) put("wipe", part.wipe.toFixed(3));
   if (part.colorBy !== undefined) put("color", part.colorBy);
   if (part.nudge !== undefined) put("nudge", writeNudge(part.nudge));

@@ -19,6 +19,7 @@ import { History } from "./history";
 import { poseOf, type Direction } from "./inverse";
 import { OwnLimitsSection, OwnVerdict } from "./ownlimits";
 import { PoseCard } from "./pose";
+import { PartsSection } from "./parts";
 import { Quality } from "./quality";
 import { NextSteps } from "./nextsteps";
 import { OwnErrors } from "./sensors";
@@ -148,6 +149,7 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
       />
       <Advice observability={result.observability} />
       <OwnErrors result={result} />
+      <PartsSection result={result} />
       <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>
   );

@@ -1,0 +1,49 @@
+"""How well the lidar's turning and the gyroscope's go together at every time offset around an answer.
+
+Evidence apart from the solve: it knows neither planes' residuals nor the mounting, only that both are one body.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.full.initialise.settings import AGREEING, PROFILE
+from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.time_offset import turns_of
+from calib_core.full.initialise.vectors import likeness
+from calib_core.result import OffsetProfile
+from calib_core.types import FloatArray
+
+
+def offset_profile(
+    lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray, time_offset_s: float
+) -> OffsetProfile | None:
+    """Likeness of the turns (vectors.py) around an answer, by whichever of them agree best; None of a body that hardly turned.
+
+    imu_s: (Q,).   gyro_rad_s: (Q, 3).   time_offset_s: the answer's, between the two clocks' own epochs.
+    """
+    turning_rad_s = float(np.sqrt(np.mean(np.sum(lidar.omega_rad_s**2, axis=1))))
+    if turning_rad_s < AGREEING.least_turning_rad_s or len(imu_s) < 2:
+        return None
+    steps = round(PROFILE.reach_s / PROFILE.step_s)
+    away_s: FloatArray = PROFILE.step_s * np.arange(-steps, steps + 1, dtype=np.float64)
+    found = [likeness(turns, imu_s, gyro_rad_s, time_offset_s + away_s) for turns in turns_of(lidar)]
+    best = max(found, key=lambda curve: float(curve.max()))
+    top = int(np.argmax(best))
+    if not np.isfinite(best[top]):
+        return None
+    return OffsetProfile(
+        first_s=-PROFILE.reach_s,
+        step_s=PROFILE.step_s,
+        likeness=[round(float(value), 4) if np.isfinite(value) else None for value in best],
+        best_s=round(float(away_s[top] + PROFILE.step_s * _between(best, top)), 5),
+    )
+
+
+def _between(curve: FloatArray, top: int) -> float:
+    """Where between its neighbours the parabola through a highest value and them is highest, in steps from it."""
+    if not 0 < top < len(curve) - 1 or not np.isfinite(curve[top - 1 : top + 2]).all():
+        return 0.0
+    before, here, after = curve[top - 1 : top + 2]
+    bend = before - 2.0 * here + after
+    return 0.0 if bend >= 0.0 else float(0.5 * (before - after) / bend)

@@ -1,0 +1,62 @@
+import type { CalibrationResult } from "../../api/client";
+import { fixed } from "../../ui/format";
+import { LinePlot } from "../../ui/lineplot";
+import { crossingZero, offsetsOf, plotsOf, type Profile } from "./partsof";
+import css from "./result.module.css";
+
+/** What stretches of the recording answer by themselves, and what the turning alone says of the time offset. */
+export function PartsSection({ result }: { result: CalibrationResult }) {
+  const evidence = result.evidence ?? null;
+  if (evidence === null || evidence.parts.time_blocks.length === 0) return null;
+  const blocks = evidence.parts.time_blocks;
+  const [crossing, bars] = crossingZero(blocks);
+  const middles = blocks.map((block) => Math.round(50 * (block.t_start_s + block.t_end_s)) / 100);
+  const ends = [blocks[0]?.t_start_s ?? 0, blocks.at(-1)?.t_end_s ?? 1] as const;
+  return (
+    <section aria-label="What parts of the recording answer">
+      <h2>Stretch by stretch</h2>
+      <p className={css.seen}>
+        What each of {blocks.length} stretches would answer alone, less the answer above; bars are one standard
+        deviation. Two thirds or more should cross zero, without a trend: {crossing} of {bars} do.
+      </p>
+      <div className={css.parts}>
+        {plotsOf(blocks).map((plot) => (
+          <LinePlot
+            key={plot.name}
+            label={plot.name}
+            x={middles}
+            lines={plot.lines}
+            xUnit="s"
+            yUnit={plot.unit}
+            xRange={ends}
+            yRange={plot.range}
+            height={150}
+          />
+        ))}
+        {evidence.time_offset_profile && <OffsetProfile profile={evidence.time_offset_profile} />}
+      </div>
+    </section>
+  );
+}
+
+function OffsetProfile({ profile }: { profile: Profile }) {
+  const away = Math.abs(profile.best_s) > profile.step_s;
+  return (
+    <div>
+      <LinePlot
+        label="Turning alike, of 1"
+        x={offsetsOf(profile)}
+        lines={[{ label: "likeness", color: "var(--accent)", values: profile.likeness }]}
+        xUnit="ms"
+        yUnit=""
+        yRange={[0, 1.05]}
+        height={150}
+      />
+      <p className={css.seen}>
+        The lidar’s turning against the gyroscope’s, were the clocks so much farther apart than found: one clear peak at
+        zero is good, here it is at {fixed(profile.best_s * 1000, 1)} ms
+        {away ? ", so the turning disagrees with the answer." : "."}
+      </p>
+    </div>
+  );
+}

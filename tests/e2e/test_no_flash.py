@@ -1,0 +1,69 @@
+"""Nothing flashes: of all frames that a dark page shows while its scene opens, turns and its steps change, none is white."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from tests.e2e.support import scene, until, wait_for_cloud
+
+#: Brighter than this is white: of a dark page no more than words and buttons are.
+WHITE = 200
+#: Where more of the frame is white than this, one sees a flash; words are two per cent.
+FLASH = 0.1
+
+
+@contextmanager
+def every_frame(page: Page) -> Iterator[list[float]]:
+    """How much of each frame that the browser shows meanwhile is white."""
+    shares: list[float] = []
+    devtools = page.context.new_cdp_session(page)
+
+    def keep(frame: dict[str, str]) -> None:
+        image = np.asarray(Image.open(io.BytesIO(base64.b64decode(frame["data"]))).convert("L"))
+        shares.append(float(np.mean(image > WHITE)))
+        devtools.send("Page.screencastFrameAck", {"sessionId": frame["sessionId"]})
+
+    devtools.on("Page.screencastFrame", keep)
+    devtools.send("Page.startScreencast", {"format": "jpeg", "quality": 50, "maxWidth": 640, "maxHeight": 360})
+    yield shares
+    devtools.send("Page.stopScreencast")
+    devtools.detach()
+
+
+def test_no_frame_is_white(page: Page, solved: tuple[str, str]) -> None:
+    """The scene is opened, turned, looked at from the top, and left and come back to by its steps.
+
+    Mutations: the canvas shown before its first picture; the page behind it white; the scene made light.
+    """
+    recording, job = solved
+    page.goto("/")
+    expect(page.get_by_role("link", name="room.bag").first).to_be_visible()
+    with every_frame(page) as shares:
+        page.goto(f"/r/{recording}/planes")
+        wait_for_cloud(page)
+        opened = len(shares)
+        box = scene(page).bounding_box()
+        assert box is not None
+        x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for step in range(1, 8):
+            page.mouse.move(x + 25 * step, y + 6 * step)
+        page.mouse.up()
+        page.get_by_text("Top", exact=True).click()
+        until(lambda: len(shares) > opened + 3, wait_s=20.0)
+        for name in ("inspect", "result", "inspect", "planes"):
+            page.get_by_role("link", name=name.capitalize()).first.click()
+            page.wait_for_url(f"**/{name}*")
+            page.wait_for_timeout(700)
+        page.goto(f"/r/{recording}/inspect?job={job}&show=wipe")
+        wait_for_cloud(page)
+    assert len(shares) > 20, "too few frames were seen to say that none is white"
+    assert max(shares) < FLASH, f"frame {int(np.argmax(shares))} of {len(shares)} is {max(shares):.0%} white"
