@@ -75,9 +75,12 @@ def coarse_rounds(data: JointData, state: Estimation, schedule: Schedule) -> Est
     state = with_outlines(data, state)
     rounds, moved = (schedule.motion, *schedule.coarse), 0.0
     for k, each in enumerate(rounds):
-        state, moved = moving_round(
-            data.portion(k / len(rounds), (k + 1) / len(rounds)), state, each, schedule.sampling
-        )
+        part = data.portion(k / len(rounds), (k + 1) / len(rounds))
+        state, moved = moving_round(part, state, each, schedule.sampling)
+        # Where one tone shouts, others are there: before the sensors' parameters, which would take them upon themselves.
+        tones = schedule.tones
+        least = tones.stands_out if state.nuisance.tones_hz else tones.shouts
+        state = admit_tones(part.portion(1.0, 1.0), state, tones, each, schedule.sampling, least=least)
     return until_steady(data.portion(1.0, 1.0), state, schedule, rounds[-1], moved) if schedule.coarse else state
 
 
@@ -177,11 +180,13 @@ def admit_sensors(data: JointData, state: Estimation) -> Estimation:
     """From here on the sensors' own parameters are unknowns: before, the motion is too rough for them to show."""
     if not data.sensors.blocks:
         return state
+    nuisance = data.sensors.with_tones_of(state.nuisance)
+    values = np.concatenate([np.zeros(data.sensors.size), state.estimate.nuisance])
     return replace(
         state,
-        nuisance=data.sensors,
-        estimate=replace(state.estimate, nuisance=np.zeros(data.sensors.size)),
-        priors=replace(state.priors, nuisance_std=data.sensors.prior_std),
+        nuisance=nuisance,
+        estimate=replace(state.estimate, nuisance=values),
+        priors=replace(state.priors, nuisance_std=nuisance.prior_std),
         observations=None,
         minimum=None,
     )

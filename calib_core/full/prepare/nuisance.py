@@ -138,6 +138,10 @@ class Nuisance:
         first = zero_s if not self.tones_hz else self.tones_zero_s
         return Nuisance((*self.sensors.blocks, block, *room), self.surface, (*self.tones_hz, hz), first)
 
+    def with_tones_of(self, tones: Nuisance) -> Nuisance:
+        """With those tones after all of these. tones: nothing but tones, as they are before the sensors' parameters come in."""
+        return Nuisance((*self.blocks, *tones.blocks), None, tones.tones_hz, tones.tones_zero_s)
+
     @property
     def lasers(self) -> int:
         """Lasers that are told apart; 0 where none are."""
