@@ -12,8 +12,9 @@ from calib_core.errors import Refused
 from calib_core.full.joint import bounds, solve
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.replay import load_estimation, save_estimation
-from calib_core.full.joint.schedule import FULL, Schedule, Steadying
-from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
+from calib_core.full.joint.schedule import FULL, Schedule, Steadying, Tones
+from calib_core.full.joint.tones import with_tone
+from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 from tests.core.full.joint.test_replay import same
 
@@ -111,6 +112,30 @@ def test_coarse_rounds_and_the_first_with_sensors_end_steady(half: Half, monkeyp
     left[:] = [9.0, 2.0, 0.5, 7.0]
     assert half.data.sensors.blocks
     assert solve.with_sensors(half.data, state, schedule).rounds == 3
+
+
+def test_once_a_tone_shouts_others_are_listened_for(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the sensors' parameters are known the motion itself makes hundreds of their scales; then, with the sensors' columns
+    first, the tones are still there.
+
+    Mutations: the same threshold for all; tones forgotten where the sensors come in, or put before them.
+    """
+    asked: list[float] = []
+
+    def once(data: JointData, state: Estimation, rules: Tones, *_: object, least: float) -> Estimation:
+        asked.append(least)
+        return with_tone(data, state, 1.4, rules) if len(asked) == 1 else state
+
+    monkeypatch.setattr(solve, "admit_tones", once)
+    monkeypatch.setattr(solve, "moving_round", lambda _data, state, *_: (state, 0.0))
+    state = solve.coarse_rounds(half.data, half.state, FULL)
+    assert asked == [FULL.tones.shouts, FULL.tones.stands_out, FULL.tones.stands_out]
+    state = replace(state, estimate=replace(state.estimate, nuisance=np.arange(25.0)))
+    after = solve.admit_sensors(half.data, state)
+    assert after.nuisance.sensors == half.data.sensors
+    assert after.nuisance.tones_hz == (1.4,)
+    np.testing.assert_array_equal(after.nuisance.values(after.estimate.nuisance, TONE), np.arange(25.0))
+    assert len(after.priors.nuisance_std) == after.nuisance.size == half.data.sensors.size + 25
 
 
 @pytest.mark.parametrize(("height_m", "kept"), [(0.08, True), (-0.1, False)])
