@@ -325,6 +325,7 @@ def test_a_surface_is_laid_when_a_view_asks_for_it_and_once(shared_live, solved)
     first = shared_live.http.post(f"{url}/view", json=wish).json()
     assert "being laid" in first["note"]
     assert first["points_shown"] > 0
+    assert shared_live.http.get(url).json()["latest_job"]["kind"] == "solve"
     shared_live.http.post(f"{url}/view", json=wish | {"scan": 2})
     (job,) = [job for job in shared_live.http.get(f"{url}/jobs").json() if job["kind"] == "surface"]
     done = shared_live.finish(job["id"])
@@ -334,7 +335,8 @@ def test_a_surface_is_laid_when_a_view_asks_for_it_and_once(shared_live, solved)
     assert (after["note"], after["points_shown"]) == ("", 0)
     assert after["legend"].startswith("The surface")
     assert [job["kind"] for job in shared_live.http.get(f"{url}/jobs").json()].count("surface") == 1
-    assert shared_live.http.get(url).json()["latest_job"]["id"] == job_id
+    # Other tests may have solved it since; whatever is drawn, a solve says where it stands.
+    assert shared_live.http.get(url).json()["latest_job"]["kind"] == "solve"
     found = shared_live.services.sources.solved(shared_live.services.recordings.get(recording_id), job_id)
     walls = np.array([(*normal, offset_m) for _, normal, offset_m in world.WALLS])
     sheets = surface_items(found.surface, found.solved, stage_of(None, walls))
