@@ -34,17 +34,23 @@ class Periodogram:
 def admit_tones(
     data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, *, least: float
 ) -> Estimation:
-    """With the tones that stand out by `least` or more, one after the other: beside a strong one a weak one shows nothing."""
-    while True:
-        found = tones_of(data, state, rules, least)
-        if not found:
-            return state
-        state = told(data, with_tone(data, state, found[0], rules), round_, sampling)
+    """With the tones that stand out by `least` or more, one after the other: beside a strong one a weak one shows nothing.
+
+    What is louder with a tone than without it was none.
+    """
+    heard = listen(data, state, rules)
+    while found := beside_known(data, state, heard, rules, least):
+        after = told(data, with_tone(data, state, found[0], rules), round_, sampling)
+        left = listen(data, after, rules)
+        if left.power.max() > heard.power.max():
+            break
+        state, heard = after, left
+    return state
 
 
 def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
     """With all that stand out now: for a state at rest with all points, from which the way back is long."""
-    found = tones_of(data, state, rules, rules.stands_out)
+    found = beside_known(data, state, listen(data, state, rules), rules, rules.stands_out)
     if not found:
         return state
     for hz in found:
@@ -52,12 +58,16 @@ def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, 
     return told(data, state, round_, sampling)
 
 
-def tones_of(data: JointData, state: Estimation, rules: Tones, least: float) -> list[float]:
+def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:
+    """The score's periodogram where the state is now."""
+    return score_periodogram(problem_of(data, state), state.estimate, rules)
+
+
+def beside_known(data: JointData, state: Estimation, of: Periodogram, rules: Tones, least: float) -> list[float]:
     """Frequencies [Hz] at which the score stands out beside the tones that are known, the loudest first."""
-    problem, known = problem_of(data, state), state.nuisance.tones_hz
-    periodogram = score_periodogram(problem, state.estimate, rules)
+    known = state.nuisance.tones_hz
     sweep_s = float(np.median(data.run.clocks.sweep_s))
-    return standing_out(periodogram, rules, least, known, 1.0 / sweep_s)[: rules.most - len(known)]
+    return standing_out(of, rules, least, known, 1.0 / sweep_s)[: rules.most - len(known)]
 
 
 def told(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
