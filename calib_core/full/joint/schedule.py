@@ -208,9 +208,11 @@ class Tones:
     #: The score's periodogram stands out by so much beside its mean by chance: over six channels and thousands of frequencies
     #: chance makes 20 once in ten thousand recordings. Walls that bend by 5 mm, once settled, make 4 to 6.
     stands_out: float = 20.0
+    #: The same before planes are judged: two persons who walk among them have made 20 and more.
+    stands_out_in_company: float = 100.0
     #: The same while the sensors are still taken for ideal: cheap ones make 50 to 850 of the motion itself,
-    #: tones that the sensors' parameters would then take upon themselves 1700 to hundreds of thousands.
-    shouts: float = 1500.0
+    #: persons who are still among the planes some thousands; a tone that carries the motion off by decimetres hundreds of thousands.
+    shouts: float = 10_000.0
     #: The same before the lidar's noise is known and planes are judged: bent walls make 58 then, a tone that would have planes
     #: thrown out thousands.
     stands_out_at_once: float = 200.0

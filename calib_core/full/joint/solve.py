@@ -156,7 +156,7 @@ def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) ->
     rules, before = schedule.tones, state
     nearly = replace(schedule.settling, rounds=rules.settling_rounds)
     for _ in range(rules.most):
-        after = admit_tones(data, state, rules, schedule.sensors, schedule.sampling, least=rules.stands_out)
+        after = admit_tones(data, state, rules, schedule.sensors, schedule.sampling, least=rules.stands_out_in_company)
         if after is state:
             break
         # What is left stands out from less once the gates are narrow again.
