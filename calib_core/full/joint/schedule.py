@@ -211,7 +211,7 @@ class Tones:
     #: The same before planes are judged: two persons who walk among them have made 20 and more.
     stands_out_in_company: float = 100.0
     #: The same while the sensors are still taken for ideal: cheap ones make 50 to 850 of the motion itself,
-    #: persons who are still among the planes some thousands; a tone that carries the motion off by decimetres hundreds of thousands.
+    #: persons who are still among the planes some thousands; a tone that carries the motion off hundreds of thousands.
     shouts: float = 10_000.0
     #: The same before the lidar's noise is known and planes are judged: bent walls make 58 then, a tone that would have planes
     #: thrown out thousands.
