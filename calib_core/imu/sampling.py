@@ -38,6 +38,11 @@ _DECISIVE = 3.0
 _BEYOND = 0.25
 #: Beta is between 0 and 1 where it is further from both, and surely.
 _PARTLY = 0.1
+#: A reading that is stamped so much of a period behind a late one waited with it.
+_IN_A_BURST = 0.25
+#: The tail of an exponential law beyond so many robust standard deviations holds a thousandth of its mean; further off is a
+#: host's stall.
+_TAIL_SIGMAS = 12.0
 #: Parts of the readings' own size below which a channel does not change but by rounding.
 _ROUNDING = 1e-9
 
@@ -51,8 +56,8 @@ class Sampling:
     in_sampling, in_sampling_std: beta, the share of the jitter that the readings know of, and its standard deviation
     (infinite where they do not tell).   compared: readings that were held against their neighbours.   mean_std_s: how well
     the mean of the jitter, which no line takes away, is known to be the one over all time; where the readings change, since
-    there the time offset is learnt. What late stamps within half a period would change in it is part of that: where a
-    one-sided law ends and a host's stall begins, nobody can say.
+    there the time offset is learnt. What the tail of a one-sided law changes in it is part of that, as likely to be any
+    share of it: where the law ends and a host's stall begins, nobody can say.
     """
 
     even_ns: IntArray
@@ -108,11 +113,11 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     jitter = float(np.sqrt(np.mean(tau[used] ** 2)))
     values = values[:, np.ptp(values, axis=0) > _ROUNDING * np.abs(values).max(axis=0)].astype(np.float64)
     share, std = _least_even(number, in_row, tau, values, period)
-    mean_of_all = float(np.mean(tau[in_row & (np.abs(tau) < 0.5 * period)]))
+    mean_of_all = _usual_mean(t, tau, in_row, period)
     apart_s = t[2 * _SLOPE_SPAN :] - t[: -2 * _SLOPE_SPAN]
     whole = np.flatnonzero(apart_s < _NO_GAP * 2 * _SLOPE_SPAN * period) + _SLOPE_SPAN
     return Sampling(
-        even_ns=stamps_ns - np.rint(tau * 1e9).astype(np.int64),
+        even_ns=stamps_ns - np.where(in_row, np.rint((tau - mean_of_all) * 1e9), 0.0).astype(np.int64),
         in_rows=float(np.mean(in_row)),
         period_s=period,
         jitter_s=jitter,
@@ -120,9 +125,29 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
         in_sampling_std=std,
         compared=len(_unbroken(number, in_row, _SLOPE_SPAN)),
         mean_std_s=float(
-            np.hypot(jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n), mean_of_all)
+            np.hypot(
+                jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n), mean_of_all / np.sqrt(3.0)
+            )
         ),
     )
+
+
+def _usual_mean(t: FloatArray, tau: FloatArray, in_row: BoolArray, period: float) -> float:
+    """Mean lateness where the host did not stall: lines ignore the tail of a one-sided law, which is part of its mean.
+
+    A reading near its line counts, unless it was stamped right behind a late one: it waited with it.
+    """
+    centre = float(np.median(tau[in_row]))
+    robust = 1.4826 * float(np.median(np.abs(tau[in_row] - centre)))
+    off, most = tau - centre, min(period, _TAIL_SIGMAS * robust)
+    late = np.flatnonzero(in_row & (off > most))
+    begins = np.concatenate([[True], np.diff(t) > _IN_A_BURST * period])
+    burst = np.cumsum(begins) - 1
+    first_late = np.full(burst[-1] + 1, len(t))
+    np.minimum.at(first_late, burst[late], late)
+    waited = np.arange(len(t)) > first_late[burst]
+    usual = in_row & (np.abs(off) <= most) & ~waited
+    return float(np.mean(tau[usual])) if usual.any() else 0.0
 
 
 def _unbroken(number: IntArray, in_row: BoolArray, span: int) -> IntArray:
