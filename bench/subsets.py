@@ -33,7 +33,20 @@ ROWS = "subsets.csv"
 TABLE = "subsets.md"
 DURATION_S = 8.0
 #: A recording for each kind of trouble, by the seed that draws it. cluttered: two persons walking, ten boxes.
-SCENES: dict[str, int | None] = {"cluttered": None, "attic": 20, "rosette": 36, "small room": 12}
+SCENES: dict[str, int | None] = {
+    "cluttered": None,
+    "attic": 20,
+    "rosette": 36,
+    "small room": 12,
+    "attic, rosette": 11,
+    "hall": 28,
+    "hall, OS1-64": 13,
+    "hall, rosette": 9,
+    "corner": 44,
+    "corner, XT-32": 5,
+    "room": 14,
+    "room, XT-32": 16,
+}
 #: Smallest singular value of the normals of a subset that fixes three directions.
 _FIXES = 0.5
 #: How likely a suggested plane is to be in a subset.

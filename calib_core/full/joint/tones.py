@@ -66,8 +66,9 @@ def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:
 def beside_known(data: JointData, state: Estimation, of: Periodogram, rules: Tones, least: float) -> list[float]:
     """Frequencies [Hz] at which the score stands out beside the tones that are known, the loudest first."""
     known = state.nuisance.tones_hz
-    sweep_s = float(np.median(data.run.clocks.sweep_s))
-    return standing_out(of, rules, least, known, 1.0 / sweep_s)[: rules.most - len(known)]
+    # From scan to scan: a sweep's own points end before the next one begins.
+    sweep_hz = 1.0 / float(np.median(np.diff(data.run.clocks.scan_s)))
+    return standing_out(of, rules, least, known, sweep_hz)[: rules.most - len(known)]
 
 
 def told(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
