@@ -12,7 +12,7 @@ import pytest
 
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
-from calib_core.factors.lidar_plane import Gate
+from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, find_hits, select
 from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of, problem_of
 from calib_core.full.joint.schedule import Sampling
 from calib_core.settings import CalibrateSettings
@@ -87,9 +87,33 @@ def test_thinned_points_are_of_every_laser(lasers: int) -> None:
 def test_hits_near_two_planes_are_told_by_the_noise_within_bounds(half: Half) -> None:
     """By hand. Mutations: leave out either bound; measure in the gate's own sigmas."""
     sampling = Sampling()
-    for range_std_m, margin_m in ((0.02, 0.12), (0.001, 0.03), (0.2, 0.3)):
+    for range_std_m, margin_m in ((0.02, 0.16), (0.001, 0.03), (0.2, 0.3)):
         state = replace(half.state, lidar_noise=replace(half.state.lidar_noise, range_std_m=range_std_m))
         assert gate_of(state, 0.05, sampling).margin_m == pytest.approx(margin_m)
+
+
+def test_next_to_a_corner_no_plane_takes_the_tail_of_anothers_noise() -> None:
+    """Floor and wall seen from 1.7 m, range noise of 2 cm; which of them a ray ended on is known.
+
+    A point given to the wrong plane is three standard deviations off its own, always to the same side.
+    Mutation: `margin_sigmas` of 6 (one in 6,000).
+    """
+    std_m, rng, rays = 0.02, np.random.default_rng(2), 400_000
+    where_m, lidar_m = rng.uniform(-0.6, 0.6, rays), np.array([1.5, 0.0, 0.8])
+    on_wall = where_m > 0.0
+    ends_m = np.stack([np.maximum(-where_m, 0.0), rng.uniform(-1.5, 1.5, rays), np.maximum(where_m, 0.0)], axis=1)
+    ray_m = ends_m - lidar_m
+    stretched = 1.0 + std_m * rng.normal(size=rays) / np.linalg.norm(ray_m, axis=1)
+    still = np.zeros((1, 3))
+    poses = SlicePoses(np.eye(3)[None], lidar_m[None], still, still, np.ones(1, bool))
+    sampling, normals = Sampling(), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    gate = Gate(margin_m=sampling.margin_sigmas * std_m)
+    points_m = (ray_m * stretched[:, None]).astype(np.float32)
+    hits = find_hits(points_m, np.full(rays, 0.001), poses, normals, np.zeros(2), gate)
+    keep, _ = select(hits, LidarNoise(std_m, 0.0), gate, None)
+    wrong = keep & (hits.plane != on_wall)
+    assert np.count_nonzero(keep) > 0.85 * rays
+    assert np.count_nonzero(wrong) < np.count_nonzero(keep) / 20_000
 
 
 @pytest.mark.parametrize(
