@@ -25,7 +25,7 @@ from pathlib import Path
 
 import viser
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 from bench.victim import TUS, Victim, running, until
@@ -132,11 +132,7 @@ class Load:
         scene.join(60)
 
     def _look(self) -> None:
-        port = self._victim.port
-        where = f"ws://127.0.0.1:{port}/scene/{self._recording_id}"
-        spoken = [Subprotocol(f"viser-v{viser.__version__}")]
-        origin = Origin(f"http://127.0.0.1:{port}")
-        with connect(where, origin=origin, subprotocols=spoken, proxy=None, max_size=None, open_timeout=120) as scene:
+        with scene_of(self._victim.port, self._recording_id) as scene:
             while not self._over.is_set():
                 try:
                     message = scene.recv(timeout=1.0)
@@ -149,25 +145,40 @@ class Load:
 
     def _upload(self, number: int, size: int) -> None:
         content = random.Random(f"{self._seed} {number}").randbytes(MIB) * (size // MIB)
-        name = base64.b64encode(b"load.db3").decode()
-        told = {**TUS, "Upload-Length": str(size), "Upload-Metadata": f"filename {name}"}
-        where = self._victim.ask("POST", "/api/uploads", headers=told).headers["location"]
-        for start in range(0, size, PART_BYTES):
-            status = self._victim.patch(where, start, content[start : start + PART_BYTES]).status
-            if status != 204:
-                self.figures.lost.append(f"upload {number} was answered {status} at {start}")
-                return
-        recording_id = where.rsplit("/", 1)[-1]
-        with (self._data_dir / "recordings" / recording_id / "source.db3").open("rb") as stored:
-            if hashlib.file_digest(stored, "sha256").digest() != hashlib.sha256(content).digest():
-                self.figures.lost.append(f"upload {number} is stored as something else")
-        self._victim.ask("DELETE", f"/api/recordings/{recording_id}")
-        self.figures.uploads += 1
+        lost = sent_whole(self._victim, self._data_dir, content)
+        if lost:
+            self.figures.lost.append(f"upload {number} {lost}")
+        else:
+            self.figures.uploads += 1
 
     def _watch(self) -> None:
         while not self._over.is_set():
             self.figures.held.append(held_by(self._victim.process.pid))
             self._over.wait(SAMPLE_S)
+
+
+def scene_of(port: int, recording_id: str) -> ClientConnection:
+    """A browser's connection to the scene of a recording."""
+    where = f"ws://127.0.0.1:{port}/scene/{recording_id}"
+    spoken = [Subprotocol(f"viser-v{viser.__version__}")]
+    origin = Origin(f"http://127.0.0.1:{port}")
+    return connect(where, origin=origin, subprotocols=spoken, proxy=None, max_size=None, open_timeout=120)
+
+
+def sent_whole(victim: Victim, data_dir: Path, content: bytes, *, part_bytes: int = PART_BYTES) -> str:
+    """A recording sent in parts, compared with what is stored, and deleted.   Returns what went wrong, if anything."""
+    name = base64.b64encode(b"load.db3").decode()
+    told = {**TUS, "Upload-Length": str(len(content)), "Upload-Metadata": f"filename {name}"}
+    where = victim.ask("POST", "/api/uploads", headers=told).headers["location"]
+    for start in range(0, len(content), part_bytes):
+        status = victim.patch(where, start, content[start : start + part_bytes]).status
+        if status != 204:
+            return f"was answered {status} at {start}"
+    recording_id = where.rsplit("/", 1)[-1]
+    with (data_dir / "recordings" / recording_id / "source.db3").open("rb") as stored:
+        same = hashlib.file_digest(stored, "sha256").digest() == hashlib.sha256(content).digest()
+    victim.ask("DELETE", f"/api/recordings/{recording_id}")
+    return "" if same else "is stored as something else"
 
 
 def held_by(pid: int) -> Held:
