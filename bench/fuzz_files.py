@@ -310,7 +310,7 @@ ODD: tuple[object, ...] = (
 def said(_: Path, chance: random.Random) -> str:
     """What a browser says to the scene."""
     message = dict(chance.choice(SAID))
-    for _ in range(chance.choice((0, 1, 1, 2))):
+    for _turn in range(chance.choice((0, 1, 1, 2))):
         key = chance.choice([*message, "extra", "uuid"])
         message[key] = chance.choice(ODD)
         if chance.random() < 0.2:

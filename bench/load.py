@@ -60,9 +60,16 @@ class Held:
 
 @dataclass
 class Figures:
-    """What was measured.   waits_s: until each small request was answered."""
+    """What was measured.
+
+    waits_s: until each small request was answered.   own_s: the same without what the server's first thread, which holds
+    the event loop, and the asking one stood in the kernel's queue for a processor: what is left where nobody else wants
+    them, and an upper bound of it, for the server's other threads queue too.
+    """
 
     waits_s: list[float] = field(default_factory=list)
+    own_s: list[float] = field(default_factory=list)
+    slow: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     uploads: int = 0
@@ -121,15 +128,24 @@ class Load:
         chance = random.Random(f"{self._seed} {number}")
         while not self._over.is_set():
             path = chance.choice(PATHS).format(self._recording_id)
-            began_s = time.monotonic()
+            began_s, queued_s = time.monotonic(), self._queued_s()
             status = self._victim.ask("GET", path).status
-            wait_s = time.monotonic() - began_s
+            wait_s, queued_s = time.monotonic() - began_s, self._queued_s() - queued_s
             with self.figures.lock:
                 self.figures.waits_s.append(wait_s)
+                self.figures.own_s.append(max(0.0, wait_s - queued_s))
+                if wait_s > 1.0:
+                    self.figures.slow.append(
+                        f"{wait_s:.2f} s ({max(0.0, wait_s - queued_s):.2f}) {path.split('/')[-1]}"
+                    )
                 if status >= 400:
                     self.figures.refused.append(f"{status} {path}")
             self._over.wait(chance.uniform(0.0, 2 * PAUSE_S))
         scene.join(60)
+
+    def _queued_s(self) -> float:
+        pid = self._victim.process.pid
+        return queued_s(pid, pid) + queued_s(os.getpid(), threading.get_native_id())
 
     def _look(self) -> None:
         with scene_of(self._victim.port, self._recording_id) as scene:
@@ -191,14 +207,23 @@ def held_by(pid: int) -> Held:
     )
 
 
+def queued_s(pid: int, thread: int) -> float:
+    """How long a thread has stood in the kernel's queue for a processor since it began; 0 where the kernel keeps no count."""
+    try:
+        return int(Path(f"/proc/{pid}/task/{thread}/schedstat").read_text(encoding="ascii").split()[1]) * 1e-9
+    except OSError:
+        return 0.0
+
+
 def told(figures: Figures) -> Sequence[str]:
     """The figures in lines."""
-    waits = sorted(figures.waits_s)
-    share = {name: waits[min(len(waits) - 1, int(part * len(waits)))] for name, part in SHARES.items()}
+    waits = figures.waits_s
     quarter = max(1, len(figures.held) // 4)
     lines = [
-        f"requests: {len(waits)}, " + ", ".join(f"{name} {wait_s * 1e3:.0f} ms" for name, wait_s in share.items()),
-        f"over 1 s: {sum(wait > 1.0 for wait in waits)}; refused: {len(figures.refused)} {figures.refused[:3]}",
+        f"requests: {len(waits)}, {shares(waits)}",
+        f"without the queue for a processor: {shares(figures.own_s)}",
+        f"over 1 s: {over_1_s(waits)}, without the queue {over_1_s(figures.own_s)}; slowest {slowest(figures.slow)}",
+        f"refused: {len(figures.refused)} {figures.refused[:3]}",
         f"uploads: {figures.uploads}, lost: {figures.lost}; scenes sent {figures.scene_bytes / 1e6:.0f} MB",
         f"load average {os.getloadavg()[0]:.1f}",
     ]
@@ -210,6 +235,23 @@ def told(figures: Figures) -> Sequence[str]:
             f"{name}: first quarter {first:.0f}, last quarter {last:.0f}, most {max(values)}; at rest {at_rest}"
         )
     return lines
+
+
+def shares(waits_s: Sequence[float]) -> str:
+    """How long so many of the requests took at most."""
+    ordered = sorted(waits_s)
+    at = {name: ordered[min(len(ordered) - 1, int(part * len(ordered)))] for name, part in SHARES.items()}
+    return ", ".join(f"{name} {wait_s * 1e3:.0f} ms" for name, wait_s in at.items())
+
+
+def over_1_s(waits_s: Sequence[float]) -> int:
+    """How many took more than a second."""
+    return sum(wait_s > 1.0 for wait_s in waits_s)
+
+
+def slowest(lines: Sequence[str]) -> Sequence[str]:
+    """The ten that took longest, and in brackets what is left of it without the queue for a processor."""
+    return sorted(lines, key=lambda line: -float(line.split()[0]))[:10]
 
 
 SHARES = {"median": 0.5, "99 %": 0.99, "99.9 %": 0.999, "slowest": 1.0}
