@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import time
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -29,10 +28,11 @@ def announced(live, size):
 
 
 def swept(live, now, *, hours=7.0):
-    """A look at that time, and another so many hours later by the steady clock."""
-    keeping, begun_s = live.services.keeping, time.monotonic()
+    """A look at that time, and another so many hours later by the steady clock, which goes on from call to call."""
+    keeping = live.services.keeping
     for past_s in (0.0, 3600.0 * hours):
-        keeping._steady_s = lambda past_s=past_s: begun_s + past_s
+        later_s = keeping._steady_s() + past_s
+        keeping._steady_s = lambda later_s=later_s: later_s
         keeping.sweep(now)
 
 
