@@ -66,6 +66,8 @@ _MARK = "@@raw-number-{}@@"
 DEEPEST = 2000
 #: Things asked between two lines on how far it is.
 LINE_EVERY = 500
+#: Of a client, on the busiest machine [s]; nothing is judged by it.
+PATIENCE_S = 180.0
 #: An answer that takes longer is asked for again [s].
 LONG_S = 1.0
 #: Things asked of one server: what they leave behind would make its lists long, and the rest of the run slow.
@@ -144,7 +146,7 @@ class Fuzzer:
     """Asks senseless things of the server at an address."""
 
     def __init__(self, address: str, seed: int) -> None:
-        self._http = httpx2.Client(base_url=address, timeout=30, trust_env=False)
+        self._http = httpx2.Client(base_url=address, timeout=PATIENCE_S, trust_env=False)
         self._random = random.Random(seed)
         document = self._http.get("/api/openapi.json").json()
         self._operations = [
