@@ -184,6 +184,7 @@ def archives(folder: Path, chance: random.Random) -> str:
     require(left == {path.name, "to"}, f"beside the folder: {left}")
     files = list(target.rglob("*"))
     require(all(file.is_file() and not file.is_symlink() and file.parent == target for file in files), f"odd: {files}")
+    require(all(file.name.isprintable() for file in files), f"names that break a line: {files}")
     total = sum(file.stat().st_size for file in files)
     require(total <= ROOM_BYTES + MIB, f"{total} bytes unpacked")
     return outcome

@@ -51,7 +51,7 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
     found = 0
     try:
         for member, stream in _members(path, room):
-            name = PurePosixPath(member.replace("\\", "/")).name
+            name = _plain(PurePosixPath(member.replace("\\", "/")).name)
             if name.startswith(".") or not name.endswith(_KEPT):
                 continue
             target = folder / name
@@ -81,6 +81,11 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
     if not found:
         raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
     return folder
+
+
+def _plain(name: str) -> str:
+    """The name without what breaks a line of a sentence or of a log, or turns its order around."""
+    return "".join(character if character.isprintable() else "_" for character in name)
 
 
 def _damaged(path: Path, error: Exception) -> UnreadableRecording:
