@@ -25,7 +25,7 @@ from pathlib import Path
 
 import viser
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 from bench.victim import TUS, Victim, running, until
@@ -60,9 +60,16 @@ class Held:
 
 @dataclass
 class Figures:
-    """What was measured.   waits_s: until each small request was answered."""
+    """What was measured.
+
+    waits_s: until each small request was answered.   own_s: the same without what the server's first thread, which holds
+    the event loop, and the asking one stood in the kernel's queue for a processor: what is left where nobody else wants
+    them, and an upper bound of it, for the server's other threads queue too.
+    """
 
     waits_s: list[float] = field(default_factory=list)
+    own_s: list[float] = field(default_factory=list)
+    slow: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     uploads: int = 0
@@ -121,22 +128,27 @@ class Load:
         chance = random.Random(f"{self._seed} {number}")
         while not self._over.is_set():
             path = chance.choice(PATHS).format(self._recording_id)
-            began_s = time.monotonic()
+            began_s, queued_s = time.monotonic(), self._queued_s()
             status = self._victim.ask("GET", path).status
-            wait_s = time.monotonic() - began_s
+            wait_s, queued_s = time.monotonic() - began_s, self._queued_s() - queued_s
             with self.figures.lock:
                 self.figures.waits_s.append(wait_s)
+                self.figures.own_s.append(max(0.0, wait_s - queued_s))
+                if wait_s > 1.0:
+                    self.figures.slow.append(
+                        f"{wait_s:.2f} s ({max(0.0, wait_s - queued_s):.2f}) {path.split('/')[-1]}"
+                    )
                 if status >= 400:
                     self.figures.refused.append(f"{status} {path}")
             self._over.wait(chance.uniform(0.0, 2 * PAUSE_S))
         scene.join(60)
 
+    def _queued_s(self) -> float:
+        pid = self._victim.process.pid
+        return queued_s(pid, pid) + queued_s(os.getpid(), threading.get_native_id())
+
     def _look(self) -> None:
-        port = self._victim.port
-        where = f"ws://127.0.0.1:{port}/scene/{self._recording_id}"
-        spoken = [Subprotocol(f"viser-v{viser.__version__}")]
-        origin = Origin(f"http://127.0.0.1:{port}")
-        with connect(where, origin=origin, subprotocols=spoken, proxy=None, max_size=None, open_timeout=120) as scene:
+        with scene_of(self._victim.port, self._recording_id) as scene:
             while not self._over.is_set():
                 try:
                     message = scene.recv(timeout=1.0)
@@ -149,25 +161,40 @@ class Load:
 
     def _upload(self, number: int, size: int) -> None:
         content = random.Random(f"{self._seed} {number}").randbytes(MIB) * (size // MIB)
-        name = base64.b64encode(b"load.db3").decode()
-        told = {**TUS, "Upload-Length": str(size), "Upload-Metadata": f"filename {name}"}
-        where = self._victim.ask("POST", "/api/uploads", headers=told).headers["location"]
-        for start in range(0, size, PART_BYTES):
-            status = self._victim.patch(where, start, content[start : start + PART_BYTES]).status
-            if status != 204:
-                self.figures.lost.append(f"upload {number} was answered {status} at {start}")
-                return
-        recording_id = where.rsplit("/", 1)[-1]
-        with (self._data_dir / "recordings" / recording_id / "source.db3").open("rb") as stored:
-            if hashlib.file_digest(stored, "sha256").digest() != hashlib.sha256(content).digest():
-                self.figures.lost.append(f"upload {number} is stored as something else")
-        self._victim.ask("DELETE", f"/api/recordings/{recording_id}")
-        self.figures.uploads += 1
+        lost = sent_whole(self._victim, self._data_dir, content)
+        if lost:
+            self.figures.lost.append(f"upload {number} {lost}")
+        else:
+            self.figures.uploads += 1
 
     def _watch(self) -> None:
         while not self._over.is_set():
             self.figures.held.append(held_by(self._victim.process.pid))
             self._over.wait(SAMPLE_S)
+
+
+def scene_of(port: int, recording_id: str) -> ClientConnection:
+    """A browser's connection to the scene of a recording."""
+    where = f"ws://127.0.0.1:{port}/scene/{recording_id}"
+    spoken = [Subprotocol(f"viser-v{viser.__version__}")]
+    origin = Origin(f"http://127.0.0.1:{port}")
+    return connect(where, origin=origin, subprotocols=spoken, proxy=None, max_size=None, open_timeout=120)
+
+
+def sent_whole(victim: Victim, data_dir: Path, content: bytes, *, part_bytes: int = PART_BYTES) -> str:
+    """A recording sent in parts, compared with what is stored, and deleted.   Returns what went wrong, if anything."""
+    name = base64.b64encode(b"load.db3").decode()
+    told = {**TUS, "Upload-Length": str(len(content)), "Upload-Metadata": f"filename {name}"}
+    where = victim.ask("POST", "/api/uploads", headers=told).headers["location"]
+    for start in range(0, len(content), part_bytes):
+        status = victim.patch(where, start, content[start : start + part_bytes]).status
+        if status != 204:
+            return f"was answered {status} at {start}"
+    recording_id = where.rsplit("/", 1)[-1]
+    with (data_dir / "recordings" / recording_id / "source.db3").open("rb") as stored:
+        same = hashlib.file_digest(stored, "sha256").digest() == hashlib.sha256(content).digest()
+    victim.ask("DELETE", f"/api/recordings/{recording_id}")
+    return "" if same else "is stored as something else"
 
 
 def held_by(pid: int) -> Held:
@@ -180,14 +207,23 @@ def held_by(pid: int) -> Held:
     )
 
 
+def queued_s(pid: int, thread: int) -> float:
+    """How long a thread has stood in the kernel's queue for a processor since it began; 0 where the kernel keeps no count."""
+    try:
+        return int(Path(f"/proc/{pid}/task/{thread}/schedstat").read_text(encoding="ascii").split()[1]) * 1e-9
+    except OSError:
+        return 0.0
+
+
 def told(figures: Figures) -> Sequence[str]:
     """The figures in lines."""
-    waits = sorted(figures.waits_s)
-    share = {name: waits[min(len(waits) - 1, int(part * len(waits)))] for name, part in SHARES.items()}
+    waits = figures.waits_s
     quarter = max(1, len(figures.held) // 4)
     lines = [
-        f"requests: {len(waits)}, " + ", ".join(f"{name} {wait_s * 1e3:.0f} ms" for name, wait_s in share.items()),
-        f"over 1 s: {sum(wait > 1.0 for wait in waits)}; refused: {len(figures.refused)} {figures.refused[:3]}",
+        f"requests: {len(waits)}, {shares(waits)}",
+        f"without the queue for a processor: {shares(figures.own_s)}",
+        f"over 1 s: {over_1_s(waits)}, without the queue {over_1_s(figures.own_s)}; slowest {slowest(figures.slow)}",
+        f"refused: {len(figures.refused)} {figures.refused[:3]}",
         f"uploads: {figures.uploads}, lost: {figures.lost}; scenes sent {figures.scene_bytes / 1e6:.0f} MB",
         f"load average {os.getloadavg()[0]:.1f}",
     ]
@@ -199,6 +235,23 @@ def told(figures: Figures) -> Sequence[str]:
             f"{name}: first quarter {first:.0f}, last quarter {last:.0f}, most {max(values)}; at rest {at_rest}"
         )
     return lines
+
+
+def shares(waits_s: Sequence[float]) -> str:
+    """How long so many of the requests took at most."""
+    ordered = sorted(waits_s)
+    at = {name: ordered[min(len(ordered) - 1, int(part * len(ordered)))] for name, part in SHARES.items()}
+    return ", ".join(f"{name} {wait_s * 1e3:.0f} ms" for name, wait_s in at.items())
+
+
+def over_1_s(waits_s: Sequence[float]) -> int:
+    """How many took more than a second."""
+    return sum(wait_s > 1.0 for wait_s in waits_s)
+
+
+def slowest(lines: Sequence[str]) -> Sequence[str]:
+    """The ten that took longest, and in brackets what is left of it without the queue for a processor."""
+    return sorted(lines, key=lambda line: -float(line.split()[0]))[:10]
 
 
 SHARES = {"median": 0.5, "99 %": 0.99, "99.9 %": 0.999, "slowest": 1.0}

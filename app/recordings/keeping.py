@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import shutil
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
@@ -24,6 +25,8 @@ from app.storage.store import RecordingStore
 _LOG = logging.getLogger("unsweep")
 #: So often it is looked what has become old; days are what it is about.
 SWEEP_S = 3600.0
+#: What is due stays for so long, by a clock that nobody can set: a wrong date, put right in time, removes nothing.
+DUE_S = 6 * 3600.0
 
 
 class Keeping:
@@ -37,7 +40,10 @@ class Keeping:
         recordings: RecordingService,
         *,
         settings: AppSettings,
+        steady_s: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._steady_s = steady_s
+        self._due_since_s: dict[str, float] = {}
         self._store = store
         self._files = files
         self._jobs = jobs
@@ -72,6 +78,7 @@ class Keeping:
 
     def sweep(self, now: datetime) -> None:
         """Remove the recordings that nobody has used for so long, and arrays that belong to an earlier reading."""
+        due_before, self._due_since_s = self._due_since_s, {}
         for record in self._store.all_newest_first():
             jobs = self._jobs.records_of(record.id)
             if self._stopping.is_set() or record.state == "receiving" or any(job.state not in FINAL for job in jobs):
@@ -79,6 +86,10 @@ class Keeping:
             until = self._until(record, jobs)
             with about(recording_id=record.id), suppress(ApiError):
                 if until is not None and until < now:
+                    since_s = due_before.get(record.id, self._steady_s())
+                    if self._steady_s() - since_s < DUE_S:
+                        self._due_since_s[record.id] = since_s
+                        continue
                     _LOG.info("nobody used the recording for %g days: it is removed", self._settings.keep_days)
                     self._recordings.delete(record)
                 else:

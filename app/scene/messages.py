@@ -82,5 +82,5 @@ def admitted(raw: bytes | str) -> bytes | None:
         return None
     try:
         return msgspec.msgpack.encode(_DECODER.decode(raw))
-    except (msgspec.MsgspecError, RecursionError):
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):  # a text that is none is no MsgspecError
         return None

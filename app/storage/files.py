@@ -152,16 +152,23 @@ class DataFolder:
         return self.recording(record.id) / "cache" / self.cache_key(record)
 
     def cache_key(self, record: RecordingRecord) -> str:
-        """A hash of everything the arrays depend on: the source's bytes (by size and time) and the read settings."""
+        """A hash of everything the arrays depend on: the source's bytes (by size and time) and the read settings.
+
+        A folder's own time says nothing of what is written into its files: those written since it was opened count too.
+        """
         source = self.source(record)
         try:
             stat = source.stat()
+            inside = [(path.name, path.stat()) for path in sorted(source.iterdir())] if source.is_dir() else []
+            opened_ns = int(record.created_at.timestamp() * 1e9)
         except OSError as error:
             raise NotFound(
                 "recording.source_missing",
                 f"The recording {record.name} is no longer at {source}: put it back, or delete the entry.",
             ) from error
         inputs = f"1|{self._named(record)}|{stat.st_size}|{stat.st_mtime_ns}|{record.read_settings_json}"
+        written = [(name, one) for name, one in inside if one.st_mtime_ns > opened_ns]
+        inputs += "".join(f"|{name}|{one.st_size}|{one.st_mtime_ns}" for name, one in written)
         return hashlib.sha256(inputs.encode()).hexdigest()[:32]
 
     def _named(self, record: RecordingRecord) -> Path:

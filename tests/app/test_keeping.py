@@ -27,6 +27,15 @@ def announced(live, size):
     return live.http.post("/api/uploads", headers=headers)
 
 
+def swept(live, now, *, hours=7.0):
+    """A look at that time, and another so many hours later by the steady clock, which goes on from call to call."""
+    keeping = live.services.keeping
+    for past_s in (0.0, 3600.0 * hours):
+        later_s = keeping._steady_s() + past_s
+        keeping._steady_s = lambda later_s=later_s: later_s
+        keeping.sweep(now)
+
+
 def test_what_a_recording_takes_is_told_by_what_it_is(keeping):
     """Oracle: files of known sizes, laid down by hand. Mutations: arrays counted twice; an upload's bytes forgotten."""
     recording_id = keeping.upload("any.bag", b"x" * 5000)
@@ -82,7 +91,7 @@ def test_only_what_nobody_used_for_so_long_goes_and_what_no_reading_needs(keepin
     for folder in (keeping.services.files.cache(record), stale):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "arrays.npy").write_bytes(b"x")
-    keeping.services.keeping.sweep(now)
+    swept(keeping, now)
     assert {one["id"] for one in keeping.http.get("/api/recordings").json()} == {used, busy, arriving}
     assert not keeping.services.files.recording(old).exists()
     assert (keeping.services.files.cache(record) / "arrays.npy").exists()
@@ -94,5 +103,20 @@ def test_without_a_time_nothing_ever_goes(tmp_path):
     with serving(tmp_path, launcher=StillLauncher()) as live:
         recording_id = live.upload("any.bag")
         live.wait(lambda: set(live.job_states(recording_id).values()) == {"failed"})
-        live.services.keeping.sweep(datetime.now(UTC) + 3650 * DAY)
+        swept(live, datetime.now(UTC) + 3650 * DAY)
         assert [one["id"] for one in live.http.get("/api/recordings").json()] == [recording_id]
+
+
+def test_a_clock_that_jumps_removes_nothing(keeping):
+    """A wrong date that is put right within hours, and comes again. Oracle: the steady clock.
+
+    Mutations: what is due goes at once; what was due once counts on when the date is right again.
+    """
+    recording_id = keeping.upload("any.bag")
+    keeping.wait(lambda: set(keeping.job_states(recording_id).values()) == {"failed"})
+    right = datetime.now(UTC)
+    for now in (right + 3650 * DAY, right, right + 3650 * DAY, right):
+        swept(keeping, now, hours=5.0)
+    assert [one["id"] for one in keeping.http.get("/api/recordings").json()] == [recording_id]
+    swept(keeping, right + 11 * DAY)
+    assert keeping.http.get("/api/recordings").json() == []

@@ -6,12 +6,15 @@ from contextlib import closing
 
 from bench.fuzz_http import Fuzzer, server_of_its_own
 
+REQUESTS = 1000
+
 
 def test_a_thousand_senseless_requests_find_no_defect(tmp_path, caplog):
     """Oracle: statuses, and the server's own log. Mutations: int() of a Last-Event-ID; JSON's null where a number was."""
     with server_of_its_own(tmp_path) as (address, _), closing(Fuzzer(address, seed=11)) as fuzzer:
-        found = fuzzer.run(1000)
+        found = fuzzer.run(REQUESTS)
     assert found.faults == []
+    assert found.asked == REQUESTS
     assert sum(found.statuses[status] for status in (200, 201)) > 100  # not everything is turned away at the door
     assert found.statuses[422] > 100
     assert not [record for record in caplog.records if "defect" in record.message or record.exc_info]

@@ -7,6 +7,7 @@ it are none. What comes out is bounded by the limits and by what the disk has, s
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import lzma
 import shutil
@@ -26,6 +27,8 @@ from calib_core.readers.container.tar_stream import BoundedStream
 _TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 _KEPT = (".bag", ".mcap", ".db3", ".zstd", ".zst")
 _BLOCK = 1 << 20
+#: Errors that say something of the archive, a place before its start or a name without end; all others are the disk's.
+_ARCHIVES_OWN = {None, errno.EINVAL, errno.ENAMETOOLONG}
 #: The end of a zip's list of files: a mark, and its size and place; a comment of 64 KiB may follow.
 _ZIP64_END = b"PK\x06\x06"
 _ZIP_END, _ZIP_END_BYTES, _ZIP_COMMENT_BYTES = b"PK\x05\x06", 22, 1 << 16
@@ -48,7 +51,7 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
     found = 0
     try:
         for member, stream in _members(path, room):
-            name = PurePosixPath(member.replace("\\", "/")).name
+            name = _plain(PurePosixPath(member.replace("\\", "/")).name)
             if name.startswith(".") or not name.endswith(_KEPT):
                 continue
             target = folder / name
@@ -67,16 +70,22 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
         NotImplementedError,
         RuntimeError,
         struct.error,
+        IndexError,  # a name of no letters, asked for its last one
         ValueError,
     ) as error:
         raise _damaged(path, error) from error
     except OSError as error:
-        if error.errno is not None:  # the disk's, not the archive's
+        if error.errno not in _ARCHIVES_OWN:
             raise
         raise _damaged(path, error) from error
     if not found:
         raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
     return folder
+
+
+def _plain(name: str) -> str:
+    """The name without what breaks a line of a sentence or of a log, or turns its order around."""
+    return "".join(character if character.isprintable() else "_" for character in name)
 
 
 def _damaged(path: Path, error: Exception) -> UnreadableRecording:
