@@ -1,7 +1,6 @@
 """Jobs: queue fairly, run N at once, cancel, survive restarts. Thread-safe; one supervising thread per running job.
 
-The store is the truth about states, machine.py about what may follow what. Progress lives in memory: it is worth
-nothing after a restart.
+states.py has what state each is in, line.py who waits where; here is what can be done with them, and how one is seen through.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from typing import cast
 
@@ -22,24 +20,24 @@ from fastapi.sse import ServerSentEvent
 
 from app.bus import Bus
 from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
-from app.events import JobMoved, JobSaid, JobStepped, QueueMoved
+from app.events import QueueMoved
 from app.jobs.client import ASKING
-from app.jobs.journal import Journal, number_of
-from app.jobs.kept import request_of, telling
+from app.jobs.journal import number_of
+from app.jobs.kept import telling
 from app.jobs.launch import Launcher
+from app.jobs.line import Line
 from app.jobs.log import JobLogs
-from app.jobs.machine import FINAL, IllegalTransition, Signal, may_start, transition
-from app.jobs.orders import Failed, Finished, Happened, Order, OrderedPlane, Parcel, Stopped, StoredRequest
+from app.jobs.machine import FINAL, IllegalTransition
+from app.jobs.orders import Failed, Finished, Order, OrderedPlane, Parcel, Stopped, StoredRequest
 from app.jobs.processes import Processes
-from app.jobs.queue import Ticket, Turns
-from app.jobs.wire import DIED, STOPPED, Progress, job_of, too_long
+from app.jobs.states import JobStates
+from app.jobs.wire import DIED, STOPPED, too_long
 from app.logs import about
-from app.schemas.jobs import Job, JobKind, JobMessage, JobState, JobStateEvent, PlaneLook
+from app.schemas.jobs import Job, JobKind, JobMessage, JobState, PlaneLook
 from app.settings import AppSettings
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord
 from app.storage.store import JobStore
-from calib_core.events import IterationEvent, LogEvent, StageEvent
 
 _LOG = logging.getLogger("unsweep")
 
@@ -76,25 +74,18 @@ class JobService:
         self._settings = settings
         self._processes = Processes(launcher, grace_s=settings.cancel_grace_s)
         self._make_order = make_order
-        self._looks_of = looks_of
         self._bus = bus
         self._lock = threading.RLock()
+        self._line = Line(store, self._lock)
+        self._states = JobStates(store, self.logs, self._line, lock=self._lock, bus=bus, looks_of=looks_of)
         self._threads: dict[str, threading.Thread] = {}
-        self._progress: dict[str, Progress] = {}
-        self._tickets: dict[str, Ticket] = {}
-        self._turns = Turns()
-        self._places: dict[str, int] = {}
-        self._line_moved = True
         self._closing = False
 
     # What there is
 
     def get(self, job_id: str) -> JobRecord:
         """The job, or NotFound."""
-        record = self._store.find(job_id)
-        if record is None:
-            raise NotFound("job.not_found", f"No job has the id {job_id}; its recording may have been deleted.")
-        return record
+        return self._states.get(job_id)
 
     def list_of(self, recording_id: str) -> list[Job]:
         """The recording's jobs, newest first."""
@@ -111,21 +102,15 @@ class JobService:
 
     def wire(self, record: JobRecord) -> Job:
         """The job as the wire carries it."""
-        place = self._place(record.id) if record.state == "queued" else None
-        looks = self._looks_of(record.recording_id, request_of(record).planes or ())
-        return job_of(record, self._progress.get(record.id), place=place, looks=looks)
+        return self._states.wire(record)
 
     async def watch(self, job_id: str, last_event_id: str | None) -> AsyncIterator[JobMessage]:
         """The job's messages after `last_event_id`, as server-sent events, until its final state."""
-        journal = await to_thread.run_sync(self._journal, job_id)
+        journal = await to_thread.run_sync(self._states.journal, job_id)
         last = number_of(last_event_id)
         async for number, line in journal.follow(0 if last is None else last + 1):
             # Already JSON: FastAPI passes a ServerSentEvent on as it is; the annotation documents its data.
             yield cast(JobMessage, ServerSentEvent(raw_data=line, id=str(number)))
-
-    def _journal(self, job_id: str) -> Journal[str]:
-        with self._lock:  # so that the job cannot end between the look and the subscription
-            return self.logs.journal(job_id, live=self.get(job_id).state not in FINAL)
 
     # What can be done
 
@@ -145,10 +130,7 @@ class JobService:
             started_at=None,
             ended_at=None,
         )
-        with self._lock:
-            record = self._store.add(record)
-            self._line_moved = True
-        self._tell(record)
+        self._states.add(record)
         self.start_queued()
         return self.wire(self.get(record.id))
 
@@ -167,7 +149,7 @@ class JobService:
     def cancel(self, job_id: str) -> Job:
         """Ask the job to stop, and stop it when the grace has passed."""
         try:
-            record = self._move(job_id, "cancel")
+            record = self._states.move(job_id, "cancel")
         except IllegalTransition:
             found = self.get(job_id)
             raise Conflict("job.ended", f"The job cannot be cancelled: it is {found.state} already.") from None
@@ -180,7 +162,7 @@ class JobService:
             if record.state in FINAL:
                 continue
             try:
-                self._move(record.id, "cancel")
+                self._states.move(record.id, "cancel")
             except IllegalTransition:
                 continue
             with self._lock:
@@ -192,7 +174,7 @@ class JobService:
     def recover(self) -> None:
         """After a start of the server: what ran when it ended was interrupted; what was queued starts."""
         for record in self._store.in_states(["running", "cancelling"]):
-            self._move(record.id, "lose")
+            self._states.move(record.id, "lose")
         self.start_queued()
 
     def close(self) -> None:
@@ -210,35 +192,16 @@ class JobService:
         with self._lock:
             if self._closing:
                 return
-            before = {} if self._line_moved else self._places
-            waiting = {record.id: record for record in self._store.in_states(["queued"])}
-            order = self._turns.order(map(ticket_of, waiting.values()), self._tickets.values())
-            free = may_start(len(order), len(self._threads), self._settings.concurrent_jobs)
-            for ticket in order[:free]:
-                self._turns.serve(ticket)
-                self._tickets[ticket.job_id] = ticket
-                self._start(self._change(waiting[ticket.job_id], "start"))
-            places = {ticket.job_id: place for place, ticket in enumerate(order[free:], start=1)}
-            self._places, self._line_moved = places, False
-        moved = [job_id for job_id, place in places.items() if before.get(job_id) not in {None, place}]
+            moved = self._line.advance(
+                running=len(self._threads), limit=self._settings.concurrent_jobs, start=self._start
+            )
         if moved:
-            self._bus.publish(QueueMoved([self.wire(waiting[job_id]) for job_id in moved[:TOLD_PLACES]]))
+            self._bus.publish(QueueMoved([self.wire(record) for record in moved[:TOLD_PLACES]]))
 
     # How it is done
 
-    def _place(self, job_id: str) -> int | None:
-        """Its place in the queue; the last known one while a change is being written, for which a disk may take its time."""
-        if self._line_moved and self._lock.acquire(blocking=False):
-            try:
-                waiting = map(ticket_of, self._store.in_states(["queued"]))
-                order = self._turns.order(waiting, self._tickets.values())
-                self._places = {ticket.job_id: place for place, ticket in enumerate(order, start=1)}
-                self._line_moved = False
-            finally:
-                self._lock.release()
-        return self._places.get(job_id)
-
     def _start(self, record: JobRecord) -> None:
+        record = self._states.change(record, "start")
         thread = threading.Thread(target=self._supervise, args=(record,), name=f"job-{record.id[:8]}", daemon=True)
         self._threads[record.id] = thread
         thread.start()
@@ -248,9 +211,9 @@ class JobService:
             self._see_through(record)
 
     def _see_through(self, record: JobRecord) -> None:
-        ASKING.set(self._tickets[record.id].client)  # what follows from the job is asked for by the same
+        ASKING.set(self._line.client_of(record.id))  # what follows from the job is asked for by the same
         try:
-            self._tell(record)
+            self._states.tell(record)
             ending = self._run(record)
         except Exception as error:  # noqa: BLE001 - whatever went wrong, the job must not stay "running" for ever
             status, facts = facts_of(error)
@@ -266,8 +229,8 @@ class JobService:
             self._processes.forget(record.id)
             with self._lock:
                 self._threads.pop(record.id, None)
-                self._tickets.pop(record.id, None)
-                self._progress.pop(record.id, None)
+                self._line.leave(record.id)
+                self._states.forget_progress(record.id)
             self.start_queued()
 
     def _end_when_there_is_room(self, job_id: str, ending: Parcel | None) -> None:
@@ -289,7 +252,7 @@ class JobService:
             self._make_order(record),
             limit_s=self._settings.limit_s(record.kind),
             on_start=lambda: self._heed(record.id),
-            on_parcel=lambda parcel: self._note(record, parcel),
+            on_parcel=lambda parcel: self._states.note(record, parcel.event),
         )
 
     def _heed(self, job_id: str) -> None:
@@ -299,66 +262,19 @@ class JobService:
         elif self.get(job_id).state == "cancelling":
             self._processes.ask_to_stop(job_id)
 
-    def _note(self, record: JobRecord, parcel: Happened) -> None:
-        event = parcel.event
-        if isinstance(event, StageEvent):
-            self._progress[record.id] = Progress(event.stage, event.fraction, event.text)
-        self.logs.write(record.id, event)
-        if isinstance(event, IterationEvent):
-            self._bus.publish(JobStepped(record.recording_id))
-        elif isinstance(event, LogEvent):
-            self._bus.publish(JobSaid(record, event))
-
     def _end(self, job_id: str, ending: Parcel | None) -> None:
         if isinstance(ending, Finished):
-            self._move(job_id, "finish", outcome_json=ending.outcome.model_dump_json())
+            self._states.move(job_id, "finish", outcome_json=ending.outcome.model_dump_json())
         elif isinstance(ending, Failed):
-            self._move(job_id, "fail", error_json=ending.error.model_dump_json())
+            self._states.move(job_id, "fail", error_json=ending.error.model_dump_json())
         elif self._closing:
-            self._move(job_id, "lose")
+            self._states.move(job_id, "lose")
         elif self._processes.is_overdue(job_id):
             facts = too_long(self._settings.limit_s(self.get(job_id).kind))
-            self._move(job_id, "fail", error_json=facts.model_dump_json())
+            self._states.move(job_id, "fail", error_json=facts.model_dump_json())
         elif self.get(job_id).state == "cancelling":
-            self._move(job_id, "stop")
+            self._states.move(job_id, "stop")
         else:
-            self._move(job_id, "fail", error_json=(STOPPED if isinstance(ending, Stopped) else DIED).model_dump_json())
-
-    def _move(
-        self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
-    ) -> JobRecord:
-        with self._lock:
-            record = self._change(self.get(job_id), signal, outcome_json=outcome_json, error_json=error_json)
-            if record.state in FINAL:
-                self.logs.end(self.wire(record))
-        self._tell(record, logged=record.state in FINAL)
-        return record
-
-    def _change(
-        self, record: JobRecord, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
-    ) -> JobRecord:
-        state: JobState = transition(record.state, signal)
-        if record.state == "queued":
-            self._line_moved = True
-        now = datetime.now(UTC)
-        return self._store.save(
-            replace(
-                record,
-                state=state,
-                outcome_json=outcome_json if state == "done" else None,
-                error_json=error_json if state == "failed" else None,
-                started_at=now if signal == "start" else record.started_at,
-                ended_at=now if state in FINAL else None,
+            self._states.move(
+                job_id, "fail", error_json=(STOPPED if isinstance(ending, Stopped) else DIED).model_dump_json()
             )
-        )
-
-    def _tell(self, record: JobRecord, *, logged: bool = False) -> None:
-        job = self.wire(record)
-        if not logged:
-            self.logs.write(record.id, JobStateEvent(job=job))
-        self._bus.publish(JobMoved(record, job))
-
-
-def ticket_of(record: JobRecord) -> Ticket:
-    """The job as the queue knows it."""
-    return Ticket(record.id, request_of(record).client, record.recording_id, record.sequence)
