@@ -13,7 +13,7 @@ import numpy as np
 
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.priors import Priors
-from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import WeakDirection
 from calib_core.solver.arrow import FROZEN
@@ -83,7 +83,7 @@ def assess(
     covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
     if not frozen_offset:
         covariance[6, 6] += offset_std_s**2
-        data_std[6] = np.hypot(data_std[6], offset_std_s)
+        data_std[TIME_OFFSET] = np.hypot(data_std[TIME_OFFSET], offset_std_s)
     rotation = np.linalg.eigvalsh(data[:3, :3])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / WORDING.known_deg**2))
 
@@ -109,9 +109,9 @@ def _mixture(vector: FloatArray) -> str:
     rotation, lever = (
         ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6))
     )
-    if np.linalg.norm(vector[3:6]) > WORDING.one_kind:
+    if np.linalg.norm(vector[TRANSLATION]) > WORDING.one_kind:
         return f"the lever arm along ({lever}) of the IMU's axes"
-    if np.linalg.norm(vector[:3]) > WORDING.one_kind:
+    if np.linalg.norm(vector[ROTATION]) > WORDING.one_kind:
         return f"the rotation about ({rotation}) of the lidar's axes"
     parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > WORDING.named)
     return f"the combination {parts} (in units of 1 deg, 10 mm, 1 ms)"

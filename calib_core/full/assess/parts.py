@@ -20,7 +20,7 @@ import numpy as np
 from calib_core.full.assess.disagreement import Apart
 from calib_core.full.assess.influence import Influences
 from calib_core.full.assess.settings import PARTS
-from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION, Estimate
 from calib_core.full.joint.undetermined import STANDING, UNITS
 from calib_core.full.run import Clocks
 from calib_core.result import OwnAnswer, Parts, PlaneAnswer, RangeAnswer, TimeBlock
@@ -75,12 +75,12 @@ def _told(apart: Apart, way: str) -> list[OwnAnswer]:
 
 def _own_answer(shift: FloatArray, std: FloatArray) -> OwnAnswer:
     return OwnAnswer(
-        rotation_shift_deg=[_short(value) for value in np.degrees(shift[:3])],
-        translation_shift_m=[_short(value) for value in shift[3:6]],
-        time_offset_shift_s=_short(shift[6]),
-        rotation_std_deg=[_short(value) for value in np.degrees(std[:3])],
-        translation_std_m=[_short(value) for value in std[3:6]],
-        time_offset_std_s=_short(std[6]),
+        rotation_shift_deg=[_short(value) for value in np.degrees(shift[ROTATION])],
+        translation_shift_m=[_short(value) for value in shift[TRANSLATION]],
+        time_offset_shift_s=_short(shift[TIME_OFFSET]),
+        rotation_std_deg=[_short(value) for value in np.degrees(std[ROTATION])],
+        translation_std_m=[_short(value) for value in std[TRANSLATION]],
+        time_offset_std_s=_short(std[TIME_OFFSET]),
     )
 
 

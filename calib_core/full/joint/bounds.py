@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
-from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.joint.state import CALIBRATION, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
@@ -77,7 +77,7 @@ def _require_near_start(data: JointData, state: Estimation) -> None:
             f"agree, more than a sweep of {sweep_s:.2f} s; {_CURE}",
         )
     arm_m = float(np.linalg.norm(e.p_imu_lidar))
-    std_m = float(_std(state)[3:6].max())
+    std_m = float(_std(state)[TRANSLATION].max())
     far_m = limits.lever_arm_m + float(np.linalg.norm(data.start.p_imu_lidar))
     if arm_m > far_m and std_m < limits.lever_arm_std_m:
         raise Refused(

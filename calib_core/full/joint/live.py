@@ -11,7 +11,7 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.joint.settings import WATCHING
-from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION, Estimate
 from calib_core.full.run import Run
 from calib_core.geometry import euler_xyz_deg, transform_matrix
 from calib_core.solver.arrow import ArrowSolution
@@ -71,9 +71,9 @@ def iteration_event(
         translation_m=estimate.p_imu_lidar.tolist(),
         euler_xyz_deg=euler_xyz_deg(estimate.R_imu_lidar),
         time_offset_s=run.clocks.offset_ns(estimate.time_offset_s) * 1e-9,
-        rotation_std_deg=np.degrees(std[:3]).tolist(),
-        translation_std_m=std[3:6].tolist(),
-        time_offset_std_s=float(std[6]),
+        rotation_std_deg=np.degrees(std[ROTATION]).tolist(),
+        translation_std_m=std[TRANSLATION].tolist(),
+        time_offset_std_s=float(std[TIME_OFFSET]),
         planes=[
             PlaneResidual(name=name, rms_m=rms, points=points, normal=np.round(normal, 7).tolist(), offset_m=float(w))
             for name, normal, w, (rms, points) in zip(

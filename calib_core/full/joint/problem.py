@@ -22,7 +22,17 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.settings import CHAIN
-from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Bins, Estimate, Layout
+from calib_core.full.joint.state import (
+    CALIBRATION,
+    GRAVITY,
+    ROTATION,
+    TIME_OFFSET,
+    TRANSLATION,
+    BiasNodes,
+    Bins,
+    Estimate,
+    Layout,
+)
 from calib_core.geometry import exp, hat, plane_axes
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
@@ -127,8 +137,9 @@ class JointProblem:
         """
         R, R_c, p_c = estimate.states.R[self.gauge_knot], estimate.R_imu_lidar, estimate.p_imu_lidar
         J = np.zeros((6, 9 + CALIBRATION))
-        J[:3, :3], J[:3, 9:12] = R_c.T, np.eye(3)
-        J[3:, :3], J[3:, 3:6], J[3:, 12:15] = -R @ hat(p_c), np.eye(3), R
+        shared = J[:, 9:]
+        J[:3, :3], shared[:3, ROTATION] = R_c.T, np.eye(3)
+        J[3:, :3], J[3:, 3:6], shared[3:, TRANSLATION] = -R @ hat(p_c), np.eye(3), R
         held = CHAIN.gauge * J.T @ J
         system.diagonal[self.gauge_knot] += held[:9, :9]
         system.border[self.gauge_knot, :, :CALIBRATION] += held[:9, 9:]
@@ -151,9 +162,9 @@ class JointProblem:
         return replace(
             estimate,
             states=estimate.states.moved(solution.step),
-            R_imu_lidar=estimate.R_imu_lidar @ exp(s[0:3]),
-            p_imu_lidar=estimate.p_imu_lidar + s[3:6],
-            time_offset_s=estimate.time_offset_s + float(s[6]),
+            R_imu_lidar=estimate.R_imu_lidar @ exp(s[ROTATION]),
+            p_imu_lidar=estimate.p_imu_lidar + s[TRANSLATION],
+            time_offset_s=estimate.time_offset_s + float(s[TIME_OFFSET]),
             gravity=gravity,
             gyro_bias=estimate.gyro_bias + s[layout.gyro_bias()].reshape(-1, 3),
             accel_bias=estimate.accel_bias + s[layout.accel_bias()].reshape(-1, 3),

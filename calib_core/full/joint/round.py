@@ -26,7 +26,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import Round, Sampling
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, seen_from, sensor_columns, true_readings
 from calib_core.full.joint.settings import HOLDING, WATCHING
-from calib_core.full.joint.state import CALIBRATION, Estimate, Layout, no_bins
+from calib_core.full.joint.state import CALIBRATION, TRANSLATION, Estimate, Layout, no_bins
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
 from calib_core.full.joint.view import View
 from calib_core.imu.preintegration import UpsampledImu, preintegrate
@@ -162,7 +162,7 @@ def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimatio
     now = state.priors.calibration_vector(state.estimate)
     for direction in still_undetermined(known, before).T:
         vector = direction / UNITS
-        only_shift = bool(np.linalg.norm(direction[3:6]) > HOLDING.shift_share)
+        only_shift = bool(np.linalg.norm(direction[TRANSLATION]) > HOLDING.shift_share)
         held.append(Held(vector, 0.0 if only_shift else float(vector @ now), HOLDING.held_std))
     return replace(state, priors=replace(state.priors, held=tuple(held)))
 

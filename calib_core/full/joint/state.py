@@ -12,6 +12,8 @@ from calib_core.full.joint.settings import CHAIN
 from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7
+#: What the seven are: a turn, a shift and a lateness.
+ROTATION, TRANSLATION, TIME_OFFSET = slice(0, 3), slice(3, 6), 6
 GRAVITY = slice(7, 10)
 BIAS_START = 10
 
