@@ -67,6 +67,7 @@ class ShownScene:
         self._whole: FloatArray | None = None
         self._stage = Stage()
         self._content = Content((), "")
+        self._eye_m: FloatArray | None = None
         self._behind: frozenset[int] = frozenset()
         self._labelled = False
         self._cycle = Cycle()
@@ -138,8 +139,8 @@ class ShownScene:
                     self._nodes[path] = Put(mark, item, node, wall)
                     node.visible = wall not in self._behind
                 known = self._nodes[path]
-                if known.wall != wall:
-                    known.wall = wall
+                known.wall = wall
+                if known.node.visible != (wall not in self._behind):
                     known.node.visible = wall not in self._behind
         if not self._labelled:  # comes after the background and the first content; the page waits for it
             self._labelled = True
@@ -177,10 +178,13 @@ class ShownScene:
             self._server.scene.set_up_direction(stage.up)
             self._aim = None  # cameras have been turned over with the world
         self._stage = stage
+        if self._eye_m is not None:  # walls that came or went have other numbers, with nobody's camera moved
+            self._behind = self._behind_at(self._eye_m)
 
     def _cut(self, eye_m: FloatArray) -> None:
         """Hide what a camera there would see from behind, and show the rest."""
-        behind = frozenset(int(wall) for wall in np.flatnonzero(hidden(self._stage.walls, eye_m)))
+        self._eye_m = eye_m
+        behind = self._behind_at(eye_m)
         if behind == self._behind:
             return
         self._behind = behind
@@ -189,6 +193,9 @@ class ShownScene:
                 if each.wall is not None and each.node.visible != (each.wall not in behind):
                     each.node.visible = each.wall not in behind
         self._server.flush()
+
+    def _behind_at(self, eye_m: FloatArray) -> frozenset[int]:
+        return frozenset(int(wall) for wall in np.flatnonzero(hidden(self._stage.walls, eye_m)))
 
     def _stand(self, *, fov_rad: float, aspect: float) -> Stand | None:
         if self._whole is None:

@@ -11,8 +11,9 @@ from app.planes.state import PlaneHistory, suggested
 from app.planes.upright import named, room_of
 from app.planes.wire import determinacy, wire_planes
 from app.scene.aim import Stage, hidden, stage_of, stand, wall_of
+from app.scene.apply import ShownScene
 from app.scene.cutaway import pieces
-from app.scene.items import Cloud, point_size_m
+from app.scene.items import Cloud, Content, point_size_m
 from app.scene.support import CELLS, support_of
 from app.scene.upright import vertical_of
 from app.schemas.planes import Drop, Rename
@@ -97,6 +98,23 @@ def test_what_a_camera_sees_from_behind_is_hidden_with_all_that_hangs_on_it():
     assert [wall for wall, _ in parts] == [None, 0, 1, 5]
     assert sum(len(part.xyz) for _, part in parts) == 4
     assert len({part.path for _, part in parts}) == 4
+
+
+def test_walls_that_come_and_go_are_cut_from_where_one_stands():
+    """A box takes planes away, nobody's camera moves. Oracle: on which side of each wall the camera is. Mutation: what is
+    hidden remembered by the walls' old numbers."""
+    xyz = PROPOSALS.cloud_m[::20]
+    scene = ShownScene(on_patch=lambda *_: None, on_ray=lambda *_: None)
+    try:
+        for walls in (WALLS, WALLS[::-1], WALLS[2:], WALLS[:3]):
+            cloud = Cloud("/cloud", xyz, uniform(len(xyz), (9, 9, 9)))
+            scene.show(Content((cloud,), "", aim="room", stage=stage_of(UP, walls)), dark=True)
+            eye_m = np.array(scene._server.initial_camera.position)
+            drawn = {each.wall: each.node.visible for each in scene._nodes.values() if each.wall is not None}
+            assert drawn == {wall: bool(walls[wall, :3] @ eye_m + walls[wall, 3] > -0.05) for wall in drawn}
+            assert set(drawn.values()) == {True, False}
+    finally:
+        scene.close()
 
 
 @pytest.mark.parametrize("preset", PRESETS)
