@@ -52,6 +52,8 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     page.get_by_role("combobox", name="Format").select_option("urdf")
     expect(page.get_by_role("group", name="the urdf text")).to_contain_text("rpy")
     assert faults_in_all_sizes(page) == []
+    keep_screenshot(page, "parts", scheme)
+    page.get_by_role("heading", name="Calibrated").scroll_into_view_if_needed()
     keep_screenshot(page, "result", scheme)
 
 

@@ -68,7 +68,7 @@ def test_a_part_answers_as_it_does_when_it_is_solved_alone() -> None:
 
 
 def test_a_part_that_says_nothing_has_the_standing_prior_and_no_shift() -> None:
-    """Also of a column held fixed. Mutation: without the standing prior, or the held column's zeros inverted."""
+    """Also of a column held fixed. Mutations: without the standing prior; the joint covariance inverted whole."""
     joint = np.diag([1e-4] * 6 + [0.0])
     allowed = np.zeros((2, 7, 7))
     allowed[0, :6, :6] = 1e-4 * np.eye(6)
