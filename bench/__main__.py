@@ -4,7 +4,7 @@
     run [NAME...]                       measure, show, write bench/results/NAME.json
     gate [NAME...]                      measure what is gated, passes too (bench/passes.py); exit 1 where a ratio slipped
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
-    readme                              write the README's table from bench/results
+    readme                              write the README's tables from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
     bound-faults [SCENARIO]             the bounds with real sensors' faults as unknowns: bench/results/fault_bounds.csv
     monte-carlo SCENARIO... [--seeds]   one row a run in bench/results/monte_carlo.csv; goes on where it was stopped
@@ -29,7 +29,7 @@ from pathlib import Path
 
 from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, passes, starts
 from bench.metrics import Metric, slips
-from bench.readme import README, table, with_table
+from bench.readme import README, with_tables
 from bench.store import RESULTS, bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, Workload, metrics_of, runs_of
 
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 sys.stdout.write(f"{workload.name:24}{workload.text} Seeds {workload.seeds}.\n")
             sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":
-            README.write_text(with_table(README.read_text(encoding="utf-8"), table()), encoding="utf-8")
+            README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
         case _:
             return _workloads(chosen.command, chosen.names, chosen.jobs)
     return 0

@@ -92,12 +92,18 @@ def parameters_text(parameters: Sequence[FaultParameter]) -> str:
     return ", ".join(parts)
 
 
+def latest(runs: Sequence[FaultRun]) -> dict[Campaign, list[FaultRun]]:
+    """The runs of each recording's campaign, of those with another version the last."""
+    groups: dict[Campaign, list[FaultRun]] = {}
+    for run in runs:
+        groups.setdefault(run.campaign, []).append(run)
+    last = {(each.scenario, each.faults, each.duration_s, each.settings): each for each in groups}
+    return {campaign: groups[campaign] for campaign in last.values()}
+
+
 def write_report(folder: Path = RESULTS) -> Path:
     """Write faults.md: the bounds, and the latest version's campaigns, one a row."""
-    groups: dict[Campaign, list[FaultRun]] = {}
-    for run in read_fault_runs(folder):
-        groups.setdefault(run.campaign, []).append(run)
-    latest = {(each.scenario, each.faults, each.duration_s, each.settings): each for each in groups}
+    groups = latest(read_fault_runs(folder))
     parameters = read_fault_parameters(folder)
     bounds = {(row.scenario, row.faults): row for row in read_rows(folder / FAULT_BOUNDS, FaultBoundRow, ())}
     lines = [
@@ -118,8 +124,7 @@ def write_report(folder: Path = RESULTS) -> Path:
             else ["Not run yet."]
         ),
     ]
-    for campaign in latest.values():
-        some = groups[campaign]
+    for campaign, some in groups.items():
         if not any(run.is_solved for run in some):
             lines.append(f"| {campaign.scenario} | {campaign.faults} | 0 of {len(some)} |" + " |" * 10)
             continue

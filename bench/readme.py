@@ -1,4 +1,4 @@
-"""The README's table of accuracy, made from the committed campaign: `python -m bench readme` writes it anew."""
+"""The README's tables of accuracy, made from the committed campaigns: `python -m bench readme` writes them anew."""
 
 from __future__ import annotations
 
@@ -7,13 +7,21 @@ from pathlib import Path
 from bench.accuracy import by_scenario
 from bench.bounds import read_bounds
 from bench.campaign import read_runs
+from bench.fault_report import latest, summary
+from bench.fault_runs import read_fault_runs
 from bench.figures import TWINS
 from bench.runs import PARAMETERS
 from bench.statistics import accuracy, bound_accuracy, consistency
 from bench.store import FOLDER, RESULTS
 
 README = FOLDER.parent / "README.md"
-START, END = "<!-- bench -->\n", "<!-- /bench -->\n"
+#: Of ideal sensors, and of sensors as they are: the marks that each table stands between.
+IDEAL, REAL = ("<!-- bench -->\n", "<!-- /bench -->\n"), ("<!-- bench-real -->\n", "<!-- /bench-real -->\n")
+_REAL_HEAD = (
+    "| recording | faults | runs | rotation, rms (stated) | translation, rms (stated) | time offset, rms (stated) "
+    "| NEES / 7 | 95 % intervals cover | worst of all, sigmas |\n"
+    "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+)
 _HEAD = (
     "| recording | runs | rotation, rms (bound) | translation, rms (bound) | time offset, rms (bound) "
     "| NEES / 7 | 95 % intervals cover |\n"
@@ -45,8 +53,35 @@ def table(folder: Path = RESULTS) -> str:
     return _HEAD + "".join(rows) if rows else "Not measured yet.\n"
 
 
-def with_table(text: str, made: str) -> str:
-    """The README's text with the table between the two marks replaced."""
-    before, _, rest = text.partition(START)
-    _, _, after = rest.partition(END)
-    return before + START + made + END + after
+def real_table(folder: Path = RESULTS) -> str:
+    """One row for the latest campaign on each recording with faults."""
+    rows = []
+    for campaign, runs in latest(read_fault_runs(folder)).items():
+        if len(runs) < _LEAST_RUNS:
+            continue
+        found = summary(runs)
+        cells = [
+            f"{campaign.scenario}, {campaign.duration_s:g} s",
+            campaign.faults,
+            f"{found.runs}" if found.solved == found.runs else f"{found.runs}, {found.solved} solved",
+            *(
+                f"{rms:.{digits}f} {unit} ({stated:.{digits}f})"
+                for rms, stated, unit, digits in zip(
+                    found.rms, found.stated, ("deg", "mm", "ms"), (4, 2, 4), strict=True
+                )
+            ),
+            f"{found.nees[0] / len(PARAMETERS):.2f}",
+            f"{100 * found.inside:.1f} %",
+            f"{found.worst:.1f}",
+        ]
+        rows.append("| " + " | ".join(cells) + " |\n")
+    return _REAL_HEAD + "".join(rows) if rows else "Not measured yet.\n"
+
+
+def with_tables(text: str, folder: Path = RESULTS) -> str:
+    """The README's text with the tables between their marks replaced."""
+    for (start, end), made in ((REAL, real_table(folder)), (IDEAL, table(folder))):
+        before, _, rest = text.partition(start)
+        _, _, after = rest.partition(end)
+        text = before + start + made + end + after
+    return text
