@@ -13,7 +13,7 @@ from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7
 #: What the seven are: a turn, a shift and a lateness.
-ROTATION, TRANSLATION, TIME_OFFSET = slice(0, 3), slice(3, 6), 6
+ROTATION, TRANSLATION, TIME_OFFSET = slice(0, 3), slice(3, 6), CALIBRATION - 1
 GRAVITY = slice(7, 10)
 BIAS_START = 10
 
