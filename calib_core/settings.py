@@ -36,6 +36,9 @@ class ReadSettings(_Settings):
     accelerometer_unit: Literal["m_s2", "g"] | None = None
     gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
     stamps: Literal["header", "receive"] = "header"
+    imu_bundles: Literal["spread", "as-stamped"] = Field(
+        default="spread", description="IMU readings that a driver stamped together: a period apart, or as stamped"
+    )
     range_min_m: float = 0.3
     range_max_m: float = 200.0
 

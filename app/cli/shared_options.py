@@ -129,6 +129,12 @@ def add_reading(command: Parser) -> None:
     group.add_argument(
         "--stamps", choices=_choices("stamps"), default=defaults.stamps, help="which stamps to believe (%(default)s)"
     )
+    group.add_argument(
+        "--imu-bundles",
+        choices=_choices("imu_bundles"),
+        default=defaults.imu_bundles,
+        help="IMU readings that a driver stamped together: a period apart, or as stamped (%(default)s)",
+    )
 
 
 def add_lasers(command: Parser) -> None:

@@ -50,7 +50,7 @@ def imu_report(
         topic=imu.topic,
         frame_id=imu.frame_id,
         readings=int(header_ns.size),
-        stamps=stamp_report(header_ns, receive_ns),
+        stamps=stamp_report(header_ns, receive_ns, taken_ns=imu.stamps_ns),
         accelerometer_unit=units[0],
         gyroscope_unit=units[1],
         gravity_at_rest_m_s2=_gravity(imu, spans),
@@ -65,13 +65,13 @@ def imu_report(
     )
 
 
-def stamp_report(header_ns: IntArray, receive_ns: IntArray) -> StampReport:
-    """Regularity of stamps given in receive order."""
-    statistics = stamp_statistics(header_ns, receive_ns)
+def stamp_report(header_ns: IntArray, receive_ns: IntArray, *, taken_ns: IntArray | None = None) -> StampReport:
+    """Regularity of stamps given in receive order. taken_ns: increasing, those that are used where they are others."""
+    statistics = stamp_statistics(header_ns, receive_ns, taken_ns=taken_ns)
     period_ns = statistics.period_s * 1e9
     dropped = 0
     if period_ns > 0:
-        steps = np.asarray(np.diff(np.unique(header_ns)) / period_ns, np.float64)
+        steps = np.asarray(np.diff(np.unique(header_ns) if taken_ns is None else taken_ns) / period_ns, np.float64)
         # A step of k periods hides k - 1 messages; beyond GAP_PERIODS it is a gap, counted with them.
         dropped = int(np.sum(np.maximum(np.rint(steps) - 1, 0)[steps > 1.6]))
     return StampReport(

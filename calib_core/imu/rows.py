@@ -33,7 +33,7 @@ _SURE = 5.0
 #: Stamps further from their line than so many robust standard deviations, or half a period, are late: it ignores them.
 _LATE_SIGMAS = 6.0
 #: A row may have this share of late stamps, and the others an rms of so much of a period (evenly spread: 0.29).
-_LATE_SHARE, _SPREAD = 0.05, 0.25
+LATE_SHARE, _SPREAD = 0.05, 0.25
 #: Periods that differ by less lead to the same count: the loop that counts follows the period.
 _SAME_PERIOD = 1e-3
 #: Means of blocks longer than this against those of blocks as long tell wandering from jitter that lasts: so far the
@@ -150,7 +150,7 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
         off = (t - row.even_s) / row.period_s
         near = np.abs(off) < 0.5
         spread = float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else np.inf
-        if np.mean(~near) < _LATE_SHARE and spread < least:
+        if np.mean(~near) < LATE_SHARE and spread < least:
             best, least = (number, used), spread
     return best
 
@@ -316,7 +316,9 @@ def _wanders(row: Row, t: FloatArray) -> bool:
     here = t[row.index]
     # Stamps that are late for seconds are a clock that was set; a host that stood still stamps all it missed in no time.
     time = np.minimum(np.gradient(here) / row.period_s, 1.0)
-    error = time * np.clip(here - row.even_s, -0.5 * row.period_s, 0.5 * row.period_s)
+    off = np.clip(here - row.even_s, -0.5 * row.period_s, 0.5 * row.period_s)
+    # Where most are in time and some are late, the line is that of the former: their mean lateness is none that wanders.
+    error = time * (off - np.mean(time * off) / np.mean(time))
     variance = float(np.mean(error**2))
     if variance <= (_STILL * row.period_s) ** 2:
         return False

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.imu.rows import LEAST, Row, even_rows, lasting
+from calib_core.imu.rows import LATE_SHARE, LEAST, Row, even_rows, lasting
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings on either side that a slope is taken from, and neighbours on either side that a reading is expected from.
@@ -140,6 +140,9 @@ def _usual_mean(t: FloatArray, tau: FloatArray, in_row: BoolArray, period: float
     centre = float(np.median(tau[in_row]))
     robust = 1.4826 * float(np.median(np.abs(tau[in_row] - centre)))
     off, most = tau - centre, min(period, _TAIL_SIGMAS * robust)
+    if np.mean(off[in_row] > most) > LATE_SHARE:
+        # Not a host's stalls: so many are the law, of which a robust spread sees the punctual part only.
+        most = period
     late = np.flatnonzero(in_row & (off > most))
     begins = np.concatenate([[True], np.diff(t) > _IN_A_BURST * period])
     burst = np.cumsum(begins) - 1

@@ -12,6 +12,7 @@ import numpy as np
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.simulate.faults import Fault
+from calib_core.simulate.faults.clock import unbundled_ns
 from calib_core.simulate.layouts import Cloud, scan_of
 from calib_core.simulate.scenario import Mounting, Scenario
 from calib_core.simulate.sensors import HeaderAt
@@ -38,7 +39,10 @@ def generate(
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> tuple[Recording, Truth]:
-    """The recording exactly as reading its bag gives it, and its truth, without a file."""
+    """The recording exactly as reading its bag gives it, and its truth, without a file.
+
+    But for bundles of stamps, which a reader spreads by a period that it has to find.
+    """
     simulation = prepare(
         scenario,
         seed=seed,
@@ -83,6 +87,8 @@ def run(
 def _recording(simulation: Simulation, scans: list[Scan], latencies_ns: list[int]) -> Recording:
     scenario, records = simulation.scenario, simulation.imu_records
     stamps_ns, first = np.unique(records.stamps_ns, return_index=True)
+    if simulation.faults.stamp_bundles_s:
+        stamps_ns = unbundled_ns(stamps_ns, simulation.imu_messages.true_ns[first])
     accel = records.accel * (STANDARD_GRAVITY_M_S2 if scenario.imu.accelerometer_unit == "g" else 1.0)
     coarse_ns = 0
     if abs(simulation.truth.time_offset_ns) > SAME_EPOCH_NS:

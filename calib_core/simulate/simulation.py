@@ -113,6 +113,9 @@ class Simulation:
         if self.faults.stamp_latency_s:
             late_ns = clock.latency_ns(instants, self.faults.stamp_latency_s, self._rng(_STAMP_STREAM))
             messages = imu_module.stamped_late(messages, late_ns)
+        if self.faults.stamp_bundles_s:
+            late_ns = clock.bundle_ns(instants, self.faults.stamp_bundles_s, self._rng(_STAMP_STREAM))
+            messages = imu_module.stamped_late(messages, late_ns)
         return imu_module.spoil(messages, scenario.imu_faults, self._rng(_FAULT_STREAM))
 
     @cached_property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.readers.imu.bundles import Bundles, spread, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
@@ -22,7 +23,7 @@ _IMPOSSIBLE_READING = 1e5
 
 @dataclass(frozen=True, slots=True)
 class StampStatistics:
-    """Regularity of a row of stamps, before it was sorted and cleaned.
+    """Regularity of a row of stamps, before it was sorted and cleaned; of the steps, as it is used.
 
     period_s: median step.   jitter_s: robust spread (1.48 median absolute deviation) of the steps.   gaps: longer than
     GAP_PERIODS periods.   bundled_share: share of readings received together with the one before.
@@ -53,12 +54,12 @@ class CleanedImu:
     findings: tuple[Finding, ...]
 
 
-def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray) -> StampStatistics:
-    """Regularity of stamps in receive order."""
+def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray, *, taken_ns: IntArray | None = None) -> StampStatistics:
+    """Regularity of stamps in receive order. taken_ns: increasing, those that are used where they are others."""
     if stamps_ns.size < 2:
         return StampStatistics(int(stamps_ns.size), 0.0, 0.0, 0, 0, 0, 0.0, 0.0)
     in_order = np.diff(stamps_ns)
-    steps = np.diff(np.unique(stamps_ns)).astype(np.float64)
+    steps = np.diff(np.unique(stamps_ns) if taken_ns is None else taken_ns).astype(np.float64)
     period = float(np.median(steps)) if steps.size else 0.0
     jitter = 1.4826 * float(np.median(np.abs(steps - period))) if steps.size else 0.0
     gaps = steps[steps > GAP_PERIODS * period]
@@ -83,29 +84,35 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
         & (np.abs(raw.gyro) < _IMPOSSIBLE_READING).all(axis=1)
         & (np.abs(raw.accel) < _IMPOSSIBLE_READING).all(axis=1)
     )
-    statistics = stamp_statistics(stamps_ns[good], raw.receive_ns[good])
-    findings = list(_stamp_findings(statistics, topic))
+    stamps_ns, readings = stamps_ns[good], np.hstack([raw.gyro, raw.accel])[good]
+    kept, taken_ns = told_apart(stamps_ns, readings)
+    bundles = spread(taken_ns) if settings.imu_bundles == "spread" else None
+    if bundles is not None:
+        taken_ns = bundles.stamps_ns
+    statistics = stamp_statistics(stamps_ns, raw.receive_ns[good], taken_ns=taken_ns)
+    findings = list(_stamp_findings(statistics, topic, n_repeated=len(stamps_ns) - len(kept)))
+    if bundles is not None:
+        findings.append(_bundles_finding(bundles, topic))
     if raw.unset:
         findings.insert(0, unset_finding(topic))
     n_bad = int(np.count_nonzero(~good)) + raw.n_malformed
     if n_bad:
-        findings.append(_bad_readings(n_bad, stamps_ns.size + raw.n_malformed, topic))
-    # unique() sorts and keeps the first of equal stamps, in receive order
-    unique_ns, first = np.unique(stamps_ns[good], return_index=True)
-    if unique_ns.size < 2:
+        findings.append(_bad_readings(n_bad, good.size + raw.n_malformed, topic))
+    usable = len(np.unique(stamps_ns))
+    if usable < 2:
         raise InputError(
-            f"The IMU topic {topic} holds {unique_ns.size} usable readings, at least 2 are needed; pick"
+            f"The IMU topic {topic} holds {usable} usable readings, at least 2 are needed; pick"
             f" another topic or recording.",
             code="imu.empty",
         )
-    gyro, accel = raw.gyro[good][first], raw.accel[good][first]
-    accel_unit, finding = detect_accelerometer_unit(unique_ns, gyro, accel, settings, topic)
+    gyro, accel = raw.gyro[good][kept], raw.accel[good][kept]
+    accel_unit, finding = detect_accelerometer_unit(taken_ns, gyro, accel, settings, topic)
     findings.append(finding)
     accel = accel * (STANDARD_GRAVITY_M_S2 if accel_unit == "g" else 1.0)
-    gyro_unit, more = detect_gyroscope(unique_ns, gyro, accel, settings, topic)
+    gyro_unit, more = detect_gyroscope(taken_ns, gyro, accel, settings, topic)
     findings.extend(more)
     gyro = gyro * (np.pi / 180.0 if gyro_unit == "deg_s" else 1.0)
-    data = ImuData(unique_ns, gyro, accel, topic, raw.frame_id)
+    data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id)
     return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
 
 
@@ -119,16 +126,44 @@ def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
     )
 
 
-def _stamp_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
+def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
+    period_s = bundles.period_ns * 1e-9
+    return Finding(
+        "imu.stamped_in_bundles",
+        "warning",
+        f"Stamps on {topic} come in bundles of {bundles.size:.2g} readings (at most {bundles.largest}), as those of a driver"
+        f" that empties a buffer do: the newest of each keeps its stamp, the others are taken as sampled every"
+        f" {1e3 * period_s:.4g} ms before it.",
+        (
+            Evidence("readings a bundle", round(bundles.size, 2)),
+            Evidence("most in a bundle", bundles.largest),
+            Evidence("longest wait", round(bundles.waited_s, 6), "s"),
+            Evidence("period", round(period_s, 9), "s"),
+        ),
+        consequence="the time offset is that of the newest reading of each bundle",
+    )
+
+
+def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int) -> list[Finding]:
     period_ms = statistics.period_s * 1e3
     found: list[Finding] = []
-    if statistics.n_duplicates:
+    if n_repeated:
         found.append(
             Finding(
                 "imu.duplicates",
                 "warning",
-                f"{statistics.n_duplicates} readings on {topic} repeat an earlier stamp; the first of each was kept.",
-                (Evidence("duplicates", statistics.n_duplicates), Evidence("readings", statistics.count)),
+                f"{n_repeated} readings on {topic} were sent twice; the first of each was kept.",
+                (Evidence("duplicates", n_repeated), Evidence("readings", statistics.count)),
+            )
+        )
+    shared = statistics.n_duplicates - n_repeated
+    if shared > 0:
+        found.append(
+            Finding(
+                "imu.shared_stamps",
+                "info",
+                f"{shared} readings on {topic} bear the stamp of another that reads differently; all were kept.",
+                (Evidence("shared stamps", shared), Evidence("readings", statistics.count)),
             )
         )
     if statistics.n_rewinds:

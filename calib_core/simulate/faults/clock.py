@@ -30,3 +30,31 @@ def latency_ns(true_ns: IntArray, mean_s: float, rng: np.random.Generator) -> In
     arrived = true_ns + np.rint((late_s - mean_s) * 1e9).astype(np.int64)
     place = _IN_A_ROW_NS * np.arange(len(arrived))
     return np.asarray(np.maximum.accumulate(arrived - place) + place - true_ns, dtype=np.int64)
+
+
+def bundle_ns(true_ns: IntArray, every_s: float, rng: np.random.Generator) -> IntArray:
+    """How late a driver stamps each message that empties a buffer so often, less how long the newest of its bundle waited, mean
+    over all messages.
+
+    true_ns: (Q,) increasing. All of a bundle are stamped in a row when it is read.
+    """
+    every_ns = every_s * 1e9
+    phase_ns = rng.uniform(0.0, every_ns)
+    emptied = np.ceil((true_ns - phase_ns) / every_ns)
+    arrived_ns = phase_ns + every_ns * emptied
+    newest_ns = true_ns[np.searchsorted(emptied, emptied, side="right") - 1]
+    arrived_ns -= np.mean(arrived_ns - newest_ns)
+    place = np.arange(len(true_ns)) - np.searchsorted(emptied, emptied)
+    return np.asarray(np.rint(arrived_ns).astype(np.int64) + _IN_A_ROW_NS * place - true_ns, dtype=np.int64)
+
+
+def unbundled_ns(stamps_ns: IntArray, true_ns: IntArray) -> IntArray:
+    """Stamps as a reader that knew the samples' times would spread a driver's bundles: the newest at the first stamp.
+
+    stamps_ns, true_ns: (Q,) increasing.
+    """
+    begins = np.concatenate([[True], np.diff(stamps_ns) > 2 * _IN_A_ROW_NS])
+    first = np.flatnonzero(begins)
+    bundle = np.cumsum(begins) - 1
+    newest_ns = true_ns[np.append(first[1:], len(true_ns)) - 1]
+    return np.asarray(stamps_ns[first][bundle] - (newest_ns[bundle] - true_ns), dtype=np.int64)

@@ -22,6 +22,8 @@ def parameters(drawn: Drawn, rings: Sequence[int]) -> Iterator[Parameter]:
     yield from _of_lidar(drawn.lidar, rings)
     if drawn.stamp_latency_s:
         yield "stamp_latency", "mean", "s", drawn.stamp_latency_s
+    if drawn.stamp_bundles_s:
+        yield "stamp_bundles", "all", "s", drawn.stamp_bundles_s
 
 
 def _block(block: Block, values: Sequence[float]) -> Iterator[Parameter]:

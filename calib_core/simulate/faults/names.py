@@ -54,6 +54,7 @@ FAULTS: dict[str, Kind] = {
     "low-pass": Kind("Hz", "gyroscope and accelerometer are filtered at this frequency, which the stamps allow for"),
     "clock-rate": Kind("ppm", "the lidar's clock runs faster than the IMU's"),
     "stamp-latency": Kind("s", "the IMU is stamped by the host, late by this in the mean, at times by much more"),
+    "stamp-bundles": Kind("s", "the IMU's driver empties a buffer so often and stamps all that waited in it then"),
     "vibration": Kind("m/s2", "an engine shakes the rig at 25 to 120 Hz"),
     "bent-walls": Kind("m", "walls are off flat by up to this"),
     "door-ajar": Kind("rad", "a door in a wall stands ajar by this angle"),

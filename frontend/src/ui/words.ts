@@ -19,6 +19,7 @@ const controls: Readonly<Record<string, string>> = {
   "accelerometer-unit": "Accelerometer unit",
   "gyroscope-unit": "Gyroscope unit",
   stamps: "Stamps",
+  "imu-bundles": "IMU stamps in bundles",
   method: "Method",
   "points-per-plane-per-scan": "Points per plane and scan",
   "field-of-view-deg": "Field of view",
@@ -49,6 +50,7 @@ const values: Readonly<Record<string, string>> = {
   "header-last": "the header, last point",
   receive: "time of arrival",
   header: "header",
+  spread: "a period apart",
 };
 const plainValues = new Set([
   "s",

@@ -322,6 +322,20 @@ def test_jitter_of_a_third_of_a_period_still_counts_right(seed: int) -> None:
     assert np.abs(_off_s(sampling, t)).max() < 4e-4
 
 
+def test_a_host_that_is_late_at_times_only_has_the_line_of_when_it_is_not() -> None:
+    """Seven of ten readings are stamped to a microsecond, the others late by a millisecond in the mean: the mean of all counts,
+    as with any law. Mutations: take the mean lateness for wandering (no line); take the three for a host's stalls (0.3 ms off).
+    """
+    rng = np.random.default_rng(13)
+    t = _instants(rng, 4000)
+    late = np.where(rng.random(len(t)) < 0.3, rng.exponential(1e-3, len(t)), 1e-6 * rng.random(len(t)))
+    sampling = _known(_stamps(t + late), _values(t, rng))
+    assert sampling.is_even
+    off = _off_s(sampling, t)
+    assert np.ptp(off) < 2e-5
+    assert abs(np.mean(off) - np.mean(late)) < 1e-5 < sampling.mean_std_s
+
+
 def test_stamps_in_no_even_row_are_no_case_for_a_line() -> None:
     """Bundles of three with one stamp each but for nanoseconds; jitter that swaps readings; and too few.
 

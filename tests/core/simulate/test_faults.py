@@ -201,6 +201,22 @@ def test_a_busy_host_stamps_late_and_sometimes_very_late() -> None:
     assert np.all(np.diff(true_ns + np.rint(late_s * 1e9).astype(np.int64)) > 0)
 
 
+def test_a_driver_that_empties_a_buffer_stamps_all_of_it_then() -> None:
+    """Every 16 ms of a reading each 5: three or four at once, in order; the newest of each waited less than a period.
+
+    Mutations: stamped when it was taken; the mean wait left in; the mean over bundles, not over readings (0.1 ms).
+    """
+    true_ns = np.arange(20_000, dtype=np.int64) * 5_000_000
+    stamps = true_ns + clock.bundle_ns(true_ns, 0.016, np.random.default_rng(1))
+    assert np.all(np.diff(stamps) > 0)
+    first = np.flatnonzero(np.diff(stamps, prepend=-(10**9)) > 10_000_000)
+    assert set(np.diff(first[1:]).tolist()) == {3, 4}
+    sizes = np.diff(np.append(first, len(stamps)))
+    wait = stamps[first] - true_ns[np.append(first[1:], len(stamps)) - 1]
+    assert np.ptp(wait[:-1]) < 5_000_000
+    assert abs(np.average(wait, weights=sizes)) < 1_000
+
+
 def test_an_engine_really_shakes_the_rig() -> None:
     """Velocity, acceleration and rates are the derivatives of the pose, and as large as asked for. Mutations: the
     displacement without its acceleration; the size for each axis instead of for all."""

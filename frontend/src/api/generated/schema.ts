@@ -1005,6 +1005,8 @@ export interface components {
             end_s?: number | null;
             /** Gyroscope Unit */
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
+            /** Imu Bundles */
+            imu_bundles?: ("spread" | "as-stamped") | null;
             /** Imu Topic */
             imu_topic?: string | null;
             /** Lidar Topic */
@@ -2610,6 +2612,13 @@ export interface components {
             end_s?: number | null;
             /** Gyroscope Unit */
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
+            /**
+             * Imu Bundles
+             * @description IMU readings that a driver stamped together: a period apart, or as stamped
+             * @default spread
+             * @enum {string}
+             */
+            imu_bundles: "spread" | "as-stamped";
             /** Imu Topic */
             imu_topic?: string | null;
             /** Lidar Topic */

@@ -14,6 +14,7 @@ const kinds: Record<SettingKey, Kind> = {
   accelerometer_unit: "text",
   gyroscope_unit: "text",
   stamps: "text",
+  imu_bundles: "text",
   range_min_m: "number",
   range_max_m: "number",
 };

@@ -7,7 +7,8 @@ import { Section } from "../../ui/panel";
 import { controlName, valueName } from "../../ui/words";
 import css from "./recording.module.css";
 
-type Choice = "point_time_unit" | "point_time_reference" | "accelerometer_unit" | "gyroscope_unit" | "stamps";
+type Choice =
+  "point_time_unit" | "point_time_reference" | "accelerometer_unit" | "gyroscope_unit" | "stamps" | "imu_bundles";
 
 const units: Record<Choice, readonly string[]> = {
   point_time_unit: ["s", "ms", "us", "ns"],
@@ -15,7 +16,11 @@ const units: Record<Choice, readonly string[]> = {
   accelerometer_unit: ["m_s2", "g"],
   gyroscope_unit: ["rad_s", "deg_s"],
   stamps: ["header", "receive"],
+  imu_bundles: ["spread", "as-stamped"],
 };
+
+/** Always one of its values: nothing is detected. */
+const isGiven = (key: Choice) => key === "stamps" || key === "imu_bundles";
 
 const label = (key: string) => controlName(key.replaceAll("_", "-"));
 
@@ -38,7 +43,7 @@ export function Reading({ recording }: { recording: Recording }) {
               disabled={change.isPending}
               value={settings[key] ?? ""}
               data={[
-                ...(key === "stamps" ? [] : [{ value: "", label: detected(recording.report, key) }]),
+                ...(isGiven(key) ? [] : [{ value: "", label: detected(recording.report, key) }]),
                 ...units[key].map((value) => ({ value, label: valueName(value) })),
               ]}
               onChange={(event) => {
@@ -100,6 +105,7 @@ const asFound: ChangeRecording = {
   accelerometer_unit: null,
   gyroscope_unit: null,
   stamps: "header",
+  imu_bundles: "spread",
 };
 
 function changedByHand(key: string, value: unknown): boolean {
@@ -115,6 +121,7 @@ function detected(report: DoctorReport | null | undefined, key: Choice): string 
     accelerometer_unit: report?.imu?.accelerometer_unit,
     gyroscope_unit: report?.imu?.gyroscope_unit,
     stamps: undefined,
+    imu_bundles: undefined,
   }[key];
   return found === undefined ? "as found" : `as found: ${valueName(found)}`;
 }

@@ -1,0 +1,141 @@
+"""Readings that a driver stamped together, against the instants at which they were taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib_core import api
+from calib_core.readers.imu.bundles import spread, told_apart
+from calib_core.readers.imu.messages import RawImu
+from calib_core.readers.imu.readings import clean_imu
+from calib_core.settings import ReadSettings
+from calib_core.simulate import generate, parse_faults, simulate
+from calib_core.types import IntArray
+from tests.core.readers import build
+
+PERIOD_NS = 5_000_000
+
+
+def _instants(count: int = 6000, *, lost: float = 0.0) -> IntArray:
+    rng = np.random.default_rng(3)
+    t = build.EPOCH_NS + PERIOD_NS * np.arange(count, dtype=np.int64)
+    return np.asarray(t[rng.random(count) >= lost], dtype=np.int64)
+
+
+def _emptied_every(t: IntArray, every_ns: int, *, late_ns: float = 0.0, apart_ns: int = 0) -> IntArray:
+    """Stamps of a driver that looks so often, is late by an exponential law of that mean, and reads one after the other."""
+    number = -((build.EPOCH_NS + 1_300_000 - t) // every_ns)
+    _, first, bundle = np.unique(number, return_index=True, return_inverse=True)
+    late = np.rint(late_ns * np.random.default_rng(4).exponential(size=bundle.max() + 1)).astype(np.int64)
+    read = build.EPOCH_NS + 1_300_000 + number * every_ns + late[bundle]
+    return np.asarray(read + apart_ns * (np.arange(len(t)) - first[bundle]), dtype=np.int64)
+
+
+@pytest.mark.parametrize("every_ms", [8, 10, 16, 50, 100])
+@pytest.mark.parametrize("late_ms", [0.0, 0.3])
+@pytest.mark.parametrize("lost", [0.0, 0.01])
+def test_each_reading_of_a_bundle_gets_its_own_time(every_ms: int, late_ms: float, lost: float) -> None:
+    """None is later than the newest, which waited for a period at most; in the middle nothing is off by more than that and
+    the host's lateness. Mutations: the median step as the period; the last stamp of a bundle for its oldest reading (off by
+    the bundle's length); bundles counted by the mean step of two (a timer's bundles differ by one).
+    """
+    t = _instants(lost=lost)
+    stamps = _emptied_every(t, every_ms * 1_000_000, late_ns=1e6 * late_ms, apart_ns=20_000)
+    found = spread(stamps)
+    assert found is not None
+    assert found.period_ns == pytest.approx(PERIOD_NS, rel=1e-3 if lost == 0.0 else 0.02)
+    assert found.size == pytest.approx((1.0 - lost) * every_ms / 5.0, rel=0.02)
+    assert np.all(np.diff(found.stamps_ns) > 0)
+    off_ms = (found.stamps_ns - t) * 1e-6
+    wait = off_ms - np.median(off_ms)
+    assert np.sqrt(np.mean(wait**2)) < 0.31 * 5.0 + late_ms + 10.0 * np.sqrt(lost)
+    assert np.percentile(off_ms, 1) > -1.0
+    assert np.percentile(off_ms, 95) < 5.0 + 3.0 * late_ms + (5.0 if lost else 0.1)
+
+
+@pytest.mark.parametrize("law", ["even", "jitter of a third of a period", "late hosts", "losses", "a pause", "too few"])
+def test_stamps_one_by_one_are_left_alone(law: str) -> None:
+    """Mutation: call it a bundle where any two are close."""
+    rng = np.random.default_rng(5)
+    t = _instants()
+    match law:
+        case "jitter of a third of a period":
+            t = np.sort(t + rng.integers(-1_600_000, 1_600_000, len(t)))
+        case "late hosts":
+            stalled = np.where(rng.random(len(t)) < 0.01, rng.uniform(5e6, 2e7, len(t)), 0.0)
+            late = t + np.rint(rng.exponential(5e5, len(t)) + stalled).astype(np.int64)
+            t = np.maximum.accumulate(late - 20_000 * np.arange(len(t))) + 20_000 * np.arange(len(t))
+        case "losses":
+            t = _instants(lost=0.1)
+        case "a pause":
+            t = t + np.where(np.arange(len(t)) > 3000, 5_000_000_000, 0)
+        case "too few":
+            t = _emptied_every(t[:60], 50_000_000, apart_ns=1)
+        case _:
+            pass
+    assert spread(np.unique(t)) is None
+
+
+def test_a_pause_between_bundles_stays_one() -> None:
+    """Mutation: the mean step of the whole recording as the period."""
+    t = _instants()
+    t = t + np.where(np.arange(len(t)) > 3000, 5_000_000_000, 0)
+    found = spread(_emptied_every(t, 20_000_000, apart_ns=1))
+    assert found is not None
+    assert found.period_ns == pytest.approx(PERIOD_NS, rel=1e-3)
+    assert np.max(np.diff(found.stamps_ns)) == pytest.approx(5e9, rel=0.01)
+
+
+def test_readings_of_one_stamp_are_kept_unless_they_were_sent_twice() -> None:
+    """Mutations: keep the first of each stamp; keep what repeats it; compare with the one before only."""
+    stamps = np.array([30, 10, 10, 20, 10, 10, 20], dtype=np.int64)
+    values = np.array([[3.0], [1.0], [1.5], [2.0], [1.0], [1.7], [2.0]])
+    kept, at = told_apart(stamps, values)
+    np.testing.assert_array_equal(values[kept, 0], [1.0, 1.5, 1.7, 2.0, 3.0])
+    np.testing.assert_array_equal(at, [10, 11, 12, 20, 30])
+    crowd, at = told_apart(np.zeros(100_000, dtype=np.int64), np.arange(1e5)[:, None])
+    assert len(crowd) == 100_000
+    assert np.all(np.diff(at) == 1)
+
+
+def test_bundles_are_said_with_what_they_rest_on_and_can_be_left() -> None:
+    """Mutations: spread whatever is asked; throw away all but the first of a stamp; gaps counted between bundles."""
+    rng = np.random.default_rng(6)
+    t = _instants()
+    at_once = _emptied_every(t, 20_000_000, apart_ns=20_000)
+    given = RawImu(
+        at_once, at_once + 1_000_000, rng.normal(size=(len(t), 3)), rng.normal(9.8, 0.1, (len(t), 3)), "imu", 0
+    )
+    cleaned = clean_imu(given, ReadSettings(), "/imu")
+    assert len(cleaned.imu.stamps_ns) == len(t)
+    off = cleaned.imu.stamps_ns - t
+    # The recording ends within a bundle.
+    assert np.ptp(off[:-4]) < 10
+    said = {finding.code: finding for finding in cleaned.findings}
+    assert "bundles of 4 readings" in said["imu.stamped_in_bundles"].text
+    assert {e.name: e.value for e in said["imu.stamped_in_bundles"].evidence} == {
+        "readings a bundle": 4.0,
+        "most in a bundle": 4,
+        "longest wait": 0.015,
+        "period": 0.005,
+    }
+    assert not {"imu.gaps", "imu.jitter", "imu.duplicates"} & set(said)
+    left = clean_imu(given, ReadSettings(imu_bundles="as-stamped"), "/imu")
+    assert len(left.imu.stamps_ns) == len(t)
+    assert np.abs(left.imu.stamps_ns - at_once).max() < 10
+    assert "imu.stamped_in_bundles" not in {finding.code for finding in left.findings}
+
+
+def test_a_bag_of_bundles_is_read_as_the_simulator_knows_them(tmp_path: Path) -> None:
+    """Mutation: the newest reading at the bundle's last stamp (40 microseconds late)."""
+    faults = parse_faults("stamp-bundles=0.05")
+    simulate("paper-normal", tmp_path / "b.bag", duration_s=6.0, faults=faults)
+    known, _ = generate("paper-normal", duration_s=6.0, faults=faults)
+    read = api.load(tmp_path / "b.bag")
+    assert any(finding.code == "imu.stamped_in_bundles" for finding in read.findings)
+    assert len(read.imu.stamps_ns) == len(known.imu.stamps_ns)
+    inside = slice(20, -20)
+    assert np.abs(read.imu.stamps_ns - known.imu.stamps_ns)[inside].max() < 10_000
