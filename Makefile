@@ -114,11 +114,9 @@ lock:
 sbom: $(STAMPS)/project
 	@$(BIN)/python tools/sbom.py > sbom.json && echo "Wrote sbom.json"
 
-# Known vulnerabilities of what is pinned, as the package index's advisories tell them.
+# Known vulnerabilities of what is pinned, as the package index's advisories tell them; without a network, a sentence.
 audit:
-	@$(PYTHON) -m venv $(VENV)/audit
-	@$(VENV)/audit/bin/python -m pip --disable-pip-version-check --quiet install pip-audit==$(PIP_AUDIT_VERSION)
-	@$(VENV)/audit/bin/pip-audit --require-hashes --disable-pip -r requirements.txt -r requirements-build.txt
+	@$(PYTHON) tools/audit.py $(VENV)/audit $(PIP_AUDIT_VERSION) requirements.txt requirements-build.txt
 
 clean:
 	rm -rf $(VENV) app/static frontend/node_modules

@@ -2,7 +2,8 @@
 
 Nobody is in a hurry here: pages ask a few times a second, scenes are opened, looked at and closed, streams of events are
 left half-way, planes are edited and put back, a recording arrives and goes, and every five minutes a recording lives its
-whole life: sent, read, solved, its answer taken away, deleted. Once a minute what the server holds is written down. What
+whole life: sent, read, solved, its answer taken away, deleted. A crowd comes before all of them, so that pools of threads
+and of the store's connections have their full size from then on. Once a minute what the server holds is written down. What
 is not given back shows as growth from the middle third of the minutes after the first ten to the last third: that is what
 is judged, and by how much, not how fast anything was. Seeded; everything stays on the loopback.
 """
@@ -21,6 +22,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
@@ -40,10 +42,13 @@ LOOK_S, LISTEN_S = 8.0, 3.0
 #: A job's turn on a machine whose processors others want; nothing is judged by it.
 JOB_PATIENCE_S = 3600.0
 SAMPLE_S = 60.0
+#: So many come at once in the beginning, each with so many requests.
+CROWD, CROWD_REQUESTS = 40, 5
 #: Caches fill and pools grow in the first minutes; what grows afterwards is not given back.
 WARM_MINUTES = 10
 #: What may lie between the middle and the last third, as a share and as a number: pools breathe by that much.
 GROWTH = {"memory_bytes": (0.05, 8 * MIB), "descriptors": (0.0, 4), "threads": (0.0, 4), "children": (0.0, 0)}
+TOLD = {"memory_bytes": 1e6, "descriptors": 1.0, "store_descriptors": 1.0, "threads": 1.0, "children": 1.0}
 ENDED = {"done", "failed", "cancelled", "interrupted"}
 
 
@@ -54,6 +59,7 @@ class Minute:
     minute: int
     memory_bytes: int
     descriptors: int
+    store_descriptors: int
     threads: int
     children: int
     disk_bytes: int
@@ -114,6 +120,7 @@ class Soak:
             (UPLOAD_S, self._upload),
             (LIFE_S, self._live),
         ]
+        self._crowd()
         threads = [threading.Thread(target=self._come, args=visit, daemon=True) for visit in visits]
         for thread in threads:
             thread.start()
@@ -126,6 +133,14 @@ class Soak:
             thread.join(600)
         time.sleep(REST_S)
         self._note(number + 1)
+
+    def _crowd(self) -> None:
+        def ask(number: int) -> None:
+            for _ in range(CROWD_REQUESTS):
+                self._ask(random.Random(f"{self._seed} {number}"))
+
+        with ThreadPoolExecutor(CROWD) as pool:
+            list(pool.map(ask, range(CROWD)))
 
     def _come(self, every_s: float, visit: Callable[[random.Random], None]) -> None:
         chance = random.Random(f"{self._seed} {visit.__name__}")
@@ -224,6 +239,7 @@ class Soak:
             minute=number,
             memory_bytes=held.memory_bytes,
             descriptors=held.descriptors,
+            store_descriptors=store_descriptors(self._victim.process.pid),
             threads=held.threads,
             children=children_of(self._victim.process.pid),
             disk_bytes=sum(path.stat().st_size for path in self._data_dir.rglob("*") if path.is_file()),
@@ -246,6 +262,15 @@ def children_of(pid: int) -> int:
     return found
 
 
+def store_descriptors(pid: int) -> int:
+    """How many of its descriptors are the store's, whose pool of connections keeps what it once had."""
+    found = 0
+    for path in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(OSError):
+            found += "unsweep.sqlite" in path.readlink().name
+    return found
+
+
 def grown(minutes: Sequence[Minute], *, warm_minutes: int = WARM_MINUTES) -> list[str]:
     """What is not flat, a sentence each: medians of the middle and the last third, after the first minutes."""
     warm = minutes[warm_minutes:]
@@ -265,13 +290,19 @@ def grown(minutes: Sequence[Minute], *, warm_minutes: int = WARM_MINUTES) -> lis
 def table(minutes: Sequence[Minute], *, every: int = 10) -> list[str]:
     """Every so many minutes in one row: medians, and the most in brackets."""
     lines = [
-        "| minutes | memory [MB] | descriptors | threads | children | requests, over 1 s, slowest [s] | machine's load |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| minutes | memory [MB] | descriptors | of the store | threads | children | requests, over 1 s, slowest [s] | load |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for start in range(0, len(minutes), every):
         part = minutes[start : start + every]
         cells = [f"{part[0].minute} to {part[-1].minute}" if len(part) > 1 else f"{part[0].minute} (at rest)"]
-        for name, unit in (("memory_bytes", 1e6), ("descriptors", 1.0), ("threads", 1.0), ("children", 1.0)):
+        for name, unit in (
+            ("memory_bytes", 1e6),
+            ("descriptors", 1.0),
+            ("store_descriptors", 1.0),
+            ("threads", 1.0),
+            ("children", 1.0),
+        ):
             values = [getattr(one, name) / unit for one in part]
             cells.append(f"{statistics.median(values):.0f} ({max(values):.0f})")
         asked = sum(one.requests for one in part)

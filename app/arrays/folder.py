@@ -91,6 +91,12 @@ def verify(path: Path) -> None:
     _VERIFIED[path] = written_ns
 
 
+def forget_verified(above: Path) -> None:
+    """Hash what lies below it when it is next read: it is deleted, and may never be."""
+    for path in [path for path in list(_VERIFIED) if path.is_relative_to(above)]:
+        _VERIFIED.pop(path, None)
+
+
 def discard(path: Path) -> bool:
     """Remove the folder, so that it is made again; whether there was one. Who has its files open keeps them."""
     _VERIFIED.pop(path, None)

@@ -1,6 +1,6 @@
 """A report's pictures of what parts of a recording answer by themselves, and of the turning over the time offset.
 
-To be called within `plots.drawing()`, as the others are.
+To be called within `plots.drawn`, as the others are.
 """
 
 from __future__ import annotations

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import base64
 import io
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, cast
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,21 +27,28 @@ FULL, HALF = 7.0, 3.4
 BEFORE, AFTER, SERIES = "#c2550a", "#0b6e8f", ("#c0392b", "#2e7d32", "#1f5fa8")
 #: Of two ticks nobody can read a third value.
 FEWEST_TICKS = 3
-#: matplotlib's style is one for the whole process, and a server draws several reports at once.
-_DRAWING = threading.Lock()
+#: One thread draws for the whole process, in which a server makes several reports at once. matplotlib's style is one for all
+#: threads; and it keeps the fonts that each thread has opened, files and all, for the next 64, so that reports drawn by any
+#: thread that is free held more files each time.
+_DRAWER = ThreadPoolExecutor(1, thread_name_prefix="report")
+
+T = TypeVar("T")
 
 
-@contextmanager
-def drawing() -> Iterator[None]:
-    """The report's style, for one thread at a time: everything here is to be called within it."""
+def drawn(draw: Callable[[], T]) -> T:
+    """What `draw` makes of the functions here, in the report's style; after whoever draws now."""
+    return _DRAWER.submit(_in_style, draw).result()
+
+
+def _in_style(draw: Callable[[], T]) -> T:
     import matplotlib as mpl
 
-    with _DRAWING, mpl.rc_context():
+    with mpl.rc_context():
         mpl.rcParams.update({"font.size": 7.5, "font.family": "DejaVu Sans", "svg.hashsalt": "unsweep"})
         mpl.rcParams.update({"axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6})
         mpl.rcParams.update({"axes.grid": True, "grid.color": "#e3e5e8", "grid.linewidth": 0.5, "axes.axisbelow": True})
         mpl.rcParams.update({"lines.linewidth": 1.0, "legend.frameon": False})
-        yield
+        return draw()
 
 
 class Canvas:

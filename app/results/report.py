@@ -56,8 +56,7 @@ class Figure:
 def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
     """The page."""
     beside = beside or Beside()
-    with plots.drawing():
-        rig, figures = _rig(result), _figures(result, beside)
+    rig, figures = plots.drawn(lambda: (_rig(result), _figures(result, beside)))
     return _template().render(
         result=result,
         heading=_HEADINGS[result.status],

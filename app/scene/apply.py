@@ -162,8 +162,13 @@ class ShownScene:
         return self._server.scene.as_html(dark_mode=bool(self._dark))
 
     def close(self) -> None:
-        """Stop the server; browsers lose their connection."""
+        """Stop the server; browsers lose their connection. What was shown is let go now, not when somebody counts references:
+        the files it is mapped from may be about to be deleted.
+        """
         self._server.stop()
+        self._nodes.clear()
+        self._content = Content((), "")
+        self._cycle = Cycle()
 
     def _clicked(self, patch: int, origin_m: FloatArray, direction: FloatArray) -> None:
         """A sheet was clicked; clicked again at the same place, the ones behind it take turns."""

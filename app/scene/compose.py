@@ -74,6 +74,12 @@ class Composer:
             content, costs = self._inspect_scene(record, recording, state, camera)
         return Composed(_as_wished(content, state), _view(record, recording, state, content, costs))
 
+    def forget(self, recording_id: str) -> None:
+        """The recording is deleted."""
+        self._sources.forget(recording_id)
+        for shelf in (self._fastest, self._costs, self._stages):
+            shelf.forget(recording_id)
+
     def _planes_scene(self, record: RecordingRecord, recording: Recording | None, state: ViewState) -> Content:
         try:
             proposals, history = self._planes.current(record.id)
@@ -126,7 +132,7 @@ class Composer:
             content = build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note)
             return content, Costs()
         solved = found.solved
-        stage = self._stages.get(found.job_id, lambda: _stage(recording, solved))
+        stage = self._stages.get(f"{record.id}{found.job_id}", lambda: _stage(recording, solved))
         motions = _motions(solved, state)
         look = Look(
             place=state.scan,
@@ -138,9 +144,10 @@ class Composer:
             limit=self._limit,
             stage=stage,
         )
+        costs_of = f"{record.id}{found.job_id}"
         costs = Costs(
-            nudge=None if state.nudge is None else self._cost(found.job_id, recording, found.solved, motions.shown),
-            old=None if motions.old is None else self._cost(found.job_id, recording, found.solved, motions.old),
+            nudge=None if state.nudge is None else self._cost(costs_of, recording, found.solved, motions.shown),
+            old=None if motions.old is None else self._cost(costs_of, recording, found.solved, motions.old),
         )
         if state.extent != "surface":
             return build_inspection(recording, look, motions, camera), costs
@@ -160,10 +167,10 @@ class Composer:
         kept = tuple(item for item in shown.items if not isinstance(item, Cloud))
         return replace(shown, items=(*sheets, *kept), legend=LEGEND)
 
-    def _cost(self, job_id: str, recording: Recording, solved: Solved, wrong: Trajectory) -> WallBlur:
+    def _cost(self, name: str, recording: Recording, solved: Solved, wrong: Trajectory) -> WallBlur:
         """What a wrong motion costs, worked out once: a slider through the scans does not change it."""
         mark = zlib.crc32(wrong.times_s.tobytes() + wrong.R_map_lidar.tobytes() + wrong.p_map_lidar.tobytes())
-        return self._costs.get(f"{job_id}{mark}", lambda: wall_blur(recording, solved, wrong))
+        return self._costs.get(f"{name}{mark}", lambda: wall_blur(recording, solved, wrong))
 
 
 def _stage(recording: Recording, solved: Solved) -> Stage:

@@ -38,6 +38,7 @@ class OpenScene:
         self.live.stop()
         self.cut.stop()
         self.shown.close()
+        self.pickable_m = np.zeros((0, 3), dtype=np.float32)
 
 
 class OpenScenes:

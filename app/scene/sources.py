@@ -15,7 +15,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.arrays.folder import DamagedArrays
+from app.arrays.folder import DamagedArrays, forget_verified
 from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.arrays.surface import SURFACE, Surface, read_surface
 from app.arrays.trajectory import TRAJECTORY, read_trajectory
@@ -37,7 +37,10 @@ KEPT = 8
 
 
 class Shelf(Generic[Kept]):
-    """The last few things made, by name. Making one keeps nobody waiting who wants another."""
+    """The last few things made, by name; a name starts with its recording's id.
+
+    Making one keeps nobody waiting who wants another.
+    """
 
     def __init__(self, kept: int = KEPT) -> None:
         self._most = kept
@@ -58,6 +61,12 @@ class Shelf(Generic[Kept]):
                 while len(self._kept) > self._most:
                     self._kept.popitem(last=False)
             return made
+
+    def forget(self, recording_id: str) -> None:
+        """Drop what was made of the recording: a map of a deleted file keeps its room on the disk."""
+        with self._lock:
+            for name in [name for name in self._kept if name.startswith(recording_id)]:
+                del self._kept[name]
 
 
 @dataclass(frozen=True)
@@ -85,10 +94,21 @@ class SceneSources:
             folder = recording_arrays(self._files.cache(record))
         except ApiError:
             return None
+
+        def make() -> Recording:
+            self._recordings.forget(record.id)  # as it was read before, with other settings
+            return read_recording(folder)
+
         try:
-            return self._recordings.get(str(folder), lambda: read_recording(folder)) if has_recording(folder) else None
+            return self._recordings.get(f"{record.id}{folder}", make) if has_recording(folder) else None
         except DamagedArrays:  # as if it had not been read; whoever asks for its planes or times has it read again
             return None
+
+    def forget(self, recording_id: str) -> None:
+        """The recording is deleted."""
+        for shelf in (self._recordings, self._solved, self._surfaces):
+            shelf.forget(recording_id)
+        forget_verified(self._files.recording(recording_id))
 
     def first_cloud(self, record: RecordingRecord) -> PointArray | None:
         """What was seen first of the recording, (N,) points; None until then."""
@@ -105,7 +125,9 @@ class SceneSources:
             if not (self._files.job(job.id) / TRAJECTORY).is_file():
                 continue
             with suppress(OSError, ValueError, KeyError, BadZipFile):  # damaged on the disk: as if it had no answer
-                return SolvedJob(job.id, self._solved.get(job.id, partial(self._load, job)), self._surface(job))
+                return SolvedJob(
+                    job.id, self._solved.get(f"{record.id}{job.id}", partial(self._load, job)), self._surface(job)
+                )
         return None
 
     def surface_job(self, record: RecordingRecord, job_id: str) -> JobRecord | None:
@@ -121,7 +143,7 @@ class SceneSources:
         if not path.is_file():
             return None
         with suppress(OSError, ValueError, KeyError, BadZipFile):
-            return self._surfaces.get(job.id, partial(read_surface, path))
+            return self._surfaces.get(f"{job.recording_id}{job.id}", partial(read_surface, path))
         return None
 
     def _load(self, job: JobRecord) -> Solved:

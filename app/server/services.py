@@ -96,13 +96,13 @@ class Services:
         self.keeping = Keeping(recording_store, self.files, self.jobs, self.recordings, settings=settings)
         self.results = ResultService(self.files, self.jobs)
         self.sources = SceneSources(self.files, self.jobs)
-        composer = Composer(
+        self._composer = Composer(
             self.sources,
             self.planes,
             self.jobs,
             displayed_points=settings.displayed_points,
         )
-        self.scenes = SceneHub(recording_store, documents, self.planes, composer, bus, settings=settings)
+        self.scenes = SceneHub(recording_store, documents, self.planes, self._composer, bus, settings=settings)
         self.workflow = Workflow(recording_store, self.files, self.jobs, self.planes, self.feed, bus, self.sources)
         self._subscribe(bus)
 
@@ -203,5 +203,6 @@ class Services:
     def _forget(self, recording_id: str) -> None:
         self.scenes.open.close(recording_id)
         self.planes.forget(recording_id)
+        self._composer.forget(recording_id)
         self.feed.tell(recording_id, RecordingChanged(deleted=True))
         self.feed.forget(recording_id)

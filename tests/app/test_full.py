@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from types import SimpleNamespace
 import pytest
 from sqlalchemy import event
 
+from app.arrays import folder as array_folder
 from app.limits import JobLimits, fair_memory_bytes, full_disk
 from app.storage.files import RESERVE_BYTES, RESERVE_NAME
 from tests.app.support.live import serving
@@ -181,3 +183,32 @@ def test_a_server_starts_and_makes_room_on_a_disk_that_is_full_to_the_last_byte(
         "deleted 204",
         "ready 200 []",
     ], told.stderr[-2000:]
+
+
+@pytest.fixture
+def no_collector():
+    """Nothing is let go but by whoever held it last."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").is_file(), reason="the kernel's list of maps is Linux's")
+def test_a_deleted_recording_gives_its_room_back_at_once(shared_live, no_collector):
+    """What is mapped stays on the disk after its name is gone. Oracle: the kernel's list of the process's maps.
+
+    Mutations: scenes' arrays kept until eight other recordings were looked at; a closed scene that holds what it showed;
+    hashes of every folder ever read.
+    """
+    recording_id = shared_live.ready()
+    shared_live.finish(shared_live.start(recording_id))
+    shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"mode": "inspect"})
+    with shared_live.scene(recording_id) as scene:
+        assert len(scene.recv(timeout=30)) > 16
+    maps = Path("/proc/self/maps")
+    assert recording_id in maps.read_text()
+    assert any(recording_id in str(path) for path in array_folder._VERIFIED)
+    shared_live.http.delete(f"/api/recordings/{recording_id}")
+    assert recording_id not in maps.read_text()
+    assert not any(recording_id in str(path) for path in array_folder._VERIFIED)

@@ -6,8 +6,11 @@ import base64
 import html
 import re
 import shlex
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -163,8 +166,30 @@ def test_the_turning_is_said_to_agree_or_not():
 
 def test_the_same_run_gives_the_same_pictures(beside):
     """A page that was signed can be made again. Mutation: matplotlib's own names and date left in the pictures."""
-    with plots.drawing():
-        assert plots.thickness(beside.walls) == plots.thickness(beside.walls)
+    one, other = plots.drawn(lambda: (plots.thickness(beside.walls), plots.thickness(beside.walls)))
+    assert one == other
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the kernel's list of open files is Linux's")
+def test_reports_hold_no_more_files_the_more_threads_ask_for_them(beside):
+    """A server answers in whichever thread is free. Oracle: the kernel's list of open files. Mutation: drawn in the thread
+    that asks, each of which has matplotlib open the fonts anew and keep them.
+    """
+
+    def fonts():
+        held = [path.readlink().name for path in Path("/proc/self/fd").iterdir() if path.is_symlink()]
+        return sum(name.endswith(".ttf") for name in held)
+
+    def ask(_):
+        plots.drawn(lambda: plots.thickness(beside.walls))
+        together.wait()  # no thread ends and leaves its number to the next
+
+    ask_at_once, together = 4, threading.Barrier(4)
+    plots.drawn(lambda: plots.thickness(beside.walls))
+    before = fonts()
+    with ThreadPoolExecutor(ask_at_once) as pool:
+        list(pool.map(ask, range(ask_at_once)))
+    assert fonts() == before > 0
 
 
 def test_distances_are_binned_by_range_and_ring():

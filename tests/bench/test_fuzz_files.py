@@ -34,7 +34,10 @@ def test_thousands_of_spoilt_bytes_find_no_defect(tmp_path):
 
 
 def test_the_fuzzer_sees_a_defect(tmp_path, monkeypatch):
-    """Oracle: one put in, another exception and a file beside the folder. Mutation: `except Exception: pass` in `run`."""
+    """Oracle: one put in, another exception and a file beside the folder.
+
+    Mutation: in `run` a defect is counted among the outcomes and not told.
+    """
 
     def outside(path, folder, **_):
         (folder.parent / "out.mcap").write_bytes(b"x")
