@@ -256,7 +256,8 @@ def asked_of_root(stage: Stage) -> dict[str, object]:
         place = stage.root / volume[1:]
         call("mount", "--bind", place, place)
     call("mount", "-t", "tmpfs", "-o", "size=4g,mode=1777,nosuid,nodev", "tmpfs", stage.root / "tmp")
-    call("mount", "-o", "remount,ro", stage.root)
+    # This place alone: without `bind` the file system itself could not be written, at the volumes' places either.
+    call("mount", "-o", "remount,bind,ro", stage.root)
     if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNET) != 0:
         raise OSError(ctypes.get_errno(), "no network of its own")
     call("ip", "link", "set", "lo", "up")
