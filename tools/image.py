@@ -270,7 +270,7 @@ def asked_of_root(stage: Stage) -> dict[str, object]:
                 raise SystemExit("The service is not well by its own health check.")
             time.sleep(1.0)
         questions = inside(stage, ["python", "-c", QUESTIONS], beside={})
-        told = subprocess.run(questions, check=True, capture_output=True, text=True).stdout
+        told = subprocess.run(questions, check=True, stdout=subprocess.PIPE, text=True).stdout
         server.terminate()
         stopped = server.wait(30)
     finally:
@@ -304,7 +304,7 @@ def asked_of_container(name: str) -> dict[str, object]:
                 raise SystemExit("The container is not well by its own health check.")
             time.sleep(1.0)
         questions = ["docker", "exec", name, "python", "-c", QUESTIONS]
-        told = subprocess.run(questions, check=True, capture_output=True, text=True).stdout
+        told = subprocess.run(questions, check=True, stdout=subprocess.PIPE, text=True).stdout
     finally:
         call("docker", "rm", "--force", "--volumes", name)
     found: dict[str, object] = json.loads(told.splitlines()[-1])

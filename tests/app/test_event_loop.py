@@ -11,8 +11,10 @@ import threading
 import traceback
 
 import pytest
+from anyio import to_thread
 from sqlalchemy import Engine, event
 
+from app.api import scene
 from app.locks import NamedLocks
 from app.server.process import SWITCH_INTERVAL_S
 
@@ -121,6 +123,51 @@ def test_who_waits_for_scenes_leaves_the_threads_to_others(shared_live, monkeypa
         made.set()
         for browser in browsers:
             browser.join(60)
+
+
+def test_browsers_that_come_together_arrive_a_few_at_a_time(shared_live, monkeypatch):
+    """Five open a scene whose first picture is held back: two are being given it, the others wait. Oracle: a count of those
+    that were greeted. Mutations: all at once; a place that is not given back when the picture has gone.
+    """
+    recording_id = shared_live.ready()
+    hub, gate, greeted, dialled = shared_live.services.scenes, threading.Event(), [], []
+    dial, greet, pass_on = hub.dial, scene._dialled, scene._downward
+
+    def counted(name):
+        line = dial(name)
+        dialled.append(name)
+        return line
+
+    async def greeting(*arguments):
+        greeted.append(1)
+        return await greet(*arguments)
+
+    async def held(*arguments):
+        await to_thread.run_sync(gate.wait, 60)
+        await pass_on(*arguments)
+
+    monkeypatch.setattr(hub, "dial", counted)
+    monkeypatch.setattr(scene, "_dialled", greeting)
+    monkeypatch.setattr(scene, "_downward", held)
+    monkeypatch.setattr(scene, "ARRIVING_S", 60.0)
+
+    def look():
+        with shared_live.scene(recording_id, open_timeout=60) as browser:
+            seen.append(len(browser.recv(timeout=60)))
+
+    seen = []
+    browsers = [threading.Thread(target=look, daemon=True) for _ in range(5)]
+    for browser in browsers:
+        browser.start()
+    try:
+        shared_live.wait(lambda: len(dialled) == len(browsers) and len(greeted) >= scene.ARRIVING)
+        assert shared_live.http.get("/healthz").status_code == 200  # what could have been greeted has been by now
+        assert len(greeted) == scene.ARRIVING
+    finally:
+        gate.set()
+        for browser in browsers:
+            browser.join(60)
+    assert len(greeted) == len(seen) == len(browsers)
 
 
 FIRST_SCENE = """
