@@ -71,7 +71,7 @@ told = {"user": os.getuid(), "python": sys.version.split()[0]}
 told["without a token"] = ask("GET", "/api/recordings", token=False)[0]
 told["client"] = b'id="root"' in ask("GET", "/")[1]
 told["cannot write"] = all(map(refused, ("/etc/x", "/opt/unsweep/x", "/home/unsweep/x", "/usr/x")))
-subprocess.run(["unsweep", "--quiet", "simulate", "paper-fast", "/tmp/room.bag"], check=True)
+subprocess.run(["unsweep", "simulate", "paper-fast", "/tmp/room.bag", "--quiet", "--duration-s", "3"], check=True)
 made = json.loads(ask("PUT", "/api/recordings/upload?name=room.bag", Path("/tmp/room.bag").read_bytes())[1])
 told["read"] = ended(made["id"])
 ask("POST", f"/api/recordings/{made['id']}/jobs", {"kind": "solve"})
