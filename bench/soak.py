@@ -46,8 +46,8 @@ SAMPLE_S = 60.0
 CROWD, CROWD_REQUESTS = 40, 5
 #: Caches fill and pools grow in the first minutes; what grows afterwards is not given back.
 WARM_MINUTES = 10
-#: What may lie between the middle and the last third, as a share and as a number: pools breathe by that much.
-GROWTH = {"memory_bytes": (0.05, 8 * MIB), "descriptors": (0.0, 4), "threads": (0.0, 4), "children": (0.0, 0)}
+#: What may lie between the middle and the last third, as a share and as a number: pools breathe by that much, and two jobs run.
+GROWTH = {"memory_bytes": (0.05, 8 * MIB), "descriptors": (0.0, 4), "threads": (0.0, 4), "children": (0.0, 2)}
 TOLD = {"memory_bytes": 1e6, "descriptors": 1.0, "store_descriptors": 1.0, "threads": 1.0, "children": 1.0}
 ENDED = {"done", "failed", "cancelled", "interrupted"}
 
