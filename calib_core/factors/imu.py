@@ -16,6 +16,12 @@ from calib_core.geometry import exp, hat, log, right_jacobian_inverse
 from calib_core.imu.preintegration import Links
 from calib_core.types import FloatArray
 
+#: Columns of a knot, and what they are: a turn, a place and a velocity.
+KNOT = 9
+TURN, PLACE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
+#: Rows of a link's residual, in the order of eq. (11): of the rotation, the velocity and the position.
+_OF_R, _OF_V, _OF_P = slice(0, 3), slice(3, 6), slice(6, 9)
+
 
 @dataclass(frozen=True)
 class KnotStates:
@@ -36,7 +42,7 @@ class KnotStates:
 
     def moved(self, step: FloatArray) -> KnotStates:
         """The states after a step (K, 9) in block order phi, p, v."""
-        return KnotStates(self.R @ exp(step[:, :3]), self.p + step[:, 3:6], self.v + step[:, 6:])
+        return KnotStates(self.R @ exp(step[:, TURN]), self.p + step[:, PLACE], self.v + step[:, VELOCITY])
 
 
 @dataclass(frozen=True)
@@ -86,27 +92,27 @@ def link_factors(
     raw, dv, dp = _raw(links, states, gravity, gyro_bias_change, accel_bias_change)
     R0, R1 = states.R[:-1], states.R[1:]
     R0t = np.swapaxes(R0, 1, 2)
-    Jinv = right_jacobian_inverse(raw[:, :3])
+    Jinv = right_jacobian_inverse(raw[:, _OF_R])
     first = np.zeros((count, 9, 9))
     second = np.zeros((count, 9, 9))
-    first[:, 0:3, 0:3] = -Jinv @ np.swapaxes(R1, 1, 2) @ R0
-    second[:, 0:3, 0:3] = Jinv
-    first[:, 3:6, 0:3] = hat(dv)
-    first[:, 3:6, 6:9] = -R0t
-    second[:, 3:6, 6:9] = R0t
-    first[:, 6:9, 0:3] = hat(dp)
-    first[:, 6:9, 3:6] = -R0t
-    first[:, 6:9, 6:9] = -h * R0t
-    second[:, 6:9, 3:6] = R0t
+    first[:, _OF_R, TURN] = -Jinv @ np.swapaxes(R1, 1, 2) @ R0
+    second[:, _OF_R, TURN] = Jinv
+    first[:, _OF_V, TURN] = hat(dv)
+    first[:, _OF_V, VELOCITY] = -R0t
+    second[:, _OF_V, VELOCITY] = R0t
+    first[:, _OF_P, TURN] = hat(dp)
+    first[:, _OF_P, PLACE] = -R0t
+    first[:, _OF_P, VELOCITY] = -h * R0t
+    second[:, _OF_P, PLACE] = R0t
     D_gravity = np.zeros((count, 9, 3))
-    D_gravity[:, 3:6] = -h * R0t
-    D_gravity[:, 6:9] = -0.5 * h**2 * R0t
+    D_gravity[:, _OF_V] = -h * R0t
+    D_gravity[:, _OF_P] = -0.5 * h**2 * R0t
     D_bg = np.zeros((count, 9, 3))
-    D_bg[:, 0:3] = -Jinv @ exp(-raw[:, :3]) @ links.DR_D_bg
-    D_bg[:, 3:6] = -links.Dv_D_bg
-    D_bg[:, 6:9] = -links.Dp_D_bg
+    D_bg[:, _OF_R] = -Jinv @ exp(-raw[:, _OF_R]) @ links.DR_D_bg
+    D_bg[:, _OF_V] = -links.Dv_D_bg
+    D_bg[:, _OF_P] = -links.Dp_D_bg
     D_ba = np.zeros((count, 9, 3))
-    D_ba[:, 3:6] = -links.Dv_D_ba
-    D_ba[:, 6:9] = -links.Dp_D_ba
+    D_ba[:, _OF_V] = -links.Dv_D_ba
+    D_ba[:, _OF_P] = -links.Dp_D_ba
     L = links.sqrt_info
     return LinkFactors((L @ raw[..., None])[..., 0], L @ first, L @ second, L @ D_gravity, L @ D_bg, L @ D_ba)

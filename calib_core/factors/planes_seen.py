@@ -17,6 +17,10 @@ import numpy as np
 from calib_core.geometry.compiled import exp_into, multiply_into
 from calib_core.types import FloatArray, IntArray
 
+#: Columns of J, and what they are of: the knot, the calibration's seven, the plane; the clocks' rate where it is unknown.
+COLUMNS = 19
+OF_KNOT, OF_CALIBRATION, OF_PLANE, OF_CLOCK = slice(0, 9), slice(9, 16), slice(16, 19), slice(19, 20)
+
 
 @numba.njit(cache=True, nogil=True)
 def _moved_knot(

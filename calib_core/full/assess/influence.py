@@ -16,6 +16,7 @@ import numpy as np
 
 from calib_core.factors.imu import link_factors
 from calib_core.factors.laser_features import feature_changes
+from calib_core.factors.planes_seen import OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
@@ -87,7 +88,7 @@ def _of_bins(
     problem: JointProblem, estimate: Estimate, layout: Layout, along: FloatArray, border: FloatArray
 ) -> Influences:
     bins = problem.bins
-    a, J = problem.bins_seen(estimate)
+    a, J = problem.lidar.bins_seen(estimate)
     Q = _response(J, bins.knot, bins.plane, problem, layout, along, border)
     back = np.swapaxes(Q, 1, 2)
     moved = -(back @ (bins.scatter[:, :4] @ a[..., None]))[..., 0]
@@ -95,19 +96,19 @@ def _of_bins(
     lasers = bins.lasers
     if len(lasers.laser) == 0:
         return Influences(moved, allowed)
-    a, J = problem.lasers_seen(estimate)
+    a, J = problem.lidar.lasers_seen(estimate)
     Q = _response(J, lasers.knot, lasers.plane, problem, layout, along, border)[lasers.pair]
     F = _feature_response(problem, layout, border)[lasers.laser]
     back_F, mixed = np.swapaxes(F, 1, 2), np.swapaxes(Q, 1, 2) @ np.swapaxes(lasers.cross[:, :, :4], 1, 2) @ F
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
-    change = feature_changes(problem.laser_changes(estimate))[lasers.laser][..., None]
+    change = feature_changes(problem.lidar.laser_changes(estimate))[lasers.laser][..., None]
     cross = lasers.cross
     more = Influences(
         -(back_F @ (cross @ a[lasers.pair][..., None] + lasers.gram @ change))[..., 0]
         - (np.swapaxes(Q, 1, 2) @ (np.swapaxes(cross[:, :, :4], 1, 2) @ change))[..., 0],
         mixed + np.swapaxes(mixed, 1, 2) + back_F @ lasers.gram @ F,
     )
-    place = problem.bin_of_pair()
+    place = problem.lidar.bin_of_pair()
     extra = more.summed(place[lasers.pair], len(bins.plane))
     return Influences(moved + extra.moved, allowed + extra.allowed)
 
@@ -123,9 +124,13 @@ def _response(
 ) -> FloatArray:
     """(B, 4, 7) what [n_lidar, w_lidar] follow of the seven's columns."""
     planes = border[layout.every_plane()].reshape(-1, 3, CALIBRATION)
-    out = J[:, :, :9] @ along[knot] + J[:, :, 9:16] @ border[:CALIBRATION] + J[:, :, 16:19] @ planes[plane]
+    out = (
+        J[:, :, OF_KNOT] @ along[knot]
+        + J[:, :, OF_CALIBRATION] @ border[:CALIBRATION]
+        + J[:, :, OF_PLANE] @ planes[plane]
+    )
     if problem.sensors.clock_place >= 0:
-        out = out + J[:, :, 19:20] * border[layout.nuisance().start + problem.sensors.clock_place]
+        out = out + J[:, :, OF_CLOCK] * border[layout.nuisance().start + problem.sensors.clock_place]
     return np.asarray(out)
 
 

@@ -6,8 +6,8 @@
     round.py        the steps of a round; settle.py to rest; bounds.py what may not run away
     propagate.py    over what the lidar alone could not follow: window.py, regain.py, drift.py, reach.py
     plane_set.py    planes that join and planes that leave; doubt.py says why
-    problem.py      the factors: state.py, motion.py, view.py, association.py, moments.py, lidar_noise.py,
-                    priors.py, undetermined.py
+    problem.py      what is minimised; state.py its unknowns, lidar_factors.py, priors.py, undetermined.py
+    association.py  which point lies on which plane: view.py, motion.py, moments.py, lidar_noise.py
 
 Each step takes what is known and gives what is known then.
 """

@@ -30,10 +30,12 @@ from calib_core.types import FloatArray
 def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
     """How every plane stands under an estimate."""
     bins = problem.bins
-    R, p = problem.bin_poses(estimate)
+    R, p = problem.lidar.bin_poses(estimate)
     scatter, points = plane_chi2(problem, estimate)
     weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
-    distance_m = problem.sums(estimate) / weight  # as the lasers are known by now, not as when the points were laid out
+    distance_m = (
+        problem.lidar.sums(estimate) / weight
+    )  # as the lasers are known by now, not as when the points were laid out
     at_imu = (bins.scatter[:, 3, :3] / weight[:, None]) @ estimate.R_imu_lidar.T + estimate.p_imu_lidar
     place_m = np.einsum("bij,bj->bi", R, at_imu) + p
     time_s = problem.readings.knots_s[bins.knot]

@@ -13,7 +13,7 @@ from calib_core.types import FloatArray
 def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[float, int]]:
     """Per plane: root mean square of the range-noise-weighted distances in metres, and points."""
     bins = problem.bins
-    chi2 = problem.squares(estimate)
+    chi2 = problem.lidar.squares(estimate)
     weight = bins.scatter[:, 3, 3]
     out = []
     for j in range(len(estimate.normals)):
@@ -28,7 +28,7 @@ def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[flo
 def plane_chi2(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     """Per plane: mean squared distance in standard deviations (1 for pure noise), and points. (P,), (P,)."""
     bins = problem.bins
-    chi2 = problem.squares(estimate)
+    chi2 = problem.lidar.squares(estimate)
     planes = len(estimate.normals)
     points = np.bincount(bins.plane, bins.count, planes).astype(np.float64)
     return np.bincount(bins.plane, chi2, planes) / np.maximum(points, 1), points
@@ -43,7 +43,7 @@ def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> f
     if len(scatter) == 0:
         return 0.0
     weight = np.maximum(scatter[:, 3, 3], 1e-30)
-    moved = (problem.sums(after) - problem.sums(before)) / weight
+    moved = (problem.lidar.sums(after) - problem.lidar.sums(before)) / weight
     point_std = np.sqrt(problem.bins.count / weight)
     return float(np.percentile(np.abs(moved) / point_std, DOUBTING.moved_percent))
 
@@ -54,14 +54,14 @@ def misfit(problem: JointProblem, estimate: Estimate) -> float:
     A bin averages hundreds of points, so that what its mean has left is not range noise but motion, timing or geometry.
     """
     bins = problem.bins
-    mean = problem.sums(estimate)
+    mean = problem.lidar.sums(estimate)
     return float(np.mean(mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30))) if len(mean) else 0.0
 
 
 def plane_misfit(problem: JointProblem, estimate: Estimate) -> FloatArray:
     """The misfit plane by plane, (P,)."""
     bins = problem.bins
-    mean = problem.sums(estimate)
+    mean = problem.lidar.sums(estimate)
     square = mean**2 / np.maximum(bins.scatter[:, 3, 3], 1e-30)
     planes = len(estimate.normals)
     return np.bincount(bins.plane, square, planes) / np.maximum(np.bincount(bins.plane, minlength=planes), 1)
@@ -70,5 +70,5 @@ def plane_misfit(problem: JointProblem, estimate: Estimate) -> FloatArray:
 def away_m(problem: JointProblem, estimate: Estimate) -> float:
     """Root mean square of the bins' mean distances in metres, each bin by its points."""
     bins = problem.bins
-    mean = problem.sums(estimate) / np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    mean = problem.lidar.sums(estimate) / np.maximum(bins.scatter[:, 3, 3], 1e-30)
     return float(np.sqrt(np.average(mean**2, weights=bins.count))) if len(mean) else 0.0

@@ -1,4 +1,9 @@
-"""What the joint solve estimates, in which order, and the lidar factors it is handed."""
+"""What the joint solve estimates, in which order, how a step moves it, and the lidar factors it is handed.
+
+Perturbations in the order of the shared columns: R_imu_lidar Exp(theta), p_imu_lidar, time offset, gravity in the map frame,
+gyro and accelerometer bias at nodes every few seconds (linear in between), each plane's normal n + B eta in its own two axes
+and its offset, the sensors' own parameters; and per knot the IMU's R Exp(phi), p, v.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ import numpy as np
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.laser_features import LaserFactors
 from calib_core.full.joint.settings import CHAIN
+from calib_core.geometry import exp, plane_axes
 from calib_core.types import FloatArray, IntArray
 
 CALIBRATION = 7
@@ -76,6 +82,33 @@ class Estimate:
     nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
     aside_normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     aside_offsets_m: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def moved(self, step: FloatArray, step_shared: FloatArray, layout: Layout) -> Estimate:
+        """The estimate after a step: (K, 9) of its knots, (S,) of what is shared, its columns as laid out."""
+        s = step_shared
+        planes = s[layout.every_plane()].reshape(-1, 3)
+        axes = plane_axes(self.normals)
+        normals = self.normals + np.einsum("pi,pij->pj", planes[:, :2], axes)
+        # Turning a normal about the origin and renormalising: the offset follows the same scale.
+        length = np.linalg.norm(normals, axis=1)
+        # Gravity turns, and its magnitude changes, each by what the step says: a magnitude that is given to a ten-millionth
+        # would let no step pass that adds to its square.
+        gravity = self.gravity + s[GRAVITY]
+        magnitude = float(np.linalg.norm(self.gravity))
+        gravity *= (magnitude + float(self.gravity @ s[GRAVITY]) / magnitude) / float(np.linalg.norm(gravity))
+        return replace(
+            self,
+            states=self.states.moved(step),
+            R_imu_lidar=self.R_imu_lidar @ exp(s[ROTATION]),
+            p_imu_lidar=self.p_imu_lidar + s[TRANSLATION],
+            time_offset_s=self.time_offset_s + float(s[TIME_OFFSET]),
+            gravity=gravity,
+            gyro_bias=self.gyro_bias + s[layout.gyro_bias()].reshape(-1, 3),
+            accel_bias=self.accel_bias + s[layout.accel_bias()].reshape(-1, 3),
+            normals=normals / length[:, None],
+            offsets_m=self.offsets_m + planes[:, 2],
+            nuisance=self.nuisance + s[layout.nuisance()],
+        )
 
     def seen_from(self, R: FloatArray, p: FloatArray) -> Estimate:
         """The same estimate with another map frame, whose axes and origin lie at R (3, 3), p (3,) of the present one."""

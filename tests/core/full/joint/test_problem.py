@@ -192,7 +192,7 @@ def test_gradient_is_the_derivative_of_the_cost() -> None:
 def test_bin_jacobian_column_by_column(delta_s: float) -> None:
     """Fails when phi is not carried across the delay (no exp(omega delta)), or the velocity's column is + delta n."""
     problem, e = _problem(5, delta_s=delta_s)
-    J = problem.bins_seen(e)[1]
+    J = problem.lidar.bins_seen(e)[1]
     starts = {0: 0, 9: LAYOUT.size}
     assert starts[9] == LAYOUT.size
     for column in range(19):
@@ -206,7 +206,7 @@ def test_bin_jacobian_column_by_column(delta_s: float) -> None:
             else:
                 for j in range(PLANES):
                     shared[LAYOUT.plane(j).start + column - 16] = sign * _UNIT
-            values.append(problem.planes_seen(problem.moved(e, _step(knots, shared)))[:, :4])
+            values.append(problem.lidar.planes_seen(problem.moved(e, _step(knots, shared)))[:, :4])
         numerical = (values[0] - values[1]) / (2 * _UNIT)
         np.testing.assert_allclose(J[:, :, column], numerical, atol=1e-7, err_msg=str(column))
 

@@ -171,15 +171,17 @@ def test_bins_know_of_what_their_lasers_have_changed() -> None:
     links = len(case.problem.links.DR) * 9
     r = case.stacked(case.estimate)[links : links + len(case.pair)]
     bins = len(case.problem.bins.plane)
-    np.testing.assert_allclose(case.problem.sums(case.estimate), np.bincount(case.pair, r, bins), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(case.problem.squares(case.estimate), np.bincount(case.pair, r**2, bins), rtol=1e-9)
+    np.testing.assert_allclose(
+        case.problem.lidar.sums(case.estimate), np.bincount(case.pair, r, bins), rtol=1e-9, atol=1e-9
+    )
+    np.testing.assert_allclose(case.problem.lidar.squares(case.estimate), np.bincount(case.pair, r**2, bins), rtol=1e-9)
 
 
 def test_an_ideal_pair_of_sensors_adds_no_column() -> None:
     """Mutation: a column for the clocks' rate whatever the blocks."""
     problem, e = plain._problem(0)
     assert problem.layout(e).size == plain.LAYOUT.size
-    assert problem.bins_seen(e)[1].shape[2] == 19
+    assert problem.lidar.bins_seen(e)[1].shape[2] == 19
 
 
 def test_links_integrated_anew_agree_with_their_columns() -> None:

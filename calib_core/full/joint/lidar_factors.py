@@ -1,0 +1,166 @@
+"""The lidar's factors: how bins of points see their planes at an estimate, what that moves with, and what it costs.
+
+A bin of points at knot k sees plane j as a = [n_lidar, w_lidar, 1] (factors/planes_seen.py) and adds a' M a to twice the cost,
+M its scatter; where the lasers' own parameters are unknowns, their moments add what these change (factors/laser_features.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.factors.assembly import add_bins_kernel
+from calib_core.factors.laser_features import feature_changes, features_squares
+from calib_core.factors.laser_kernels import add_features_kernel
+from calib_core.factors.planes_seen import COLUMNS, planes_seen_kernel
+from calib_core.full.joint.sensors import SensorColumns
+from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
+from calib_core.geometry import exp, plane_axes
+from calib_core.imu.preintegration import UpsampledImu
+from calib_core.solver.arrow import ArrowSystem
+from calib_core.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LidarFactors:
+    """Bins about their time offset, their lasers about the values with which the points were laid out.
+
+    readings, nodes: the knots' times and rates of turning, and where the biases of these are states.
+    """
+
+    bins: Bins
+    sensors: SensorColumns
+    readings: UpsampledImu
+    nodes: BiasNodes
+
+    def cost(self, estimate: Estimate) -> float:
+        """Sum of squares of everything."""
+        a = self.planes_seen(estimate)
+        total = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
+        if len(self.bins.lasers.laser):
+            seen = self._seen_by_lasers(estimate)
+            total += float(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)).sum())
+        return float(total)
+
+    def add_to(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
+        """Adds the bins' share of the normal equations, and of the cost."""
+        b = self.bins
+        a, J = self.bins_seen(estimate)
+        clock = layout.nuisance().start + self.sensors.clock_place
+        Ma = (b.scatter @ a[..., None])[..., 0]
+        system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
+        add_bins_kernel(
+            b.knot, b.plane, J, b.scatter, Ma, layout.every_plane().start, clock,
+            system.diagonal, system.border, system.corner, system.gradient, system.gradient_shared,
+        )  # fmt: skip
+        if len(b.lasers.laser):
+            self._add_lasers(system, estimate, layout)
+
+    def _add_lasers(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
+        lasers = self.bins.lasers
+        a, J = self.lasers_seen(estimate)
+        change = self.laser_changes(estimate)
+        places, start = self.sensors.laser_places, layout.nuisance().start
+        system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
+        add_features_kernel(
+            lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
+            np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
+            start + self.sensors.clock_place, system.gradient, system.border, system.corner, system.gradient_shared,
+        )  # fmt: skip
+
+    def sums(self, estimate: Estimate) -> FloatArray:
+        """Sum of weighted distances of every bin's points, (B,) [1/m]."""
+        a = self.planes_seen(estimate)
+        total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
+        if len(self.bins.lasers.laser):
+            lasers = self.bins.lasers
+            change = feature_changes(self.laser_changes(estimate))[lasers.laser]
+            total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
+        return total
+
+    def squares(self, estimate: Estimate) -> FloatArray:
+        """Sum of weighted squared distances of every bin's points, (B,)."""
+        a = self.planes_seen(estimate)
+        total = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
+        if len(self.bins.lasers.laser):
+            seen = self._seen_by_lasers(estimate)
+            total += self._by_bin(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)))
+        return np.asarray(total)
+
+    def _by_bin(self, of_cluster: FloatArray) -> FloatArray:
+        """Summed over the lasers' clusters (C,) of each bin: (B,)."""
+        place = self.bin_of_pair()[self.bins.lasers.pair]
+        return np.bincount(place, of_cluster, len(self.bins.plane)).astype(np.float64)
+
+    def bin_of_pair(self) -> IntArray:
+        """(Q,) the bin of each pair of a knot and a plane that the lasers' moments are of: they are of the same points."""
+        lasers, bins = self.bins.lasers, self.bins
+        planes = int(max(bins.plane.max(initial=0), lasers.plane.max(initial=0))) + 1
+        keys = bins.knot * planes + bins.plane
+        order = np.argsort(keys)
+        place = np.searchsorted(keys[order], lasers.knot * planes + lasers.plane)
+        return np.asarray(order[np.minimum(place, len(keys) - 1)])
+
+    def laser_changes(self, estimate: Estimate) -> FloatArray:
+        """(L, 8) of each laser's columns since the points were laid out."""
+        change = estimate.nuisance - self.bins.nuisance
+        places = self.sensors.laser_places
+        return np.where(places >= 0, change[places], 0.0)
+
+    def planes_seen(self, estimate: Estimate) -> FloatArray:
+        """A = [n_lidar, w_lidar, 1] of every bin, (B, 5)."""
+        return self._seen(estimate, self.bins.knot, self.bins.plane, 0)[0]
+
+    def _seen_by_lasers(self, estimate: Estimate) -> FloatArray:
+        return self._seen(estimate, self.bins.lasers.knot, self.bins.lasers.plane, 0)[0]
+
+    def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """A of every bin (B, 5) and the Jacobian of its first four (B, 4, 19), or 20 with the clocks' rate."""
+        return self._seen(estimate, self.bins.knot, self.bins.plane, self._columns)
+
+    def lasers_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """The same of every pair of a knot and a plane that the lasers' moments are of."""
+        lasers = self.bins.lasers
+        return self._seen(estimate, lasers.knot, lasers.plane, self._columns)
+
+    @property
+    def _columns(self) -> int:
+        return COLUMNS + (self.sensors.clock_place >= 0)
+
+    def _seen(self, estimate: Estimate, knot: IntArray, plane: IntArray, columns: int) -> tuple[FloatArray, FloatArray]:
+        e = estimate
+        a, J = np.empty((len(knot), 5)), np.empty((len(knot) if columns else 0, 4, columns))
+        lever_s = self._clock_lever_s(e, knot) if columns > COLUMNS else np.zeros(0)
+        planes_seen_kernel(
+            knot, plane, e.states.R, e.states.p, e.states.v, self._rates(e), self._later_s(e, knot),
+            e.R_imu_lidar, e.p_imu_lidar, e.normals, e.offsets_m, plane_axes(e.normals), lever_s, a, J,
+        )  # fmt: skip
+        return a, J
+
+    def bin_poses(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+        """The IMU's poses at the bins: R (B, 3, 3), p (B, 3)."""
+        knot, s = self.bins.knot, estimate.states
+        delta = self._later_s(estimate, knot)[:, None]
+        return s.R[knot] @ exp(-self._rates(estimate)[knot] * delta), s.p[knot] - s.v[knot] * delta
+
+    def _rates(self, estimate: Estimate) -> FloatArray:
+        """(K, 3) [rad/s] at which the IMU turns at its knots."""
+        return np.asarray(self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))
+
+    def _later_s(self, estimate: Estimate, knot: IntArray) -> FloatArray:
+        """(B,) by how much earlier than at their making bins of these knots look their poses up."""
+        delta = estimate.time_offset_s - self.bins.time_offset_s + self._clock_shift_s(estimate, knot)
+        return np.zeros(len(knot)) + delta
+
+    def _clock_shift_s(self, estimate: Estimate, knot: IntArray) -> FloatArray | float:
+        """How much later than at their making the bins of these knots are, by a changed rate of the clocks."""
+        place = self.sensors.clock_place
+        if place < 0:
+            return 0.0
+        return np.asarray((estimate.nuisance[place] - self.bins.nuisance[place]) * self._clock_lever_s(estimate, knot))
+
+    def _clock_lever_s(self, estimate: Estimate, knot: IntArray) -> FloatArray:
+        """Seconds of offset for a ppm of rate, at knots."""
+        lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
+        return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
