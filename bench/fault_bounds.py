@@ -54,7 +54,7 @@ _BLOCKS: dict[str, dict[str, float]] = {
 @dataclass(frozen=True, slots=True)
 class FaultBoundRow:
     """One set of faults. rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; gyroscope_rotation_deg: the
-    same for the rotation into the gyroscope's mean axes.   ignoring_: root mean square
+    same for the rotation into the gyroscope's mean axes.   ignoring_rotation_deg and the two below: root mean square
     error, over faults drawn from these sizes, of the efficient estimator for ideal sensors.   left: of each block's prior
     sigma, the part that remains, smallest to largest."""
 

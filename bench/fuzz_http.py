@@ -103,8 +103,8 @@ class Findings:
     """What came back. statuses: how often each.   faults: requests that must not be answered so.
 
     asked: how many things, some of which were thought better of.   slowest_s: of all answers, on a machine that may be
-    crowded.   slowest_again_s: what took over a second was asked twice more, and this is the slowest of the quickest
-    answers: what holds the server up does so each time, a neighbour on the machine does not.
+    crowded.   slowest_again_s: what took over a second was asked twice more, and this is the slowest of the
+    quickest answers: what holds the server up does so each time, a neighbour on the machine does not.
     """
 
     statuses: Counter[int] = field(default_factory=Counter)

@@ -48,7 +48,7 @@ class StartRun:
 
     turn_deg, lever_m, offset_s: of the mounting drawn.   errors, stds: (7,).   worst_sigmas: the largest |error| / std.
     cost, cost_from_truth: at the ends; NaN where nothing was solved.   apart_sigmas: the largest difference of the two
-    answers over std.   start_s: CPU of the solve without a guess.
+    answers over std.   cpu_s: of the solve without a guess.
     """
 
     scenario: str

@@ -48,7 +48,7 @@ class UpsampledImu:
     """Readings where the integration wants them. K knots, L = K - 1 links, G Gauss points a link.
 
     knots_s: (K,) IMU clock.   gyro, accel: (L, G, 3).   knot_gyro, knot_accel: (K, 3).
-    excess_var: (L, 6) posterior variance beyond the reading noise, as an extra white density (times seconds).
+    excess_density2: (L, 6) posterior variance beyond the reading noise, as an extra white density (times seconds).
     linked: (L,) False where the IMU was silent for too long to bridge.   accel_delay_s: with which it was asked.
     """
 

@@ -79,7 +79,7 @@ class Preintegrated:
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """Measurements and bias Jacobians along steps. cov: (L, 9, 9) in order R, v, p."""
+    """Measurements and bias Jacobians along steps."""
 
     DR: FloatArray
     Dv: FloatArray

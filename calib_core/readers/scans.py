@@ -153,8 +153,8 @@ def _octets(points: PointArray) -> memoryview:
 class StoredScans(KeptScans):
     """Scans in order, in memory while they are few, in an unnamed temporary file beyond MEMORY_BYTES.
 
-    Items lie in the file's own pages, mapped and not copied, and are not to be written to; of these pages few are held at
-    once: memory stays flat however long the recording is. The file vanishes with the object and the last of its scans.
+    Items lie in the file's own pages, mapped and not copied, and are not to be written to; few of these pages are held
+    at once, so that memory stays flat however long the recording is. The file vanishes with the object and the last of its scans.
     Threads may read at once.
     """
 

@@ -142,6 +142,44 @@ def _prose(source: str) -> list[str]:
     return told + [token.string for token in tokens if token.type == tokenize.COMMENT]
 
 
+def test_every_field_and_argument_that_a_docstring_explains_is_there() -> None:
+    """Mutations: a field renamed, and its old name left in the docstring; the end of a sentence taken for a name's."""
+    unknown = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for package in ("calib_core", "app", "bench", "tools")
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for name in explained_but_unknown(path.read_text(encoding="utf-8"))
+    ]
+    assert unknown == []
+
+
+def test_a_field_that_is_gone_is_seen() -> None:
+    """Mutations: read classes only; take a name in the docstring itself for a use; the first of several names alone."""
+    gone = (
+        'class A:\n    """One.\n\n    left, size_m: (N,).   gone: (3,).\n    """\n\n    left: int\n    size_m: float',
+        'def f(left):\n    """One. left: of it.   gone: no longer."""',
+        'class A:\n    """One.   left, gone: both."""\n\n    left: int',
+    )
+    assert [explained_but_unknown(source) for source in gone] == [["gone"]] * 3
+    assert explained_but_unknown('def f(left):\n    """One is (N,), as said below: two.   Mutation: three."""') == []
+
+
+def explained_but_unknown(source: str) -> list[str]:
+    """Names that a docstring explains, `name: ...` at the start of a line or a sentence, and that its code does not have."""
+    unknown = []
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        told = ast.get_docstring(node)
+        if told is None or not (rows := re.findall(r"(?:^|   |\. )([a-z]\w*(?:, [a-z]\w*)*): ", told, re.MULTILINE)):
+            continue
+        has = set(re.findall(r"\w+", "\n".join(ast.unparse(each) for each in node.body[1:])))
+        if not isinstance(node, ast.ClassDef):
+            has |= set(re.findall(r"\w+", ast.unparse(node.args)))
+        unknown += [name for row in rows for name in row.split(", ") if name not in has]
+    return unknown
+
+
 def test_the_codes_of_refusals_are_all_on_the_page() -> None:
     """Mutation: a new `Refused("some.code", ...)` that the page does not know."""
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")

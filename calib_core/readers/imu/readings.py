@@ -25,7 +25,7 @@ _IMPOSSIBLE_READING = 1e5
 class StampStatistics:
     """Regularity of a row of stamps, before it was sorted and cleaned; of the steps, as it is used.
 
-    period_s: median step.   jitter_s: robust spread (1.48 median absolute deviation) of the steps.   gaps: longer than
+    period_s: median step.   jitter_s: robust spread (1.48 median absolute deviation) of the steps.   n_gaps: longer than
     GAP_PERIODS periods.   bundled_share: share of readings received together with the one before.
     """
 
