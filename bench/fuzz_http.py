@@ -8,62 +8,21 @@ are no text, nesting without end, wrong types, unknown fields, odd headers, ids 
 from __future__ import annotations
 
 import argparse
-import json
 import random
-import socket
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import cast
 
 import httpx2
 
-from app.application import Server, make_server
-from app.jobs.orders import Order, Parcel, Stopped
-from app.settings import AppSettings
+from bench.nonsense import HEADERS, STRINGS, spoilt_body
+from bench.still_server import server_of_its_own
 
-Json = object
-Media = dict[str, dict[str, dict[str, Json]]]
-#: Written into the JSON as they stand: a float's limits, and what the standard does not know but parsers do.
-RAW_NUMBERS = ("NaN", "Infinity", "-Infinity", "1e999", "-1e999", "1e-999", "9" * 400, "-0.0", "1E400", "0.1e1", "007")
-STRINGS = (
-    "",
-    "x" * 20_000,
-    "\ud800",
-    "\x00",
-    "../../../etc/passwd",
-    "/etc/passwd",
-    "%00",
-    "<script>",
-    "ünï\u202ecode",
-    "0" * 32,
-    "'; DROP TABLE jobs; --",
-    "\r\nX: y",
-)
-HEADERS: tuple[dict[str, str], ...] = (
-    {},
-    {"Last-Event-ID": "9" * 5000},
-    {"Range": "bytes=5-1"},
-    {"Content-Type": "text/plain"},
-    {"Content-Type": "application/json; charset=utf-7"},
-    {"Content-Encoding": "gzip"},
-    {"Accept": "nothing/at-all"},
-    {"X-HTTP-Method-Override": "DELETE"},
-    {"X-Forwarded-Host": "evil.example"},
-    {"Cookie": "unsweep_session=" + "a" * 3000},
-    {"If-None-Match": "*"},
-    {"Origin": "null"},
-)
-_MARK = "@@raw-number-{}@@"
-#: Levels of what is nested deepest.
-DEEPEST = 2000
 #: Things asked between two lines on how far it is.
 LINE_EVERY = 500
 #: Of a client, on the busiest machine [s]; nothing is judged by it.
@@ -72,30 +31,6 @@ PATIENCE_S = 180.0
 LONG_S = 1.0
 #: Things asked of one server: what they leave behind would make its lists long, and the rest of the run slow.
 SERVER_EVERY = 1000
-
-
-class StillLauncher:
-    """Runs no process: every job ends at once, having done nothing. The requests are what is tried here."""
-
-    def launch(self, _: Order) -> StillLauncher:
-        """A job that has ended."""
-        return self
-
-    def parcels(self) -> Iterator[Parcel]:
-        """Its end."""
-        yield Stopped()
-
-    def ask_to_stop(self) -> None:
-        """It has."""
-
-    def terminate(self) -> None:
-        """It has."""
-
-    def prepare(self) -> None:
-        """Nothing to prepare."""
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 @dataclass
@@ -120,26 +55,6 @@ class Findings:
         self.slowest_s = max(self.slowest_s, other.slowest_s)
         self.slowest_again_s = max(self.slowest_again_s, other.slowest_again_s)
         self.faults += other.faults
-
-
-@contextmanager
-def server_of_its_own(folder: Path) -> Iterator[tuple[str, Server]]:
-    """The address of a server over an empty data directory, and the server."""
-    bound = socket.create_server(("127.0.0.1", 0))
-    shared = folder / "recordings"
-    shared.mkdir()
-    settings = AppSettings(data_dir=folder / "data", recordings_dir=shared, min_free_bytes=0, spare_worker=False)
-    server = make_server(settings, launcher=StillLauncher())
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    try:
-        yield f"http://127.0.0.1:{bound.getsockname()[1]}", server
-    finally:
-        server.should_exit = True
-        thread.join(30)
-        bound.close()
 
 
 class Fuzzer:
@@ -189,7 +104,7 @@ class Fuzzer:
         }
         if method == "DELETE" and self._ids[0] in path:
             return  # what all others are about
-        body = self._body(operation)
+        body = spoilt_body(operation, self._random)
         headers = {"Content-Type": "application/json", **self._random.choice(HEADERS)}
         began_s = time.monotonic()
         query = {name: value.encode("utf-8", "replace").decode() for name, value in query.items()}
@@ -224,49 +139,6 @@ class Fuzzer:
         with self._http.stream(method, path, params=query, content=body, headers=headers) as answer:
             streams = "event-stream" in answer.headers.get("content-type", "")
             return answer.status_code, "" if streams else answer.read().decode("utf-8", "replace")
-
-    def _body(self, operation: dict[str, Json]) -> bytes:
-        content = cast("dict[str, Media]", cast("dict[str, Json]", operation.get("requestBody", {})).get("content"))
-        if not content:
-            return b""
-        examples = next(iter(content.values())).get("examples") or {"none": {"value": {}}}
-        value: Json = json.loads(json.dumps(self._random.choice(list(examples.values()))["value"]))
-        for _ in range(self._random.randint(0, 3)):
-            value = self._spoilt(value, depth=0)
-        try:
-            text = json.dumps(value)
-        except RecursionError:  # nested twice: deeper than this program itself can write
-            text = "[" * DEEPEST + "]" * DEEPEST
-        for number, raw in enumerate(RAW_NUMBERS):
-            text = text.replace(f'"{_MARK.format(number)}"', raw)
-        raw_body = text.encode("utf-8", "replace")
-        return raw_body[: self._random.randrange(len(raw_body) + 1)] if self._random.random() < 0.05 else raw_body
-
-    def _spoilt(self, value: Json, depth: int) -> Json:
-        """The value with one thing wrong somewhere inside."""
-        inside = self._random.random() < 0.75
-        if isinstance(value, dict) and value and inside:
-            key = self._random.choice(list(value))
-            return {**value, key: self._spoilt(value[key], depth + 1)}
-        if isinstance(value, list) and value and inside:
-            place = self._random.randrange(len(value))
-            return [*value[:place], self._spoilt(value[place], depth + 1), *value[place + 1 :]]
-        return self._nonsense(value)
-
-    def _nonsense(self, value: Json) -> Json:
-        pick = self._random.random()
-        if pick < 0.35:
-            return _MARK.format(self._random.randrange(len(RAW_NUMBERS)))
-        if pick < 0.55:
-            return self._random.choice(STRINGS)
-        if pick < 0.62:
-            nested: Json = value
-            for _ in range(self._random.choice([5, 900])):
-                nested = [nested]
-            return nested
-        if pick < 0.7 and isinstance(value, dict):
-            return {**value, self._random.choice(["extra", "", "__proto__", "x" * 1000]): value}
-        return self._random.choice([None, True, -1, 2**70, 1e308, [], {}, [value] * 300, {"op": "undo"}, 0.5])
 
 
 def fuzz(address: str, *, seed: int, count: int, at_once: int, longest_s: float = float("inf")) -> Findings:

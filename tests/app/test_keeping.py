@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from bench.fuzz_http import StillLauncher
+from bench.still_server import StillLauncher
 from tests.app.support.live import serving
 
 DAY = timedelta(days=1)

@@ -13,37 +13,8 @@ import viser._viser
 
 from app.scene.aim import Stand
 from app.scene.messages import admitted
+from bench.fuzz_scene import CAMERA, CLICK, POINTER
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (0, 0, -3.0),
-    "fov": 1.2,
-    "near": 0.1,
-    "far": 1000,
-    "image_height": 600,
-    "image_width": 800,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
-CLICK = {
-    "type": "SceneNodeClickMessage",
-    "name": "/patch/0",
-    "instance_index": None,
-    "ray_origin": (0.0, 0.0, 0.0),
-    "ray_direction": (1.0, 0.0, 0.0),
-    "screen_pos": (0.5, 0.5),
-    "modifier": None,
-    "owner": "",
-}
-POINTER = {
-    "type": "ScenePointerMessage",
-    "event_type": "rect-select",
-    "ray_origin": None,
-    "ray_direction": None,
-    "screen_pos": ((0.1, 0.1), (0.9, 0.9)),
-    "modifier": "shift",
-}
 #: What viser's client can say besides; read in the sources of the version that is pinned.
 FORBIDDEN = (
     {"type": "ShareUrlRequest"},

@@ -8,7 +8,7 @@ import zipfile
 import pytest
 
 from app.scene.messages import admitted
-from bench import fuzz_files
+from bench import fuzz_archives, fuzz_files, fuzz_scene
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.archive import unpack_archive
 from tests.app.test_scene_frames import TRIED
@@ -42,8 +42,8 @@ def test_the_fuzzer_sees_a_defect(tmp_path, monkeypatch):
     def outside(path, folder, **_):
         (folder.parent / "out.mcap").write_bytes(b"x")
 
-    monkeypatch.setattr(fuzz_files, "unpack_archive", outside)
-    monkeypatch.setattr(fuzz_files, "admitted", lambda _: 1 / 0)
+    monkeypatch.setattr(fuzz_archives, "unpack_archive", outside)
+    monkeypatch.setattr(fuzz_scene, "admitted", lambda _: 1 / 0)
     found = fuzz_files.run(40, 1, tmp_path, only=("archives", "said to the scene"))
     assert len(found.defects) == found.inputs == 40
 
@@ -69,6 +69,6 @@ def test_an_input_is_the_same_wherever_it_is_run(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     first, second = (
-        fuzz_files.zipped(tmp_path / each, random.Random("1 archives 7")).read_bytes() for each in ("a", "b")
+        fuzz_archives.zipped(tmp_path / each, random.Random("1 archives 7")).read_bytes() for each in ("a", "b")
     )
     assert first == second

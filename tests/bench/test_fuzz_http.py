@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from contextlib import closing
 
-from bench.fuzz_http import Fuzzer, server_of_its_own
+from bench.fuzz_http import Fuzzer
+from bench.still_server import server_of_its_own
 
 REQUESTS = 1000
 
