@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from calib_core.doctor.examination import READING, Examination, choose, detect, read
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.lidar_report import lidar_report
 from calib_core.doctor.outlook import forecast_report, foresee, planes_report
@@ -22,67 +21,21 @@ from calib_core.doctor.report import (
     Timeline,
     TopicReport,
 )
-from calib_core.doctor.sampling import SampledScans
 from calib_core.doctor.timeline import timeline
 from calib_core.doctor.verdict import judge
-from calib_core.errors import Cancelled, InputError
+from calib_core.errors import InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.full.forecast import sample_scan
-from calib_core.readers.clouds.cloud import RawCloud
-from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.deskewed import deskew_suspicion
-from calib_core.readers.clouds.layouts import Layout, recognise_layout
-from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.container.storage import TopicSummary
-from calib_core.readers.container.wire import MalformedMessage
-from calib_core.readers.imu.messages import ImuCollector, RawImu
-from calib_core.readers.imu.readings import CleanedImu, clean_imu
-from calib_core.readers.reading import damage_findings, sample_clouds, span_ns
-from calib_core.readers.scans import ScanCounts, make_scan
+from calib_core.readers.reading import damage_findings, span_ns
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
-from calib_core.readers.timing.point_time import PointTiming, last_point_after_header_s, scan_period_s
+from calib_core.readers.timing.point_time import last_point_after_header_s
 from calib_core.readers.timing.stamps import plausible_stamps
-from calib_core.readers.timing.synthesise import point_timing
-from calib_core.readers.topics import (
-    CLOUD_TYPES,
-    choose_imu,
-    choose_lidar,
-    imu_topics,
-    lidar_topics,
-)
+from calib_core.readers.topics import CLOUD_TYPES, imu_topics, lidar_topics
 from calib_core.settings import ReadSettings
-from calib_core.types import Finding, ImuData, IntArray, Scan
-
-#: Scans decoded for the statistics, spread evenly; headers are read of all.
-EXAMINED_SCANS = 120
-#: And of each no more points: a lidar of 128 beams would otherwise fill the memory.
-EXAMINED_POINTS = 60_000
-#: Share of the work that reading is; the rest is looking ahead.
-_READING = 0.4
-
-
-@dataclass(slots=True)
-class _Examination:
-    """What is known so far of the recording's lidar and IMU."""
-
-    lidar_topic: TopicSummary | None = None
-    imu_topic: TopicSummary | None = None
-    decoder: CloudDecoder | None = None
-    first: RawCloud | None = None
-    layout: Layout | None = None
-    timing: PointTiming | None = None
-    period_s: float = 0.1
-    problems: list[InputError] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
-    header_ns: list[int] = field(default_factory=list)
-    receive_ns: list[int] = field(default_factory=list)
-    examined: list[tuple[Scan | None, ScanCounts]] = field(default_factory=list)
-    raw_imu: RawImu | None = None
-    cleaned: CleanedImu | None = None
-    sampled: SampledScans | None = None
-    n_malformed: int = 0
+from calib_core.types import Finding, ImuData, IntArray
 
 
 def inspect(
@@ -94,116 +47,18 @@ def inspect(
     """
     on_event(StageEvent(stage="inspect", fraction=0.0, text=f"opening {path.name}"))
     with open_recording(path) as recording:
-        state = _Examination()
+        state = Examination()
         span = span_ns(recording, settings) if any(t.count for t in recording.topics) else (None, None)
-        _choose(state, recording, settings)
-        _detect(state, recording, settings, span)
-        _read(state, recording, settings, span, on_event, should_cancel)
+        choose(state, recording, settings)
+        detect(state, recording, settings, span)
+        read(state, recording, settings, span, on_event, should_cancel)
         report = _report(state, recording, settings, on_event, should_cancel)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
     return report
 
 
-def _choose(state: _Examination, recording: OpenRecording, settings: ReadSettings) -> None:
-    try:
-        state.lidar_topic = choose_lidar(
-            recording.topics, settings.lidar_topic, recording.name, name_model=partial(packet_model, recording)
-        )
-        state.decoder = cloud_decoder(state.lidar_topic, settings.stamps)
-    except InputError as error:
-        state.problems.append(error)
-        state.lidar_topic = None
-    try:
-        state.imu_topic = choose_imu(recording.topics, settings.imu_topic, recording.name)
-    except InputError as error:
-        state.problems.append(error)
-
-
-def _detect(
-    state: _Examination, recording: OpenRecording, settings: ReadSettings, span: tuple[int | None, int | None]
-) -> None:
-    """Layout and point times from a sample of the clouds."""
-    if state.lidar_topic is None or state.decoder is None:
-        return
-    try:
-        sample = sample_clouds(recording, state.lidar_topic, state.decoder, span)
-    except InputError as error:
-        state.problems.append(error)
-        state.lidar_topic = None
-        return
-    state.first = sample[0]
-    state.layout = recognise_layout(sample[0], state.lidar_topic.name)
-    state.period_s = scan_period_s(sample)
-    try:
-        state.decoder, state.timing, found = point_timing(
-            sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
-        )
-        state.findings.extend(found)
-    except InputError as error:
-        state.problems.append(error)
-
-
-def _read(
-    state: _Examination,
-    recording: OpenRecording,
-    settings: ReadSettings,
-    span: tuple[int | None, int | None],
-    on_event: OnEvent,
-    should_cancel: ShouldCancel,
-) -> None:
-    """One pass over both topics: every header, every IMU reading, some scans."""
-    lidar, imu = state.lidar_topic, state.imu_topic
-    names = [t.name for t in (lidar, imu) if t is not None]
-    if not names:
-        return
-    total = max(1, sum(t.count for t in (lidar, imu) if t is not None))
-    n_scans = lidar.count if lidar else 0
-    every = max(1, n_scans // EXAMINED_SCANS)
-    state.sampled = SampledScans(n_scans, state.period_s)
-    collector = ImuCollector(imu.encoding if imu else "cdr")
-    for n_seen, message in enumerate(recording.messages(names, start_ns=span[0], stop_ns=span[1])):
-        if n_seen % 500 == 0:
-            if should_cancel():
-                raise Cancelled("Inspecting was stopped.")
-            on_event(
-                StageEvent(
-                    stage="inspect",
-                    fraction=_READING * min(1.0, n_seen / total),
-                    text=f"{n_seen} of {total} messages",
-                )
-            )
-        if imu is not None and message.topic == imu.name:
-            collector.add(message)
-        elif state.decoder is not None:
-            try:
-                _take(state, state.decoder(message), state.sampled, settings, every)
-            except (MalformedMessage, ValueError, KeyError):
-                state.n_malformed += 1
-    if imu is not None:
-        state.raw_imu = collector.finish()
-        try:
-            state.cleaned = clean_imu(state.raw_imu, settings, imu.name)
-            state.findings.extend(state.cleaned.findings)
-        except InputError as error:
-            state.problems.append(error)
-
-
-def _take(state: _Examination, cloud: RawCloud, sampled: SampledScans, settings: ReadSettings, every: int) -> None:
-    """One cloud: its header, and its points where they are wanted for statistics or for the forecast."""
-    position = len(state.header_ns)
-    counted = position % every == 0
-    if state.timing is not None and (counted or sampled.wants(position)):
-        scan, counts = make_scan(cloud, position, state.timing, settings.range_min_m, settings.range_max_m)
-        if counted:
-            state.examined.append((scan and sample_scan(scan, EXAMINED_POINTS), counts))
-        if scan is not None and sampled.wants(position):
-            sampled.add(scan)
-    state.header_ns.append(cloud.header_ns)
-    state.receive_ns.append(cloud.receive_ns)
-
-
 def _report(
-    state: _Examination,
+    state: Examination,
     recording: OpenRecording,
     settings: ReadSettings,
     on_event: OnEvent,
@@ -252,7 +107,7 @@ def _report(
     )
 
 
-def _clocks(state: _Examination, header_ns: IntArray, receive_ns: IntArray, settings: ReadSettings) -> int:
+def _clocks(state: Examination, header_ns: IntArray, receive_ns: IntArray, settings: ReadSettings) -> int:
     """The coarse clock offset; what the clocks and the clouds give away joins the findings."""
     raw, topic = state.raw_imu, state.lidar_topic
     if raw is None or topic is None or not header_ns.size or not raw.header_ns.size:
@@ -275,7 +130,7 @@ def _clocks(state: _Examination, header_ns: IntArray, receive_ns: IntArray, sett
 
 
 def _look_ahead(
-    state: _Examination,
+    state: Examination,
     header_ns: IntArray,
     receive_ns: IntArray,
     offset_ns: int,
@@ -293,7 +148,7 @@ def _look_ahead(
 
     def later(event: StageEvent | IterationEvent | LogEvent) -> None:
         if isinstance(event, StageEvent):
-            event = event.model_copy(update={"fraction": _READING + (1.0 - _READING) * event.fraction})
+            event = event.model_copy(update={"fraction": READING + (1.0 - READING) * event.fraction})
         on_event(event)
 
     outlook = foresee(sampled, imu, offset_ns, on_event=later, should_cancel=should_cancel)
@@ -304,7 +159,7 @@ def _look_ahead(
 
 
 def _lidar(
-    state: _Examination, header_ns: IntArray, receive_ns: IntArray, range_std_m: float | None
+    state: Examination, header_ns: IntArray, receive_ns: IntArray, range_std_m: float | None
 ) -> LidarReport | None:
     if state.first is None or state.lidar_topic is None or state.layout is None:
         return None
@@ -321,7 +176,7 @@ def _lidar(
     )
 
 
-def _imu(state: _Examination, recording: OpenRecording) -> ImuReport | None:
+def _imu(state: Examination, recording: OpenRecording) -> ImuReport | None:
     if state.cleaned is None or state.raw_imu is None:
         return None
     return imu_report(
