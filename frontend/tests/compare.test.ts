@@ -1,8 +1,7 @@
-import { describe, expect, it, vi } from "vitest";
+import { describe, expect, it } from "vitest";
 import type { CalibrationResult, Recording } from "../src/api/client";
 import { differences, rotationBetween } from "../src/features/result/difference";
 import { listed } from "../src/features/start/recent";
-import { previousOf } from "../src/features/start/uploads";
 
 const turn = (deg: number): number[][] => {
   const [c, s] = [Math.cos((deg * Math.PI) / 180), Math.sin((deg * Math.PI) / 180)];
@@ -59,15 +58,5 @@ describe("recordings", () => {
     expect(listed(all, "not usable", "newest").map((one) => one.name)).toEqual(["room 9.bag"]);
     expect(listed(all, "", "standing").map((one) => one.verdict)).toEqual(["good", "limited", "unusable"]);
     expect(listed(all, "", "largest")[0]?.size_bytes).toBe(9);
-  });
-});
-
-describe("an upload", () => {
-  // Fails when a look-up that is refused is waited for: the upload would never begin.
-  it("begins anew where the browser keeps nothing", async () => {
-    expect(
-      await previousOf({ findPreviousUploads: vi.fn().mockRejectedValue(new Error("forbidden")) }),
-    ).toBeUndefined();
-    expect(await previousOf({ findPreviousUploads: vi.fn().mockResolvedValue([]) })).toBeUndefined();
   });
 });
