@@ -1,7 +1,16 @@
 import { expect, test } from "vitest";
-import { limitsOf, usual } from "../src/features/audit/limits";
+import { limitsOf, limitsText } from "../src/features/audit/limits";
 import { listed, standingOf } from "../src/features/start/recent";
 import type { Recording } from "../src/api/client";
+
+const usual = limitsText({ rotation_deg: 0.5, translation_m: 0.02, time_offset_s: 0.002 });
+
+/** Oracle: the served limits in the fields' own units. Mutations: metres shown as millimetres; Infinity typed. */
+test("limits that nobody chose are the served ones, and none until these are told", () => {
+  expect(usual).toEqual({ rotation: "0.5", translation: "20", time: "2" });
+  const untold = limitsText({ rotation_deg: Infinity, translation_m: Infinity, time_offset_s: Infinity });
+  expect(untold).toEqual({ rotation: "", translation: "", time: "" });
+});
 
 /** Mutations: three numbers read as one; an empty field read as nought; a comma taken for a separator. */
 test("limits are one number, three, or nothing where it is not judged", () => {

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { Job } from "../src/api/client";
-import { draftOf, settingsOf } from "../src/features/solve/draft";
+import openapi from "../openapi.json";
+import { draftOf, settingsOf, usualRounds } from "../src/features/solve/draft";
 import { matrixOf } from "../src/features/solve/guess";
 import { gravityAt, priorOf, priorText } from "../src/features/solve/priors";
 
@@ -23,6 +24,11 @@ const before = {
 } as unknown as Job["settings"];
 
 describe("what a solve is told", () => {
+  // Oracle: the server's own document. Fails when the usual number of rounds is another there.
+  it("takes for usual what the server does", () => {
+    expect(usualRounds).toBe(openapi.components.schemas.CalibrateSettings.properties.max_rounds.default);
+  });
+
   // Fails when degrees or millimetres are sent as they are typed.
   it("takes priors in the units that people read", () => {
     expect(priorOf({ axis: "tz", value: "310", sigma: "5" })).toEqual({ axis: "tz", value: 0.31, std: 0.005 });

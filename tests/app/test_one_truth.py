@@ -23,6 +23,7 @@ from app.schemas.planes import Confirm, Drop
 from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from app.work.functions import _guess as start_of
 from calib_core import api
+from calib_core.audit.limits import Limits
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.errors import SettingsError
 from calib_core.full.assess.observability import LIMITS, UNITS
@@ -41,8 +42,9 @@ FORECAST = Forecast(
 
 
 def test_the_limits_shown_are_those_that_the_estimator_judges_by():
-    """Oracle: the estimator's own. Mutation: 0.02 deg for 0.5."""
+    """Oracle: the estimator's own. Mutations: 0.02 deg for 0.5; an audit's usual limits of its own."""
     np.testing.assert_allclose(LIMITS * UNITS, [np.radians(WEAK_DEG)] * 3 + [WEAK_M] * 3 + [WEAK_S])
+    assert Limits().per_axis() == pytest.approx([WEAK_DEG] * 3 + [1e3 * WEAK_M] * 3 + [1e3 * WEAK_S])
     assert tuple(AXIS_NAMES) == COVARIANCE_ORDER
 
 

@@ -1,4 +1,4 @@
-import type { NewAudit } from "../../api/client";
+import type { Limits as Served, NewAudit } from "../../api/client";
 import { numberOf } from "../solve/priors";
 
 export type Limits = NonNullable<NewAudit["limits"]>;
@@ -10,8 +10,11 @@ export interface LimitsText {
   time: string;
 }
 
-/** Beyond these a result of our own would be called weak. */
-export const usual: LimitsText = { rotation: "0.5", translation: "20", time: "2" };
+/** The limits beyond which a result of our own would be called weak, as they would be typed; nothing until they are told. */
+export function limitsText({ rotation_deg, translation_m, time_offset_s }: Served): LimitsText {
+  const text = (value: number) => (Number.isFinite(value) ? String(Number(value.toPrecision(6))) : "");
+  return { rotation: text(rotation_deg), translation: text(1000 * translation_m), time: text(1000 * time_offset_s) };
+}
 
 /** What is meant; null while a number is unfinished, not above nought, or nothing at all is judged. */
 export function limitsOf({ rotation, translation, time }: LimitsText): Partial<Limits> | null {
@@ -40,7 +43,7 @@ function oneOrThree(text: string): Limit | undefined {
 /** Kept for the next recording: limits belong to a rig's use, not to one recording. */
 const place = "unsweep audit limits";
 
-export function rememberedLimits(): LimitsText {
+export function rememberedLimits(usual: LimitsText): LimitsText {
   try {
     const kept: unknown = JSON.parse(window.localStorage.getItem(place) ?? "null");
     if (typeof kept !== "object" || kept === null) return usual;

@@ -5,7 +5,7 @@ import { Link, useSearchParams } from "react-router";
 import type { Job } from "../../api/client";
 import { sparse } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
-import { auditQuery, useRetryJob, useStartAudit } from "../../api/queries";
+import { auditQuery, useRetryJob, useStartAudit, useUsualLimits } from "../../api/queries";
 import { useNow } from "../../ui/clock";
 import { ago } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
@@ -17,7 +17,7 @@ import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import css from "./audit.module.css";
 import { AuditForm, type AuditDraft } from "./form";
-import { limitsOf, rememberedLimits, rememberLimits } from "./limits";
+import { limitsOf, limitsText, rememberedLimits, rememberLimits, type LimitsText } from "./limits";
 import { AuditDocument } from "./report";
 import { verdictTones, verdictWords } from "./words";
 
@@ -27,12 +27,14 @@ const stages = [...stagesOfPlanes, ...stagesOfSolve];
 export function AuditScreen() {
   const { recording, jobs } = useWorkspace();
   const [query, setQuery] = useSearchParams();
-  const [draft, setDraft] = useState<AuditDraft>(() => ({
+  const usual = limitsText(useUsualLimits());
+  const [chosen, setChosen] = useState<Omit<AuditDraft, "limits"> & { limits: LimitsText | null }>({
     text: "",
     file: "",
     direction: "imu_lidar",
-    limits: rememberedLimits(),
-  }));
+    limits: null,
+  });
+  const draft: AuditDraft = { ...chosen, limits: chosen.limits ?? rememberedLimits(usual) };
   const start = useStartAudit(recording.id);
   const audits = jobs?.filter((job) => job.kind === "audit") ?? [];
   const shown = query.get("job") ?? audits[0]?.id ?? null;
@@ -68,7 +70,7 @@ export function AuditScreen() {
       >
         <AuditForm
           draft={draft}
-          onChange={(part) => setDraft((old) => ({ ...old, ...part }))}
+          onChange={(part) => setChosen((old) => ({ ...old, ...part }))}
           limitsFit={limits !== null}
         />
         {start.isError && <Fault error={start.error} />}

@@ -1,13 +1,11 @@
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
-import { api, told } from "../../api/client";
+import { api, sparse, told } from "../../api/client";
 import type { components } from "../../api/generated/schema";
 
 export type StorageUse = components["schemas"]["StorageUse"];
 export type RecordingUse = components["schemas"]["RecordingUse"];
 
 const key = ["storage"] as const;
-/** A working day and the way home. */
-const linkHours = 24;
 
 export const storageQuery = queryOptions({
   queryKey: key,
@@ -21,14 +19,14 @@ export function useRefreshStorage() {
   return () => void client.invalidateQueries({ queryKey: key });
 }
 
-/** A link that shows the recording to whoever has it, for a day. */
+/** A link that shows the recording to whoever has it, for as long as the server usually lets it. */
 export function useShare(id: string) {
   return useMutation({
     mutationFn: () =>
       told(
         api.POST("/api/recordings/{recording_id}/share", {
           params: { path: { recording_id: id } },
-          body: { hours: linkHours },
+          body: sparse<components["schemas"]["NewShareLink"]>({}),
         }),
       ),
   });
