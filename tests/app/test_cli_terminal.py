@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
-from app.cli.inspect_report import report_block, sparkline, still_strip
+from app.cli.inspect_report import report_block
+from app.cli.inspect_sensors import sparkline, still_strip
 from app.cli.summary import refusal, result_summary, verdict
 from app.cli.terminal import LiveProgress, Manner, PlainProgress, error_bar, iteration_table, listener
 from calib_core.doctor.report import (

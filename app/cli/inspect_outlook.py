@@ -1,0 +1,73 @@
+"""The terminal's part of a report on what is ahead: the planes to expect, and what a solve would know."""
+
+from __future__ import annotations
+
+from math import floor, log10
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from app.cli.terminal import error_bar
+from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
+from calib_core.doctor.report import (
+    Forecast,
+    ParameterForecast,
+    PlanesReport,
+)
+
+#: Beyond so many times what counts as weak, a number would only pretend to be one.
+_UNKNOWN_TIMES = 5.0
+_FORECAST_ROWS = (
+    ("rotation, about the lidar's", ("rx", "ry", "rz"), 1.0, "deg", WEAK_DEG),
+    ("lever arm, along the IMU's", ("tx", "ty", "tz"), 1e3, "mm", WEAK_M),
+    ("time offset", ("dt",), 1e3, "ms", WEAK_S),
+)
+
+
+def planes_block(planes: PlanesReport) -> RenderableType:
+    """The planes that a solve would find."""
+    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
+    table.add_column("")
+    for title in ("area", "distance", "tilt", "roughness"):
+        table.add_column(title, justify="right")
+    for plane in planes.planes:
+        tilt = "" if plane.tilt_deg is None else f"{plane.tilt_deg:.0f}°"
+        distance = f"{plane.distance_m:.1f} m"
+        table.add_row(Text(plane.name), f"{plane.area_m2:.1f} m²", distance, tilt, f"{1e3 * plane.rms_m:.0f} mm")
+    said = Text(f"  {planes.text}", style="green" if planes.determined else "yellow")
+    return Group(table, said) if planes.planes else said
+
+
+def forecast_block(forecast: Forecast) -> RenderableType:
+    """Of each parameter one standard deviation, beside what counts as weak."""
+    if not forecast.parameters:
+        return Text(f"  {forecast.text or forecast.reason}", style="yellow")
+    by_name = {parameter.name: parameter for parameter in forecast.parameters}
+    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
+    table.add_column("")
+    for axis in "xyz":
+        table.add_column(axis, justify="right", min_width=8)
+    table.add_column("")
+    table.add_column("")
+    for title, names, scale, unit, weak in _FORECAST_ROWS:
+        found = [by_name[name] for name in names if name in by_name]
+        if found:
+            cells = [_known(parameter, scale, weak) for parameter in found]
+            blank = [Text("")] * (3 - len(cells))
+            table.add_row(title, *cells, *blank, unit, error_bar(max(p.std for p in found), weak))
+    limits = f"  weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
+    rests = f"; from {len(forecast.planes)} planes" if forecast.planes else ""
+    rests += f" and {forecast.covered_s:.0f} s of motion" if forecast.covered_s else ""
+    return Group(table, Text(limits + rests, style="dim"))
+
+
+def _known(parameter: ParameterForecast, scale: float, weak: float) -> Text:
+    """One standard deviation with two digits, and whether that is little."""
+    if parameter.weak and parameter.std > _UNKNOWN_TIMES * weak:
+        return Text("unknown", style="bold yellow")
+    value = scale * parameter.std
+    digits = max(0, 1 - floor(log10(value))) if value > 0 else 2
+    return Text(
+        f"{value:.{digits}f}" + (" weak" if parameter.weak else ""), style="yellow" if parameter.weak else "green"
+    )
