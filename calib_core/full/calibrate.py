@@ -14,7 +14,7 @@ from pathlib import Path
 
 from calib_core.document import Answer
 from calib_core.errors import Refused
-from calib_core.full.assess.plausibility import implausible, standing_still
+from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
@@ -35,7 +35,6 @@ def calibrate_full(
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
-    _require_motion(run, followed)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     counted = followed if planes is None else replace(followed, planes=list(planes))
 
@@ -95,9 +94,3 @@ def solve(
 
 def _all_followed(run: Run, followed: Followed) -> bool:
     return len(followed.motions) >= len(run.recording.scans)
-
-
-def _require_motion(run: Run, followed: Followed) -> None:
-    still = standing_still(followed.motions, len(run.recording.scans))
-    if still is not None:
-        raise Refused(*still)

@@ -170,6 +170,21 @@ def test_the_stages_of_the_full_method_are_a_staircase():
                 )
 
 
+def test_the_page_enters_the_stages_in_their_order():
+    """From top to bottom, each once. Mutations: ask assess/ whether the lidar moved before initialise/ is entered; the answer
+    made before what it is worth is weighed in joint/.
+    """
+    path = ROOT / "calib_core/full/calibrate.py"
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    stage_of = {name.rpartition(".")[2]: stage(name) for name, _ in imports_of(path) if stage(name)}
+    (page,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "calibrate_full")
+    calls = [node for node in ast.walk(page) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+    calls.sort(key=lambda node: (node.lineno, node.col_offset))
+    entered = [STAGES.index(stage_of[node.func.id]) for node in calls if node.func.id in stage_of]
+    assert len(entered) >= 4
+    assert entered == sorted(entered)
+
+
 @pytest.mark.parametrize("package", ["calib_core", "app", "bench"])
 def test_no_import_runs_in_a_circle(package):
     """Of files or of folders, inside functions and as strings too.

@@ -1,8 +1,6 @@
-"""Whether an answer can be true: no motion to tell from, residuals beyond noise, an IMU or a gravity that cannot be."""
+"""Whether an answer can be true: residuals beyond noise, an IMU or a gravity that cannot be."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,29 +10,9 @@ from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import away_m, misfit
 from calib_core.full.joint.state import CALIBRATION, GRAVITY
 from calib_core.full.joint.undetermined import UNITS
-from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.odometry.travelled import travelled
 from calib_core.full.run import Run
 from calib_core.intrinsics import UNKNOWN_IMU
 from calib_core.solver.information import covariance
-
-
-def standing_still(motions: Sequence[ScanMotion], scans: int) -> tuple[str, str] | None:
-    """Code and sentence where the followed scans show no motion: it stood still, or the planes were lost too soon to tell."""
-    way = travelled(motions)
-    if not way.stood:
-        return None
-    if len(motions) < PLAUSIBLE.followed_share * scans:
-        lost = (
-            f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still; give "
-            "planes that stay in view (three that face different ways), or start the recording in front of them"
-        )
-        return "planes.lost", lost
-    stood = (
-        f"the lidar stood still: {way}; "
-        "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
-    )
-    return "motion.none", stood
 
 
 def implausible(ctx: Run, solved: Solved) -> str | None:

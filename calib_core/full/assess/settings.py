@@ -22,8 +22,6 @@ class Plausible:
     worst_accel_bias_m_s2: float = 2.0
     #: Gravity is nowhere so many standard deviations away, of what is given and of what is found.
     gravity_sigmas: float = 6.0
-    #: A lidar followed over less than this share of the scans was lost rather than standing.
-    followed_share: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)

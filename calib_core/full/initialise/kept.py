@@ -23,6 +23,7 @@ from calib_core.full.initialise.begin import begin, joined
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.travelled import require_motion
 from calib_core.full.run import Run
 from calib_core.types import FloatArray, Plane
 
@@ -65,7 +66,16 @@ class Kept:
 
 
 def follow_or_recall(run: Run, given: Sequence[Plane] | None, folder: Path | None) -> Followed:
-    """The lidar's motion and planes as `begin` has them; from the folder where they lie there, and put there otherwise."""
+    """The lidar's motion and planes as `begin` has them; from the folder where they lie there, and put there otherwise.
+
+    Raises Refused where there is no motion in them.
+    """
+    followed = _followed_or_recalled(run, given, folder)
+    require_motion(followed.motions, len(run.recording.scans))
+    return followed
+
+
+def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path | None) -> Followed:
     if folder is None:
         return begin(run, given)
     key = key_of(run)

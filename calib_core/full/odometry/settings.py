@@ -165,6 +165,8 @@ class Following:
     #: A lidar that turned and moved by less in a whole recording stood still.
     stood_deg: float = 1.0
     stood_m: float = 0.05
+    #: A lidar followed over less than this share of the scans was lost rather than standing.
+    followed_share: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.errors import Refused
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.geometry import log
@@ -34,3 +35,22 @@ def travelled(motions: Sequence[ScanMotion]) -> Travelled:
     turn_rad = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
     move_m = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
     return Travelled(float(np.degrees(turn_rad)), move_m)
+
+
+def require_motion(motions: Sequence[ScanMotion], scans: int) -> None:
+    """Raises Refused where the followed ones of so many scans show no motion: it stood still, or the planes were lost too soon to
+    tell."""
+    way = travelled(motions)
+    if not way.stood:
+        return
+    if len(motions) < FOLLOWING.followed_share * scans:
+        lost = (
+            f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still; give "
+            "planes that stay in view (three that face different ways), or start the recording in front of them"
+        )
+        raise Refused("planes.lost", lost)
+    stood = (
+        f"the lidar stood still: {way}; "
+        "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
+    )
+    raise Refused("motion.none", stood)

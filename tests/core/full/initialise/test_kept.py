@@ -113,6 +113,7 @@ def test_only_what_comes_after_may_have_changed(run: Run, following: Following, 
 def test_without_a_folder_nothing_is_kept(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Mutation: a folder of its own choice."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(kept, "begin", lambda run, given: Followed(3, [WALL], []))
+    moved = Following().begin(run, None, Following().propose())
+    monkeypatch.setattr(kept, "begin", lambda run, given: replace(moved, planes=[WALL]))
     assert follow_or_recall(replace(run, on_event=ignore_event), None, None).planes == [WALL]
     assert list(tmp_path.iterdir()) == []
