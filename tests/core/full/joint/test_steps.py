@@ -18,7 +18,14 @@ from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 from tests.core.full.joint.test_replay import same
 
-NAMES = [name for name, _, _ in solve.STEPS]
+#: As docs/how-it-works.md has them, one after the other, and what does each.
+STEPS = {
+    "coarse": solve.coarse_rounds,
+    "propagate": solve.propagated,
+    "planes": solve.with_new_planes,
+    "sensors": solve.with_sensors,
+    "settle": solve.settled,
+}
 
 
 def _counting(_data: JointData, state: Estimation, _schedule: Schedule) -> Estimation:
@@ -47,12 +54,17 @@ def test_a_recording_enters_each_step_once_and_is_told_before_it(half: Half, cou
     state = replace(half.state, rounds=0)
     data = replace(half.data, on_state=lambda name, known: told.append((name, known.rounds)))
     solve.estimate_jointly(data, state, FULL)
-    assert told == [(name, place) for place, name in enumerate(NAMES)]
-    assert [end.rounds for end in counted] == [len(NAMES)]
+    assert told == [(name, place) for place, name in enumerate(STEPS)]
+    assert [end.rounds for end in counted] == [len(STEPS)]
     told.clear()
     solve.estimate_jointly(data, state, FULL, first="sensors")
     assert told == [("sensors", 0), ("settle", 1)]
-    assert [end.rounds for end in counted] == [len(NAMES), 2]
+    assert [end.rounds for end in counted] == [len(STEPS), 2]
+
+
+def test_the_steps_are_those_of_the_page_in_their_order() -> None:
+    """Mutations: no look for new planes; planes looked for before the estimate is propagated."""
+    assert [(name, step) for name, _, step in solve.STEPS] == list(STEPS.items())
 
 
 def test_shares_of_the_progress_go_on_from_one_another() -> None:
