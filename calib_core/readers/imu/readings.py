@@ -141,6 +141,7 @@ def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
             Evidence("period", round(period_s, 9), "s"),
         ),
         consequence="the time offset is that of the newest reading of each bundle",
+        override="--imu-bundles as-stamped",
     )
 
 
