@@ -12,6 +12,8 @@ from threadpoolctl import threadpool_limits
 from calib_core.document import Answer, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.full.assess.clock_step import ClockStep, clock_step, misfit
+from calib_core.full.assess.settings import CLOCK_STEP
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
@@ -50,28 +52,49 @@ def calibrate(
     """
     started = time.monotonic()
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
-    said = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]
-
     forward = ForwardOnly(on_event, PLANNED[settings.method])
-
-    def listen(event: Event) -> None:
-        if isinstance(event, LogEvent):
-            message = Message(code=event.code, level=event.level, text=event.text)
-            if message not in said:  # a second attempt finds again what the first one did
-                said.append(message)
-        forward(event)
-
+    heard = Heard(forward, [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings])
     if settings.excluded_spans_s:
         left_out = len(whole.scans) - len(recording.scans)
-        listen(LogEvent(level="info", code="scans.excluded", text=f"{left_out} scans were left out as asked"))
+        heard(LogEvent(level="info", code="scans.excluded", text=f"{left_out} scans were left out as asked"))
         _check_reference(whole, recording, settings, planes)
+    aloud = heard.said_so_far()
     try:
-        answer = _answer(recording, settings, planes, initial_guess, kept_in, listen, should_cancel)
+        answer = _answer(recording, settings, planes, initial_guess, kept_in, heard, should_cancel)
+        step = clock_step_of(answer)
+        if step is not None:
+            kept = without_spans(recording, [step.left_out_s])
+            again = Heard(forward, aloud)
+            better = _of_one_side(step, kept, recording, settings, planes, initial_guess, again, should_cancel)
+            if better is not None:
+                answer, recording, heard = better, kept, again
     except Refused as refusal:
-        said.append(Message(code=refusal.code, level="error", text=str(refusal)))
+        said = [*heard.messages, Message(code=refusal.code, level="error", text=str(refusal))]
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
-    result = document(recording, settings, answer, said, time.monotonic() - started)
+    result = document(recording, settings, answer, heard.messages, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)
+
+
+class Heard:
+    """What is said on the way to one answer, each sentence once; all events go on to the listener.
+
+    messages: so far, those before included.
+    """
+
+    def __init__(self, on_event: OnEvent, before: Sequence[Message]) -> None:
+        self._on_event = on_event
+        self.messages = list(before)
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, LogEvent):
+            message = Message(code=event.code, level=event.level, text=event.text)
+            if message not in self.messages:  # a second attempt finds again what the first one did
+                self.messages.append(message)
+        self._on_event(event)
+
+    def said_so_far(self) -> list[Message]:
+        """A copy of the messages."""
+        return list(self.messages)
 
 
 def with_crispness(done: Calibration, recording: Recording, settings: CalibrateSettings) -> Calibration:
@@ -103,15 +126,58 @@ def _answer(
         return calibrate_full(prepare(recording, settings, on_event, should_cancel), planes, guess, kept_in)
 
 
+def clock_step_of(answer: Answer) -> ClockStep | None:
+    """Where a clock was set in mid-recording, as far as an answer's stretches of time tell."""
+    return None if answer.evidence is None else clock_step(answer.evidence.parts.time_blocks)
+
+
+def _of_one_side(
+    step: ClockStep,
+    kept: Recording,
+    recording: Recording,
+    settings: CalibrateSettings,
+    planes: Sequence[Plane] | None,
+    guess: InitialGuess | None,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
+) -> Answer | None:
+    """The answer of the scans on the longer side of a step; None where it has none that agrees with itself."""
+    if not _holds_reference(recording, kept, settings, planes):
+        return None
+    on_event(
+        LogEvent(
+            level="warning",
+            code="clock.set",
+            text=f"the two clocks were set against each other between {step.within_s[0]:.1f} s and {step.within_s[1]:.1f} s: "
+            f"only what lies between {step.longer_s[0]:.1f} s and {step.longer_s[1]:.1f} s is used; find out which clock jumps "
+            "and give it a source of time",
+        )
+    )
+    try:
+        answer = _answer(kept, settings, planes, guess, None, on_event, should_cancel)
+    except Refused:
+        return None
+    agrees = answer.evidence is not None and misfit(answer.evidence.parts.time_blocks) < CLOCK_STEP.misfit
+    return answer if agrees else None
+
+
+def _holds_reference(
+    whole: Recording, kept: Recording, settings: CalibrateSettings, planes: Sequence[Plane] | None
+) -> bool:
+    """Given planes live in the frame of the first usable scan: without that scan they mean nothing."""
+    if planes is None:
+        return True
+    before, _ = find_reference(whole.scans, settings)
+    after, _ = find_reference(kept.scans, settings)
+    return whole.scans[before].stamp_ns == kept.scans[after].stamp_ns
+
+
 def _check_reference(
     whole: Recording, kept: Recording, settings: CalibrateSettings, planes: Sequence[Plane] | None
 ) -> None:
-    """Given planes live in the frame of the first usable scan: without that scan they mean nothing."""
-    if planes is None:
-        return
-    before, _ = find_reference(whole.scans, settings)
-    after, _ = find_reference(kept.scans, settings)
-    if whole.scans[before].stamp_ns != kept.scans[after].stamp_ns:
+    """Raises SettingsError where the planes' frame is left out."""
+    if not _holds_reference(whole, kept, settings, planes):
+        before, _ = find_reference(whole.scans, settings)
         at_s = (whole.scans[before].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
         raise SettingsError(
             f"Expected excluded spans without the scan at {at_s:.2f} s, in whose frame the given planes are; exclude "

@@ -94,6 +94,10 @@ class CalibrateSettings(_Settings):
         default="detect",
         description="when the IMU's readings were taken: when their stamps say, evenly, or what the readings themselves tell",
     )
+    lidar_sampling: Literal["detect", "as-stamped"] = Field(
+        default="detect",
+        description="when sweeps began: when their stamps say, or as a rotor turns, where it tells that a host stamped them",
+    )
     intrinsics: Literal["auto", "consider", "off"] | tuple[Block, ...] = Field(
         default="auto",
         description="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "

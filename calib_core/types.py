@@ -19,6 +19,7 @@ Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 CountArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
 LaserArray = NDArray[np.uint16]
 
 #: One valid lidar return. `xyz` metres in the lidar frame; `offset_ns` after the scan's `stamp_ns` (>= 0).

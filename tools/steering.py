@@ -28,6 +28,7 @@ RECORDS = (
     ("prepare", "calib_core/full/prepare/settings.py", "Noise"),
     ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
     ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Sweeps"),
     ("prepare", "calib_core/full/prepare/settings.py", "Lasers"),
     ("prepare", "calib_core/full/prepare/settings.py", "ToneSizes"),
     ("planes", "calib_core/planes/segment.py", "SegmentSettings"),
@@ -68,6 +69,7 @@ RECORDS = (
     ("assess", "calib_core/full/assess/settings.py", "Plausible"),
     ("assess", "calib_core/full/assess/settings.py", "Wording"),
     ("assess", "calib_core/full/assess/settings.py", "Parts"),
+    ("assess", "calib_core/full/assess/settings.py", "ClockSteps"),
     ("forecast", "calib_core/full/forecast.py", "Forecasting"),
 )
 #: Where numbers steer: the stages, and the search for planes that they share.

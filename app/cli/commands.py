@@ -267,6 +267,7 @@ def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             estimate_planes=not chosen.fix_planes,
             bias_model=chosen.bias_model,
             imu_sampling=chosen.imu_sampling,
+            lidar_sampling=chosen.lidar_sampling,
             priors=options.parse_priors(chosen.prior),
             random_seed=chosen.random_seed,
             max_rounds=chosen.max_rounds,

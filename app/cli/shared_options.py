@@ -82,6 +82,12 @@ def add_solving(command: Parser) -> None:
         default=defaults.imu_sampling,
         help="when the IMU's readings were taken: when stamped, evenly, or what they themselves tell (%(default)s)",
     )
+    add(
+        "--lidar-sampling",
+        choices=("detect", "as-stamped"),
+        default=defaults.lidar_sampling,
+        help="when sweeps began: when stamped, or as the rotor turns where a host stamped them (%(default)s)",
+    )
     add("--random-seed", type=natural, default=defaults.random_seed, help="seed of the plane search (%(default)s)")
     add(
         "--max-rounds",

@@ -87,6 +87,8 @@ def _solving_words(settings: CalibrateSettings) -> list[str]:
         words += ["--bias-model", settings.bias_model]
     if settings.imu_sampling != defaults.imu_sampling:
         words += ["--imu-sampling", settings.imu_sampling]
+    if settings.lidar_sampling != defaults.lidar_sampling:
+        words += ["--lidar-sampling", settings.lidar_sampling]
     if settings.random_seed != defaults.random_seed:
         words += ["--random-seed", str(settings.random_seed)]
     if settings.max_rounds != defaults.max_rounds:

@@ -113,7 +113,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     jitter = float(np.sqrt(np.mean(tau[used] ** 2)))
     values = values[:, np.ptp(values, axis=0) > _ROUNDING * np.abs(values).max(axis=0)].astype(np.float64)
     share, std = _least_even(number, in_row, tau, values, period)
-    mean_of_all = _usual_mean(t, tau, in_row, period)
+    mean_of_all = usual_mean(t, tau, in_row, period)
     apart_s = t[2 * _SLOPE_SPAN :] - t[: -2 * _SLOPE_SPAN]
     whole = np.flatnonzero(apart_s < _NO_GAP * 2 * _SLOPE_SPAN * period) + _SLOPE_SPAN
     return Sampling(
@@ -132,7 +132,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     )
 
 
-def _usual_mean(t: FloatArray, tau: FloatArray, in_row: BoolArray, period: float) -> float:
+def usual_mean(t: FloatArray, tau: FloatArray, in_row: BoolArray, period: float) -> float:
     """Mean lateness where the host did not stall: lines ignore the tail of a one-sided law, which is part of its mean.
 
     A reading near its line counts, unless it was stamped right behind a late one: it waited with it.

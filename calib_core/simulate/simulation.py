@@ -38,6 +38,8 @@ EPOCH_NS = 1_700_000_000_123_456_789
 #: The IMU is recorded this long before the first sweep and after the last.
 IMU_MARGIN_S = 0.2
 STANDARD_GRAVITY_M_S2 = 9.80665
+#: Whose points bear times since the header's.
+_STAMPED_BY_HEADER = frozenset({"velodyne", "ouster"})
 _LIDAR_STREAM, _IMU_STREAM, _FAULT_STREAM, _LATENCY_STREAM, _DRAW_STREAM, _STAMP_STREAM = range(6)
 
 
@@ -90,7 +92,18 @@ class Simulation:
 
     def cloud(self, index: int) -> Cloud:
         """Sweep number `index` as the lidar's driver publishes it."""
-        return encode(self.sweep(index), self.scenario.lidar, EPOCH_NS)
+        cloud = encode(self.sweep(index), self.scenario.lidar, EPOCH_NS)
+        # Points that bear the sensor's own time are as they are, whenever the host gets them.
+        if not self.faults.scan_latency_s or self.scenario.lidar.layout not in _STAMPED_BY_HEADER:
+            return cloud
+        late_ns = int(self._scans_late_ns[index])
+        return replace(cloud, stamp_ns=cloud.stamp_ns + late_ns, time_ns=cloud.time_ns + late_ns)
+
+    @cached_property
+    def _scans_late_ns(self) -> IntArray:
+        """(M,) how late the host stamps each scan."""
+        nominal_ns = np.arange(self.n_scans, dtype=np.int64) * round(self.scenario.lidar.pattern.period_s * 1e9)
+        return clock.latency_ns(nominal_ns, self.faults.scan_latency_s, self._rng(_STAMP_STREAM, 1))
 
     def received_ns(self, cloud: Cloud) -> int:
         """When the recorder got the cloud: when the sweep was over and the driver had packed it."""

@@ -92,6 +92,21 @@ class Stamps:
 
 
 @dataclass(frozen=True, slots=True)
+class Sweeps:
+    """Whose sweeps are turns of a rotor, and when their stamps are not those of it."""
+
+    #: Points of a scan that its direction is taken from: beams that look 3 deg to either side leave it sure to 0.1 deg, 30
+    #: microseconds of a tenth of a second.
+    sampled_points: int = 1000
+    #: Directions, turned back by the rotor's turn, are one: their mean is as long. A rosette's is half as long.
+    turning: float = 0.9
+    #: With fewer of the scans on a line there is none.
+    least_share: float = 0.8
+    #: A rotor is off its line by less: ten times what two real ones were from turn to turn (sweep_stamps.py).
+    rotor_s: float = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
 class Lasers:
     """How many lasers there are, from the points themselves."""
 
@@ -116,3 +131,4 @@ class ToneSizes:
 
 
 LENGTH, NOISE, SPECTRUM, STAMPS, LASERS, TONES = Length(), Noise(), Spectrum(), Stamps(), Lasers(), ToneSizes()
+SWEEPS = Sweeps()

@@ -33,6 +33,7 @@ const controls: Readonly<Record<string, string>> = {
   "fix-planes": "Estimate the planes",
   "bias-model": "Biases",
   "imu-sampling": "IMU sampling",
+  "lidar-sampling": "Lidar sampling",
   "random-seed": "Random seed",
   "max-rounds": "Most rounds",
   intrinsics: "Sensors' own errors",

@@ -201,6 +201,21 @@ def test_a_busy_host_stamps_late_and_sometimes_very_late() -> None:
     assert np.all(np.diff(true_ns + np.rint(late_s * 1e9).astype(np.int64)) > 0)
 
 
+def test_a_host_stamps_scans_late_and_their_points_with_them() -> None:
+    """Mutations: the mean left in; the points where they were; one lateness for all."""
+    plain, late = made(""), made("scan-latency=1ms", replace(STATIC, duration_s=20.0))
+    in_time = made("", replace(STATIC, duration_s=20.0))
+    numbers = range(0, late.n_scans, 5)
+    off = np.array([late.cloud(k).stamp_ns - in_time.cloud(k).stamp_ns for k in numbers]) * 1e-9
+    assert off.min() >= -1e-3
+    # The median of 40 of an exponential law is known to a sixth of its mean.
+    assert abs(np.median(off) - 1e-3 * (np.log(2.0) - 1.0)) < 5e-4
+    first, second = plain.cloud(2), late.cloud(2)
+    np.testing.assert_array_equal(first.points["time"], second.points["time"])
+    np.testing.assert_array_equal(second.time_ns - first.time_ns, second.stamp_ns - first.stamp_ns)
+    assert second.stamp_ns != first.stamp_ns
+
+
 def test_a_driver_that_empties_a_buffer_stamps_all_of_it_then() -> None:
     """Every 16 ms of a reading each 5: three or four at once, in order; the newest of each waited less than a period.
 
@@ -283,6 +298,7 @@ def test_every_fault_changes_the_data_and_is_in_the_truth(name: str) -> None:
         and np.array_equal(a.gyro_rad_s, b.gyro_rad_s)
         and np.array_equal(a.accel, b.accel)
         and np.array_equal(a.stamps_ns, b.stamps_ns)
+        and plain.cloud(3).stamp_ns == faulty.cloud(3).stamp_ns
     )
     assert not same
     document = faulty.truth.to_file()

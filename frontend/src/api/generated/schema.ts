@@ -905,6 +905,13 @@ export interface components {
              */
             lidar?: string | null;
             /**
+             * Lidar Sampling
+             * @description when sweeps began: when their stamps say, or as a rotor turns, where it tells that a host stamped them
+             * @default detect
+             * @enum {string}
+             */
+            lidar_sampling: "detect" | "as-stamped";
+            /**
              * Max Rounds
              * @default 12
              */
@@ -2070,6 +2077,7 @@ export interface components {
              *       },
              *       "imu_sampling": "detect",
              *       "intrinsics": "auto",
+             *       "lidar_sampling": "detect",
              *       "max_rounds": 12,
              *       "method": "full",
              *       "priors": [],

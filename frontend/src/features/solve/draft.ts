@@ -16,6 +16,7 @@ export interface Draft {
   imuNoise: string;
   biasModel: string;
   imuSampling: string;
+  lidarSampling: string;
   intrinsics: string;
   lidar: string;
   seed: string;
@@ -50,6 +51,7 @@ export function draftOf(settings: Served): Draft {
     imuNoise: typeof noise === "string" ? noise : "",
     biasModel: settings.bias_model,
     imuSampling: settings.imu_sampling,
+    lidarSampling: settings.lidar_sampling,
     intrinsics: Array.isArray(settings.intrinsics) ? chosenBlocks : settings.intrinsics,
     lidar: settings.lidar ?? "",
     seed: settings.random_seed === 0 ? "" : String(settings.random_seed),
@@ -77,6 +79,7 @@ export function settingsOf(draft: Draft, before: Served): Partial<Settings> | nu
     priors: priors.filter((prior) => prior !== null),
     bias_model: draft.biasModel === "constant" ? "constant" : "random-walk",
     imu_sampling: draft.imuSampling === "even" ? "even" : draft.imuSampling === "as-stamped" ? "as-stamped" : "detect",
+    lidar_sampling: draft.lidarSampling === "as-stamped" ? "as-stamped" : "detect",
     imu_noise: draft.imuNoise === "" ? null : draft.imuNoise,
     excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
     // Blocks that were named one by one stay as they were.

@@ -11,7 +11,7 @@ import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
 
-type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "intrinsics";
+type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "lidarSampling" | "intrinsics";
 
 interface SolveOptionsProps {
   /** Of the run that is shown; what it chose stays chosen. */
@@ -98,6 +98,10 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               { value: "detect", label: "as found" },
               { value: "as-stamped", label: "as stamped" },
               { value: "even", label: "evenly" },
+            ])}
+            {choice("lidarSampling", "Lidar sampling", [
+              { value: "detect", label: "as found" },
+              { value: "as-stamped", label: "as stamped" },
             ])}
             {choice("intrinsics", "Sensors' own errors", [
               { value: "auto", label: "where they show" },

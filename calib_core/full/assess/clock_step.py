@@ -1,0 +1,78 @@
+"""A clock that was set in the middle of a recording: its stretches of time then answer two time offsets.
+
+Where a host's clock is put right, or a driver starts anew, all stamps of one sensor from then on are off by milliseconds, and one
+time offset for the whole is wrong for either part. The joint solve bends what it can to it (clock rate, biases), and the offsets
+that stretches of time ask for by themselves (parts.py) are still no line:
+
+    x_b = a + c t_b + d [b > k] + e_b,      b != k,
+
+a step d within stretch k on top of a line. In recordings without one, weighted squares about a line are as chance has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.full.assess.settings import CLOCK_STEP
+from calib_core.result import TimeBlock
+from calib_core.types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStep:
+    """within_s: the stretch of lidar time in which it happened, seconds after the first scan.   longer_s: what is left of the
+    recording on the side with more of it.   left_out_s: the rest. How large the step is a solve does not tell: biases and the
+    clock's rate have taken up a part of it.
+    """
+
+    within_s: tuple[float, float]
+    longer_s: tuple[float, float]
+    left_out_s: tuple[float, float]
+
+
+def misfit(blocks: Sequence[TimeBlock]) -> float:
+    """Weighted squares of the time offsets about a line over time; with B stretches, chi-square with B - 2 degrees of freedom."""
+    t, x, weight = _columns(blocks)
+    return _squares(np.stack([np.ones_like(t), t], axis=1), x, weight, np.ones(len(t), dtype=np.bool_))
+
+
+def clock_step(blocks: Sequence[TimeBlock]) -> ClockStep | None:
+    """The step that explains why the stretches of time disagree; None where they agree, or no step explains it."""
+    t, x, weight = _columns(blocks)
+    if len(t) < CLOCK_STEP.fewest_blocks or misfit(blocks) < CLOCK_STEP.misfit:
+        return None
+    line = np.stack([np.ones_like(t), t], axis=1)
+    best: tuple[float, int] | None = None
+    for k in range(1, len(t) - 1):
+        used = np.arange(len(t)) != k
+        after = (np.arange(len(t)) > k).astype(np.float64)
+        left = _squares(np.column_stack([line, after]), x, weight, used)
+        share = left / max(_squares(line, x, weight, used), 1e-30)
+        if best is None or share < best[0]:
+            best = share, k
+    if best is None or best[0] > CLOCK_STEP.unexplained:
+        return None
+    k = best[1]
+    within = blocks[k].t_start_s, blocks[k].t_end_s
+    first, last = blocks[0].t_start_s, blocks[-1].t_end_s
+    if within[0] - first > last - within[1]:
+        return ClockStep(within, (first, within[0]), (within[0], np.inf))
+    return ClockStep(within, (within[1], last), (-np.inf, within[1]))
+
+
+def _columns(blocks: Sequence[TimeBlock]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Middle [s], offset asked for [s] and weight [1/s^2] of every stretch."""
+    t = np.array([0.5 * (block.t_start_s + block.t_end_s) for block in blocks])
+    std_s = np.array([block.time_offset_std_s for block in blocks])
+    return t - t.mean(), np.array([block.time_offset_shift_s for block in blocks]), 1.0 / np.maximum(std_s, 1e-9) ** 2
+
+
+def _squares(design: FloatArray, x: FloatArray, weight: FloatArray, used: BoolArray) -> float:
+    """What weighted least squares leave."""
+    root = np.sqrt(weight[used])
+    found = np.linalg.lstsq(design[used] * root[:, None], x[used] * root, rcond=None)[0]
+    left = root * (x[used] - design[used] @ found)
+    return float(left @ left)

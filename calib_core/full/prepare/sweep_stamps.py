@@ -1,0 +1,125 @@
+"""The sweeps of a rotor at the times at which they began, where a host stamped them.
+
+Where the lidar has no clock to go by, its driver stamps a scan when a packet arrives, late by an exponential law and at times by
+a stall. The rotor tells: it passes a direction once a turn, and cannot be late by a tenth of a millisecond for a single
+turn. Two real ones (VLP-16, HDL-32E) pass it within 8 microseconds from turn to turn by their own clocks, and within 17 of
+a line over a second and a half. So each scan's time of passing is
+
+    c_k = t_k + (phi - phi_k) / omega,
+
+t_k being the middle of the sweep by its stamp and phi_k where the lidar looked then; a line through the c_k (`rows.py`) has the
+true times, and what a stamp is off it is taken away. That drivers cut their sweeps at packets, a millisecond apart, is in phi_k
+and no error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.events import LogEvent, OnEvent
+from calib_core.full.prepare.clocks import FirstLook
+from calib_core.full.prepare.settings import SWEEPS
+from calib_core.imu.rows import LEAST, even_rows, lasting
+from calib_core.imu.sampling import usual_mean
+from calib_core.settings import CalibrateSettings
+from calib_core.types import BoolArray, FloatArray, IntArray, KeptScans, Recording, Scan
+
+
+@dataclass(frozen=True, slots=True)
+class SweepTimes:
+    """late_s: (M,) what each stamp is off the rotor's line, but for what they all are; 0 where the scan is on no line.
+
+    jitter_s: root mean square of that.   most_s: largest.   mean_std_s: how well the mean over all stamps is known, which no
+    line takes away.   period_s: of a turn.
+    """
+
+    late_s: FloatArray
+    jitter_s: float
+    most_s: float
+    mean_std_s: float
+    period_s: float
+
+
+class _Restamped(KeptScans):
+    """Scans at other times. stamps_ns: (M,)."""
+
+    def __init__(self, scans: Recording, stamps_ns: IntArray) -> None:
+        self._scans = scans.scans
+        self._stamps_ns = stamps_ns
+
+    def __len__(self) -> int:
+        return len(self._stamps_ns)
+
+    def scan_at(self, place: int) -> Scan:
+        return replace(self._scans[place], stamp_ns=int(self._stamps_ns[place]))
+
+
+def begun_evenly(
+    recording: Recording, seen: FirstLook, settings: CalibrateSettings, on_event: OnEvent
+) -> tuple[Recording, FirstLook, float]:
+    """The recording and the look at it with the rotor's times, and the standard deviation of their mean [s].
+
+    As they are where nothing rotates, where the stamps follow the rotor, and where that is asked for.
+    """
+    found = None if settings.lidar_sampling == "as-stamped" else study_sweeps(seen)
+    if found is None:
+        return recording, seen, 0.0
+    topic = recording.lidar.topic or "the lidar"
+    text = (
+        f"the stamps of {topic} are off its rotor's turning by {1e3 * found.jitter_s:.2g} ms rms ({1e3 * found.most_s:.2g} ms at "
+        f"most), as those of a host are: sweeps are taken as begun evenly, every {1e3 * found.period_s:.5g} ms"
+    )
+    on_event(LogEvent(level="info", code="lidar.sampling", text=text))
+    stamps_ns = seen.stamps_ns - np.rint(1e9 * found.late_s).astype(np.int64)
+    taken = replace(recording, scans=_Restamped(recording, stamps_ns))
+    return taken, replace(seen, stamps_ns=stamps_ns), found.mean_std_s
+
+
+def study_sweeps(seen: FirstLook) -> SweepTimes | None:
+    """Where stamps are off the rotor's line by more than a rotor can be; None where they are not, or there is no line."""
+    if len(seen.stamps_ns) < LEAST:
+        return None
+    known, passing_s = _passing(seen)
+    if np.count_nonzero(known) < max(LEAST, SWEEPS.least_share * len(known)):
+        return None
+    t = passing_s[known]
+    if not np.all(np.diff(t) > 0.0):
+        return None
+    rows = even_rows(t)
+    even, in_row = t.copy(), np.zeros(len(t), dtype=np.bool_)
+    for row in rows:
+        even[row.index], in_row[row.index] = row.even_s, True
+    if np.count_nonzero(in_row) < SWEEPS.least_share * len(t):
+        return None
+    off = np.where(in_row, t - even, 0.0)
+    if float(np.sqrt(np.mean(off**2))) < SWEEPS.rotor_s:
+        return None
+    period_s = float(np.median([row.period_s for row in rows]))
+    mean = usual_mean(t, off, in_row, period_s)
+    usual = np.concatenate([off[row.index][row.used] for row in rows])
+    late = np.zeros(len(known))
+    late[known] = np.where(in_row, off - mean, 0.0)
+    std = float(np.std(usual)) * lasting(rows, t) / np.sqrt(len(usual))
+    return SweepTimes(
+        late_s=late,
+        jitter_s=float(np.sqrt(np.mean(late[known] ** 2))),
+        most_s=float(np.abs(late).max()),
+        mean_std_s=float(np.hypot(std, mean / np.sqrt(3.0))),
+        period_s=period_s,
+    )
+
+
+def _passing(seen: FirstLook) -> tuple[BoolArray, FloatArray]:
+    """(M,) whether a scan is a turn of a rotor, and when it passed the direction in which most middles of sweeps look [s]."""
+    length = np.abs(seen.facing)
+    way = int(np.argmax(np.median(length, axis=1)))
+    known = np.greater(length[way], SWEEPS.turning)
+    if not known.any():
+        return known, np.zeros(len(known))
+    facing = seen.facing[way]
+    usual = np.mean(facing[known] / length[way][known])
+    behind = np.angle(usual * facing.conj()) * (1.0 if way == 0 else -1.0)
+    middle_s = (seen.stamps_ns - seen.stamps_ns[0]) * 1e-9 + 0.5 * seen.sweep_s
+    return known, middle_s + behind / (2.0 * np.pi) * seen.period_s
