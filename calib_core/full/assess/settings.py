@@ -59,9 +59,10 @@ class Parts:
 class ClockSteps:
     """When stretches of time answer two time offsets."""
 
+    #: A line, a step and a stretch of its own take four: two are left to say whether they fit.
     fewest_blocks: int = 6
     #: Weighted squares about a line: of eight stretches 40 is chance in one recording of two million. Recordings as they are,
-    #: shaken and with the faults of cheap sensors too, had 1 to 7; with a step of 1 ms 58, of 5 ms 240 and more.
+    #: shaken and with the faults of cheap sensors too, had 1 to 8; with a step of 1 ms 58, of 5 ms 240 and more.
     misfit: float = 40.0
     #: A step leaves less than this share of what a line leaves: with steps it was 0.04 to 0.24.
     unexplained: float = 0.4
