@@ -221,10 +221,9 @@ class Tones:
     most: int = 8
     #: Rounds of settling between one search and the next.
     settling_rounds: int = 3
-    #: Fewer turns in the recording are the biases' own drift, or a clock that was set, of which a slow tone takes up half: at 2
-    #: such tones hid a step of 5 ms, and carried off one of four recordings shaken by 3 m/s2 that is answered at 10. Above this
-    #: part of the knots' highest frequency nothing is left of a tone once it is integrated.
-    fewest_turns: float = 10.0
+    #: Fewer turns in the recording are the biases' own drift; above this part of the knots' highest frequency nothing is left
+    #: of a tone once it is integrated.
+    fewest_turns: float = 2.0
     highest: float = 0.6
     #: The periodogram is read at so many points for each that is independent.
     padded: int = 4

@@ -76,7 +76,7 @@ def test_disagreement_that_no_step_explains_stays_what_it_is() -> None:
 
 @pytest.fixture(scope="module")
 def recorded() -> tuple[Recording, Truth]:
-    return generate("paper-normal", seed=2, duration_s=10.0)
+    return generate("paper-normal", seed=2, duration_s=14.0)
 
 
 def test_a_recording_whose_clock_was_set_is_answered_by_its_longer_part(recorded: tuple[Recording, Truth]) -> None:
