@@ -16,7 +16,7 @@ from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View
-from calib_core.full.prepare.clocks import read_clocks
+from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
@@ -46,7 +46,14 @@ def _view(recording: Recording, truth: Truth, *, settings: CalibrateSettings | N
         states, truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_s, motion.gravity, zero[:1], zero[:1],
         np.array([p.normal for p in truth.planes]), np.array([p.offset_m for p in truth.planes]),
     )  # fmt: skip
-    return View(recording.scans, read_clocks(recording), motion, estimate, settings or CalibrateSettings(), threads)
+    return View(
+        recording.scans,
+        clocks_of(recording, look(recording)),
+        motion,
+        estimate,
+        settings or CalibrateSettings(),
+        threads,
+    )
 
 
 def _cost(view: View, knot: FloatArray, plane: FloatArray, scatter: FloatArray) -> float:

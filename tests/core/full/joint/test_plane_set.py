@@ -48,7 +48,7 @@ def test_a_plane_wanders_by_its_bins_averages() -> None:
     scatter = np.zeros((4, 5, 5))
     scatter[:, 3, 3] = count
     bins = SimpleNamespace(scatter=scatter, plane=np.array([0, 0, 1, 1]))
-    problem: Any = SimpleNamespace(bins=bins, sums=lambda _: count * away)
+    problem: Any = SimpleNamespace(bins=bins, lidar=SimpleNamespace(sums=lambda _: count * away))
     estimate: Any = SimpleNamespace(normals=np.eye(3)[:2])
     found = plane_misfit(problem, estimate)
     assert found == pytest.approx([(0.04 + 0.01) / 2, 9.0])

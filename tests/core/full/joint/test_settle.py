@@ -18,7 +18,7 @@ from calib_core.full.joint.begin import knots_over
 from calib_core.full.joint.lidar_noise import tapered_variance
 from calib_core.full.joint.schedule import Sampling, Settling
 from calib_core.full.joint.state import Estimate
-from calib_core.full.prepare.clocks import read_clocks
+from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -170,7 +170,7 @@ def test_another_frame_changes_nothing_that_can_be_measured() -> None:
 
 def test_knots_lie_on_one_grid_whatever_the_offset(noisy: tuple[Recording, Truth]) -> None:
     """Fails when the grid begins at the first scan, seen through the offset."""
-    imu_s = read_clocks(noisy[0]).imu_s
+    imu_s = clocks_of(noisy[0], look(noisy[0])).imu_s
     one, other = knots_over(imu_s, 1.0, 5.0, 0.0), knots_over(imu_s, 1.0, 5.0, 0.0037)
     shared = np.round((other[0] - one[0]) / (one[1] - one[0]), 6)
     assert shared == np.round(shared)
