@@ -32,14 +32,14 @@ def move_to_map(
 
 def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the map frame, each moved by the pose at its own time."""
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    start_s = trajectory.begin_s(scan)
     stamps = start_s + scan.points["offset_ns"] * 1e-9
     return move_to_map(trajectory, scan.points["xyz"].astype(np.float64), stamps).astype(np.float32)
 
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    start_s = trajectory.begin_s(scan)
     stamps = start_s + scan.points["offset_ns"] * 1e-9
     in_map = move_to_map(trajectory, scan.points["xyz"].astype(np.float64), stamps)
     R, p = lidar_poses(trajectory, np.array([start_s]))
@@ -48,6 +48,6 @@ def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
 
 def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the map frame as if the sweep had been motionless: what is seen without unsweep."""
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    start_s = trajectory.begin_s(scan)
     R, p = lidar_poses(trajectory, np.array([start_s]))
     return (scan.points["xyz"].astype(np.float64) @ R[0].T + p[0]).astype(np.float32)

@@ -7,7 +7,7 @@ one subtraction (`relative_s`) of the recording's own epoch.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, overload
 
@@ -206,6 +206,7 @@ class Trajectory:
 
     epoch_ns: subtracted from lidar stamps to get times_s.   times_s: (K,) lidar clock.
     R_map_lidar: (K, 3, 3), p_map_lidar: (K, 3) [m].   valid: (K,) False where nothing supports the pose (bridged gap).
+    late_ns: of scans that were taken before their stamp says, by stamp: how late it is. Times are those at which they were.
     """
 
     epoch_ns: int
@@ -213,3 +214,8 @@ class Trajectory:
     R_map_lidar: FloatArray
     p_map_lidar: FloatArray
     valid: BoolArray
+    late_ns: Mapping[int, int] = field(default_factory=dict)
+
+    def begin_s(self, scan: Scan) -> float:
+        """When the scan's first point was taken, on the clock of times_s."""
+        return (scan.stamp_ns - self.late_ns.get(scan.stamp_ns, 0) - self.epoch_ns) * 1e-9

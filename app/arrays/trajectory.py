@@ -23,6 +23,7 @@ def write_trajectory(path: Path, trajectory: Trajectory) -> None:
         R_map_lidar=trajectory.R_map_lidar,
         p_map_lidar=trajectory.p_map_lidar,
         valid=trajectory.valid,
+        late_ns=np.array(list(trajectory.late_ns.items()), dtype=np.int64).reshape(-1, 2),
     )
     put_in_place(fresh, path)
 
@@ -36,4 +37,6 @@ def read_trajectory(path: Path) -> Trajectory:
             R_map_lidar=arrays["R_map_lidar"],
             p_map_lidar=arrays["p_map_lidar"],
             valid=arrays["valid"],
+            # Those written before there was such a thing have none.
+            late_ns=dict(arrays["late_ns"].tolist()) if "late_ns" in arrays else {},
         )

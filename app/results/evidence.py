@@ -151,7 +151,7 @@ def _thinned(scan: Scan) -> Scan:
 
 
 def _covered(scan: Scan, trajectory: Trajectory) -> bool:
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    start_s = trajectory.begin_s(scan)
     return bool(trajectory.times_s[0] <= start_s and start_s + 0.1 <= trajectory.times_s[-1])
 
 

@@ -59,7 +59,7 @@ def _sample(scan: Scan) -> Scan:
 
 
 def _covered(scan: Scan, trajectory: Trajectory) -> bool:
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    start_s = trajectory.begin_s(scan)
     end_s = start_s + float(scan.points["offset_ns"].max()) * 1e-9
     times_s = trajectory.times_s
     return bool(start_s >= times_s[0] - OVERHANG_S and end_s <= times_s[-1] + OVERHANG_S)

@@ -224,7 +224,7 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
     """The way the lidar took, the part behind it brighter, and both sensors' axes at the scan's time."""
     trajectory, T_imu_lidar = motions.shown, motions.solved.T_imu_lidar
     path = (trajectory.p_map_lidar + stand).astype(np.float32)
-    scan_s = (recording.scans[look.place].stamp_ns - trajectory.epoch_ns) * 1e-9
+    scan_s = trajectory.begin_s(recording.scans[look.place])
     knot = int(np.abs(trajectory.times_s - scan_s).argmin())
     R_map_lidar, p_map_lidar = trajectory.R_map_lidar[knot], trajectory.p_map_lidar[knot] + stand
     R_map_imu = R_map_lidar @ T_imu_lidar[:3, :3].T

@@ -121,13 +121,12 @@ def _solved_motion(
 
 def _as_solved(result: CalibrationResult) -> CalibrateSettings:
     """What the calibration takes stamps to mean: one whose IMU's stamps were put on a line holds for the line."""
-    match result.provenance.settings.get("imu_sampling"):
-        case "as-stamped":
-            return CalibrateSettings(imu_sampling="as-stamped")
-        case "even":
-            return CalibrateSettings(imu_sampling="even")
-        case _:
-            return CalibrateSettings()
+    known = result.provenance.settings
+    imu, lidar = known.get("imu_sampling"), known.get("lidar_sampling")
+    return CalibrateSettings(
+        imu_sampling=imu if imu in {"as-stamped", "even"} else "detect",
+        lidar_sampling="as-stamped" if lidar == "as-stamped" else "detect",
+    )
 
 
 def turning_alone(imu: ImuData, calibration: InitialGuess, gyro_bias_rad_s: FloatArray) -> Trajectory:

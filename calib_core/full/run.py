@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 
@@ -22,7 +23,7 @@ class Clocks:
 
     imu_s: (Q,).   scan_s: (M,) first points' times.   sweep_s: (M,) last point after the first.   scan_points: (M,) how
     many there are.   jitter_mean_std_s: what the time offset is unsure by because the mean of the stamps' jitter is part
-    of it.
+    of it.   late_ns: of scans that were taken before their stamp says, by stamp: how late it is.
     """
 
     lidar_epoch_ns: int
@@ -32,6 +33,7 @@ class Clocks:
     sweep_s: FloatArray
     scan_points: IntArray
     jitter_mean_std_s: float = 0.0
+    late_ns: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def middle_s(self) -> float:

@@ -42,7 +42,7 @@ class RoomMap:
 
 def covers(trajectory: Trajectory, scan: Scan) -> bool:
     """Whether the motion is known, and not bridged, all through the sweep."""
-    start_s = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9
+    start_s = trajectory.begin_s(scan)
     end_s = start_s + (float(scan.points["offset_ns"].max()) * 1e-9 if scan.points.size else 0.0)
     t = trajectory.times_s
     if start_s < t[0] - _OVERHANG_S or end_s > t[-1] + _OVERHANG_S:
@@ -79,7 +79,7 @@ def _laid(scan: Scan, trajectory: Trajectory) -> NDArray[np.void]:
     for axis, name in enumerate("xyz"):
         laid[name] = xyz_m[:, axis]
     laid["intensity"], laid["ring"] = scan.points["intensity"], scan.points["ring"]
-    laid["time"] = (scan.stamp_ns - trajectory.epoch_ns) * 1e-9 + scan.points["offset_ns"] * 1e-9
+    laid["time"] = trajectory.begin_s(scan) + scan.points["offset_ns"] * 1e-9
     return laid
 
 

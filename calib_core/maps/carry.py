@@ -13,7 +13,7 @@ lever arm or time offset does to the pieces' shape is left in, and smears the ro
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,8 +70,8 @@ def carried(
     R_map_imu = np.concatenate([piece.R_map_imu for piece in pieces])
     p_map_imu = np.concatenate([_places_m(piece, gravity, bias) for piece in pieces])
     at_s = times_s[np.concatenate(rows)]
-    return Trajectory(
-        epoch_ns=trajectory.epoch_ns,
+    return replace(
+        trajectory,
         times_s=at_s,
         R_map_lidar=R_map_imu @ mounting.R_imu_lidar,
         p_map_lidar=p_map_imu + R_map_imu @ mounting.p_imu_lidar,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib_core.deskew import deskew_points, lidar_poses, map_points
+from calib_core.maps.accumulate import covers
 from calib_core.simulate import Simulation, prepare
 from calib_core.simulate.layouts import scan_of
 from calib_core.types import FloatArray, Scan, Trajectory
@@ -53,6 +56,24 @@ def test_map_points_lie_on_the_true_room(simulation: Simulation, scan: Scan, tra
     left = _to_faces_m(map_points(scan, trajectory).astype(np.float64), simulation)
     assert np.percentile(left, 99.9) < 0.003
     assert np.percentile(_to_faces_m(as_if_still(scan, trajectory), simulation), 50) > 0.01
+
+
+def test_a_scan_that_was_stamped_late_is_laid_where_it_was_taken(
+    simulation: Simulation, scan: Scan, trajectory: Trajectory
+) -> None:
+    """By 20 ms at half a metre a second and 1.5 rad/s: walls are 10 mm and more off if its stamp is believed.
+
+    Mutation: `late_ns` added instead of taken off.
+    """
+    late = replace(scan, stamp_ns=scan.stamp_ns + 20_000_000)
+    assert np.median(_to_faces_m(map_points(late, trajectory).astype(np.float64), simulation)) > 0.01
+    told = replace(trajectory, late_ns={late.stamp_ns: 20_000_000, 7: 3})
+    np.testing.assert_array_equal(map_points(late, told), map_points(scan, trajectory))
+    np.testing.assert_array_equal(deskew_points(late, told), deskew_points(scan, trajectory))
+    # A motion that ends 90 ms into the sweep, which a map still lays, and 110 ms before the sweep's end as it is stamped.
+    ending = replace(told, times_s=told.times_s + trajectory.begin_s(scan) + 0.09 - told.times_s[-1])
+    assert covers(ending, late)
+    assert not covers(replace(ending, late_ns={}), late)
 
 
 def test_deskewed_points_are_seen_from_the_sweeps_start(

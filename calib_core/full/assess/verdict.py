@@ -149,4 +149,4 @@ def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
     valid = np.concatenate([linked, [True]]) & np.concatenate([[True], linked])
     R0, p0 = solved.map_pose
     times_s = clocks.as_stamped(knots + e.time_offset_s, clock_rate_ppm(solved.nuisance, e.nuisance))
-    return Trajectory(clocks.lidar_epoch_ns, times_s, R0.T @ poses.R, (poses.p - p0) @ R0, valid)
+    return Trajectory(clocks.lidar_epoch_ns, times_s, R0.T @ poses.R, (poses.p - p0) @ R0, valid, clocks.late_ns)

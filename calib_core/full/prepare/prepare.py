@@ -13,7 +13,7 @@ from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise
 from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.full.prepare.settings import LENGTH
-from calib_core.full.prepare.sweep_stamps import begun_evenly
+from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.preintegration import NoiseDensity
@@ -37,9 +37,12 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
-    recording, seen, sweeps_mean_std_s = begun_evenly(recording, look(recording), settings, on_event)
+    stamped = look(recording)
+    recording, seen, sweeps_mean_std_s = begun_evenly(recording, stamped, settings, on_event)
     clocks = replace(
-        clocks_of(recording, seen), jitter_mean_std_s=float(np.hypot(jitter_mean_std_s, sweeps_mean_std_s))
+        clocks_of(recording, seen),
+        jitter_mean_std_s=float(np.hypot(jitter_mean_std_s, sweeps_mean_std_s)),
+        late_ns=late_ns(stamped, seen),
     )
     imu = recording.imu
     noise = _imu_noise(recording, settings, clocks, on_event)

@@ -77,6 +77,12 @@ def begun_evenly(
     return taken, replace(seen, stamps_ns=stamps_ns), found.mean_std_s
 
 
+def late_ns(stamped: FirstLook, taken: FirstLook) -> dict[int, int]:
+    """How late scans are stamped, by stamp, where they are."""
+    late = stamped.stamps_ns - taken.stamps_ns
+    return {int(stamp): int(by) for stamp, by in zip(stamped.stamps_ns, late, strict=True) if by}
+
+
 def study_sweeps(seen: FirstLook) -> SweepTimes | None:
     """Where stamps are off the rotor's line by more than a rotor can be; None where they are not, or there is no line."""
     if len(seen.stamps_ns) < LEAST:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.events import LogEvent
+from calib_core.events import Event, LogEvent
 from calib_core.full.prepare.clocks import look
-from calib_core.full.prepare.sweep_stamps import begun_evenly, study_sweeps
+from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns, study_sweeps
 from calib_core.settings import CalibrateSettings
-from calib_core.types import POINT_DTYPE, FloatArray, ImuData, IntArray, LidarInfo, Recording, Scan
+from calib_core.types import POINT_DTYPE, FloatArray, ImuData, IntArray, LidarInfo, Recording, Scan, Trajectory
 
 EPOCH_NS = 1_700_000_000_000_000_000
 PERIOD_S = 0.1
@@ -18,7 +18,7 @@ COUNT = 220
 
 def _recording(
     begin_s: FloatArray,
-    late_ns: IntArray,
+    stamped_late_ns: IntArray,
     *,
     way: float = 1.0,
     stagger_deg: float = 0.0,
@@ -32,7 +32,7 @@ def _recording(
     rng = np.random.default_rng(2)
     scans = []
     ends_s = np.append(begin_s[1:], begin_s[-1] + PERIOD_S)
-    for index, (begin, end, late) in enumerate(zip(begin_s, ends_s, late_ns.tolist(), strict=True)):
+    for index, (begin, end, late) in enumerate(zip(begin_s, ends_s, stamped_late_ns.tolist(), strict=True)):
         t = np.sort(rng.uniform(begin, end, 600))
         t[0] = begin
         phase = way * 2.0 * np.pi / PERIOD_S * (t + wander_s * np.sin(2.0 * np.pi * t / 4.0))
@@ -71,9 +71,9 @@ def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArr
     alone instead of what the points tell (1.3 ms where drivers cut at packets); the late ones left where they are.
     """
     late = _host()
-    said: list[LogEvent] = []
+    said: list[Event] = []
     given = _recording(begin_s, late, way=way, stagger_deg=stagger_deg)
-    taken, seen, std_s = begun_evenly(given, look(given), CalibrateSettings(), said.append)  # type: ignore[arg-type]
+    taken, seen, std_s = begun_evenly(given, look(given), CalibrateSettings(), said.append)
     off_s = (seen.stamps_ns - EPOCH_NS) * 1e-9 - begin_s
     # A line through 220 stamps of 0.5 ms: its slope leaves 34 microseconds rms. So does a sample of 600 beams that look 3 deg
     # to either side, which knows the direction to 0.12 deg.
@@ -82,6 +82,7 @@ def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArr
     assert 2e-5 < std_s < 3e-4
     assert [scan.stamp_ns for scan in taken.scans] == seen.stamps_ns.tolist()
     assert len(said) == 1
+    assert isinstance(said[0], LogEvent)
     assert "the stamps of /points are off its rotor's turning by" in said[0].text
 
 
@@ -107,12 +108,29 @@ def test_stamps_that_follow_the_rotor_are_left_alone(case: str) -> None:
             given, settings = _recording(_even(), _host()), CalibrateSettings(lidar_sampling="as-stamped")
         case _:
             given = _recording(_even(), late)
-    said: list[object] = []
+    said: list[Event] = []
     before = look(given)
     taken, seen, std_s = begun_evenly(given, before, settings, said.append)
     assert taken is given
     assert seen is before
     assert (std_s, said) == (0.0, [])
+
+
+def test_the_motion_is_told_how_late_each_scan_is() -> None:
+    """By the stamp that the recording has: what is drawn later begins where its sweep did, within what the line knows.
+
+    Mutation: by the stamp that was put right.
+    """
+    begin_s, late = _even(), _host()
+    given = _recording(begin_s, late)
+    before = look(given)
+    taken, after, _ = begun_evenly(given, before, CalibrateSettings(), lambda _: None)
+    told = late_ns(before, after)
+    motion = Trajectory(EPOCH_NS, np.zeros(1), np.eye(3)[None], np.zeros((1, 3)), np.ones(1, bool), told)
+    off_s = np.array([motion.begin_s(scan) for scan in given.scans]) - begin_s
+    assert np.std(off_s) < 7e-5
+    assert [scan.stamp_ns - told.get(scan.stamp_ns, 0) for scan in given.scans] == [s.stamp_ns for s in taken.scans]
+    assert late_ns(before, before) == {}
 
 
 def test_lost_scans_and_a_clock_that_is_set_cost_nobody_else_his_time() -> None:

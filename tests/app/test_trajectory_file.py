@@ -1,0 +1,30 @@
+"""A result's motion on the disk: what is written is what is read, older files too."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from app.arrays.trajectory import read_trajectory, write_trajectory
+from tests.app.support import world
+
+
+def test_how_late_scans_were_stamped_is_kept(tmp_path: Path) -> None:
+    """Without it a map made from a kept result lays stalled scans at their stamps. Mutation: left out of the file."""
+    motion = replace(world.make_trajectory(), late_ns={1_700_000_004_244_208_149: 20_000_000, 7: -3})
+    write_trajectory(tmp_path / "motion.npz", motion)
+    again = read_trajectory(tmp_path / "motion.npz")
+    assert again.late_ns == motion.late_ns
+    np.testing.assert_array_equal(again.times_s, motion.times_s)
+
+
+def test_a_file_that_was_written_before_there_were_such_scans_has_none(tmp_path: Path) -> None:
+    """Mutation: asked for without looking whether it is there."""
+    path = tmp_path / "motion.npz"
+    write_trajectory(path, world.make_trajectory())
+    with np.load(path) as arrays:
+        older = {name: arrays[name] for name in arrays.files if name != "late_ns"}
+    np.savez(path, **older)
+    assert read_trajectory(path).late_ns == {}
