@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -78,5 +81,27 @@ def test_an_audit_without_a_network_says_so_and_does_not_fail(code, out, err, ex
 def test_integration_lists_and_audits_the_parts_after_the_tests():
     """Mutations: either left out of .ci/run; pytest's closing line printed before them."""
     run = (ROOT / ".ci" / "run").read_text()
-    order = [run.index(words) for words in ("make test", "make sbom", "make audit", "grep -E")]
+    order = [run.index(words) for words in ("make check", "make test", "make sbom", "make audit", "grep -E")]
     assert order == sorted(order)
+
+
+@pytest.mark.parametrize(("failing", "exit_code"), [("none", 0), ("check", 1), ("test", 2), ("sbom", 1), ("audit", 0)])
+def test_integration_is_red_where_a_check_or_a_test_fails(tmp_path: Path, failing: str, exit_code: int):
+    """With a `make` that fails at one target. An unformatted commit is red, its tests are run all the same, and their closing
+    line is the last. Mutations: leave `make check` out, or its outcome; stop where it fails.
+    """
+    (tmp_path / ".ci").mkdir()
+    (tmp_path / "make").write_text(
+        f"#!/bin/sh\necho make $1\n[ $1 = test ] && echo '=== 3 passed in 1.2s ==='\n"
+        f"[ $1 = {failing} ] && exit {2 if failing == 'test' else 1}\nexit 0\n"
+    )
+    (tmp_path / "make").chmod(0o755)
+    run = shutil.copy(ROOT / ".ci" / "run", tmp_path / ".ci" / "run")
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run([run], env={"PATH": path}, capture_output=True, text=True, timeout=60, check=False)
+    told = done.stdout.splitlines()
+    assert done.returncode == exit_code
+    assert [line for line in told if line.startswith("make ") and " " not in line[5:]] == [
+        f"make {target}" for target in ("check", "test", "sbom", "audit")
+    ]
+    assert told[-1] == "=== 3 passed in 1.2s ==="
