@@ -20,6 +20,8 @@ GrowPlane = Callable[[PlaneProposals, FloatArray], PlanePatch | None]
 
 #: Patches are one plane only if their common plane leaves no more than this beside what each alone leaves.
 MERGE_EXTRA_RMS_M = 0.05
+#: Patches that a page offers to merge face the same way within this, and lie as near: pieces of one wall that a scan bent.
+MERGE_OFFERED_DEG, MERGE_OFFERED_M = 12.0, 0.4
 #: Fewer points than this inside a box are no plane.
 LEAST_POINTS = 30
 #: A seed this near to a point of the cloud is that point.

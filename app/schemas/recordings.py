@@ -140,6 +140,20 @@ class WeakLimits(WireModel):
     time_offset_s: float
 
 
+class UsualNumbers(WireModel):
+    """Numbers of the server's own that a page fills in, offers by, or keeps to: it has none of them itself."""
+
+    max_rounds: int = Field(description="of a solve, where nothing else is said")
+    paper_points_per_plane_per_scan: int = Field(description="of the published method, where nothing else is said")
+    paper_field_of_view_deg: float
+    latitude_gravity_std_m_s2: float = Field(description="of gravity, where the latitude is known")
+    shortest_span_s: float = Field(description="of a recording, that is worth choosing")
+    merge_within_deg: float = Field(description="planes that are offered to be one face the same way within this")
+    merge_within_m: float = Field(description="and are as near")
+    smallest_points: float = Field(description="size of the scene's points over what their spacing asks for")
+    largest_points: float
+
+
 class ServerFacts(WireModel):
     """What a client needs to know before anything else."""
 
@@ -150,6 +164,7 @@ class ServerFacts(WireModel):
     export_formats: list[str]
     samples: list[Sample]
     limits: WeakLimits = Field(description="beyond which standard deviation an axis is weak")
+    usual: UsualNumbers
     axis_names: dict[str, str] = Field(description="by the axis's name in the covariance's order")
     imu_presets: list[str] = Field(description="IMUs whose noise is known by name")
     lidar_presets: list[str] = Field(description="lidars of whose lasers it is known what to expect")

@@ -17,6 +17,8 @@ Extent = Literal["scan", "map", "surface"]
 ColorBy = Literal["plane", "time", "residual", "intensity"]
 Click = Literal["toggle", "grow", "restrict"]
 Preset = Literal["overview", "inside", "top", "front"]
+#: Size of the points over what their spacing asks for: a quarter is a pixel, four times are blots.
+SMALLEST_POINTS, LARGEST_POINTS = 0.25, 4.0
 
 
 class Nudge(WireModel):
@@ -81,7 +83,10 @@ class ViewState(WireModel):
     )
     looks: int = Field(default=0, ge=0, description="raise it to have cameras go to their preset again")
     point_scale: float = Field(
-        default=1.0, ge=0.25, le=4, description="size of the points over what their spacing asks for"
+        default=1.0,
+        ge=SMALLEST_POINTS,
+        le=LARGEST_POINTS,
+        description="size of the points over what their spacing asks for",
     )
     straight: float = Field(
         default=1.0, ge=0, le=1, description="how much of the motion is taken out of a solve's sweeps; 0: as they came"
@@ -106,7 +111,7 @@ class ChangeView(WireModel):
     target: int | None = Field(default=None, ge=0)
     preset: Preset = "overview"
     looks: int = Field(default=0, ge=0)
-    point_scale: float = Field(default=1.0, ge=0.25, le=4)
+    point_scale: float = Field(default=1.0, ge=SMALLEST_POINTS, le=LARGEST_POINTS)
     straight: float = Field(default=1.0, ge=0, le=1)
     dark: bool = False
 

@@ -39,6 +39,7 @@ from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink,
 from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.feed import RecordingFeed
 from app.server.share import ShareLinks
+from app.server.usual import usual_numbers
 from app.server.workflow import Orders, Workflow
 from app.settings import AppSettings
 from app.storage.database import open_database, touch_database
@@ -155,6 +156,7 @@ class Services:
             upload_suffixes=list(SUFFIXES),
             export_formats=list(api.export_names()),
             limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
+            usual=usual_numbers(),
             axis_names=AXIS_NAMES,
             imu_presets=[preset.name for preset in IMU_PRESETS],
             lidar_presets=[preset.name for preset in LIDAR_PRESETS],

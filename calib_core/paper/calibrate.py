@@ -35,12 +35,10 @@ from calib_core.paper.problem import PaperState, covariance_of_calibration
 from calib_core.paper.records import FrontEnd, PaperOptions, PaperSolution
 from calib_core.paper.rounds import Round, expand, reweighted
 from calib_core.paper.solve import Descent, descend
-from calib_core.settings import CalibrateSettings
+from calib_core.settings import PAPER_FIELD_OF_VIEW_DEG, PAPER_POINTS_PER_PLANE_PER_SCAN, CalibrateSettings
 from calib_core.solver.arrow import ArrowSystem, solve_arrow
 from calib_core.types import Finding, InitialGuess, Plane, Recording
 
-#: The published point cap and field of view, where the settings leave them unsaid.
-PUBLISHED_POINTS_PER_PLANE, PUBLISHED_FIELD_OF_VIEW_DEG = 100, 45.0
 _MIN_PLANES, _MIN_SCANS = 3, 10
 _PUBLISHED = PaperOptions()
 
@@ -121,8 +119,8 @@ def _selection(settings: CalibrateSettings) -> Selection:
     cap = settings.points_per_plane_per_scan
     view = settings.field_of_view_deg
     return Selection(
-        cap if "points_per_plane_per_scan" in said else PUBLISHED_POINTS_PER_PLANE,
-        (180.0 if view is None else view) if "field_of_view_deg" in said else PUBLISHED_FIELD_OF_VIEW_DEG,
+        cap if "points_per_plane_per_scan" in said else PAPER_POINTS_PER_PLANE_PER_SCAN,
+        (180.0 if view is None else view) if "field_of_view_deg" in said else PAPER_FIELD_OF_VIEW_DEG,
         settings.random_seed,
     )
 

@@ -1,10 +1,13 @@
 import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { render, screen } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { describe, expect, it, vi } from "vitest";
 import type { Operation, Patch, Planes } from "../src/api/client";
+import { keys } from "../src/api/queries";
 import { PatchList } from "../src/features/planes/list";
 import { mergeCandidates } from "../src/features/planes/similar";
+import { usual } from "./usual";
 
 const patch = (index: number, normal: number[], offset_m: number, confirmed = true): Patch => ({
   index,
@@ -33,10 +36,14 @@ const planes: Planes = {
 
 function show() {
   const apply = vi.fn<(operation: Operation) => void>();
+  const told = new QueryClient();
+  told.setQueryData(keys.facts, { usual });
   render(
-    <MantineProvider>
-      <PatchList planes={planes} apply={apply} onRestrict={vi.fn()} />
-    </MantineProvider>,
+    <QueryClientProvider client={told}>
+      <MantineProvider>
+        <PatchList planes={planes} apply={apply} onRestrict={vi.fn()} />
+      </MantineProvider>
+    </QueryClientProvider>,
   );
   return { apply, user: userEvent.setup() };
 }
@@ -70,6 +77,19 @@ describe("candidates for a merge", () => {
   it("are those at the same place, whichever way their normals point", () => {
     const [first] = planes.patches;
     if (first === undefined) throw new Error("no patch");
-    expect(mergeCandidates(first, planes.patches).map((one) => one.index)).toEqual([1]);
+    expect(mergeCandidates(first, planes.patches, usual).map((one) => one.index)).toEqual([1]);
+  });
+
+  // Fails when the page has a nearness of its own: 12 degrees, 0.4 m.
+  it("are as near as the server says", () => {
+    const first = patch(0, [1, 0, 0], 2);
+    const turned = (deg: number) => [Math.cos((deg * Math.PI) / 180), Math.sin((deg * Math.PI) / 180), 0];
+    const others = [
+      patch(1, turned(9), 2),
+      patch(2, turned(11), 2),
+      patch(3, [1, 0, 0], 2.45),
+      patch(4, [1, 0, 0], 2.55),
+    ];
+    expect(mergeCandidates(first, others, usual).map((one) => one.index)).toEqual([1, 3]);
   });
 });

@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import openapi from "../openapi.json";
 import { fixOf } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
@@ -39,14 +40,29 @@ describe("fixes", () => {
 describe("the span", () => {
   // Fails when a drag to the left keeps its first point as the start.
   it("does not depend on the drag's direction and never gets too short", () => {
-    expect(dragged(8, 3, 20)).toEqual({ startS: 3, endS: 8 });
-    expect(dragged(19.8, 20, 20)).toEqual({ startS: 19, endS: 20 });
-    expect(moved({ startS: 3, endS: 8 }, "start", 7.9, 20)).toEqual({ startS: 7, endS: 8 });
-    expect(moved({ startS: 3, endS: 8 }, "end", 99, 20)).toEqual({ startS: 3, endS: 20 });
+    expect(dragged(8, 3, 20, 1)).toEqual({ startS: 3, endS: 8 });
+    expect(dragged(19.8, 20, 20, 1)).toEqual({ startS: 19, endS: 20 });
+    expect(moved({ startS: 3, endS: 8 }, "start", 7.9, 20, 1)).toEqual({ startS: 7, endS: 8 });
+    expect(moved({ startS: 3, endS: 8 }, "end", 99, 20, 1)).toEqual({ startS: 3, endS: 20 });
+  });
+
+  // Fails when a page has a shortest span of its own.
+  it("is as short as the server says, where the recording is as long", () => {
+    expect(dragged(19.8, 20, 20, 2)).toEqual({ startS: 18, endS: 20 });
+    expect(moved({ startS: 3, endS: 8 }, "start", 7.9, 20, 2)).toEqual({ startS: 6, endS: 8 });
+    expect(dragged(0.2, 0.3, 0.5, 2)).toEqual({ startS: 0, endS: 0.5 });
   });
 });
 
 describe("nudges", () => {
+  // Oracle: the server's own document, as a link's nudge is read before the server is asked. Fails when a bound is another there.
+  it("go as far as the server takes them", () => {
+    for (const { key, most } of nudgeAxes) {
+      const { minimum, maximum } = openapi.components.schemas.Nudge.properties[key];
+      expect([minimum, maximum]).toEqual([-most, most]);
+    }
+  });
+
   // Fails when the clock's step is taken in milliseconds.
   it("survive the way through the URL, free of binary dust", () => {
     const clock = nudgeAxes.find((axis) => axis.key === "dt_s");

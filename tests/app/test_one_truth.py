@@ -8,8 +8,10 @@ import re
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from rich.console import Console
 
+from app.cli.options import parse_field_of_view, parse_gravity, parse_points
 from app.cli.summary import result_summary
 from app.jobs.orders import StoredRequest
 from app.planes.operations import apply
@@ -20,6 +22,8 @@ from app.results.report import report_page
 from app.results.verdict import DISAGREEMENT, solve_outcome, verdict
 from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
+from app.schemas.view import ChangeView
+from app.server.usual import usual_numbers
 from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from app.work.functions import _guess as start_of
 from calib_core import api
@@ -27,8 +31,9 @@ from calib_core.audit.limits import Limits
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.errors import SettingsError
 from calib_core.full.assess.observability import LIMITS, UNITS
+from calib_core.full.prepare.settings import LENGTH
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult, Message, Uncertainty, WeakDirection
-from calib_core.settings import ReadSettings
+from calib_core.settings import CalibrateSettings, ReadSettings
 from tests.app.support import world
 
 PROPOSALS = world.make_proposals()
@@ -46,6 +51,23 @@ def test_the_limits_shown_are_those_that_the_estimator_judges_by():
     np.testing.assert_allclose(LIMITS * UNITS, [np.radians(WEAK_DEG)] * 3 + [WEAK_M] * 3 + [WEAK_S])
     assert Limits().per_axis() == pytest.approx([WEAK_DEG] * 3 + [1e3 * WEAK_M] * 3 + [1e3 * WEAK_S])
     assert tuple(AXIS_NAMES) == COVARIANCE_ORDER
+
+
+def test_numbers_that_pages_need_are_those_of_whoever_uses_them():
+    """Oracle: the settings' own, and what a view refuses. Mutations: 90 points written in usual.py; a span of half a second,
+    of which a solve says that it has too few scans; sizes of points that a view does not take.
+    """
+    usual = usual_numbers()
+    settings = CalibrateSettings()
+    assert usual.max_rounds == settings.max_rounds
+    assert parse_points(None, "paper") == usual.paper_points_per_plane_per_scan
+    assert parse_field_of_view(None, "paper") == usual.paper_field_of_view_deg
+    assert parse_gravity("latitude:48.1").std_m_s2 == usual.latitude_gravity_std_m_s2
+    assert usual.shortest_span_s >= LENGTH.fewest_scans * 0.1
+    for size in (usual.smallest_points, usual.largest_points):
+        assert ChangeView(point_scale=size).point_scale == size
+        with pytest.raises(ValidationError):
+            ChangeView(point_scale=size * 1.01 if size > 1.0 else size * 0.99)
 
 
 def test_strength_is_the_weakest_forecast_and_never_rises_when_a_plane_goes():

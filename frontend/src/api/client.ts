@@ -22,6 +22,7 @@ export type FolderListing = Schemas["FolderListing"];
 export type FolderEntry = Schemas["FolderEntry"];
 export type ServerFacts = Schemas["ServerFacts"];
 export type Limits = Schemas["WeakLimits"];
+export type Usual = Schemas["UsualNumbers"];
 export type Sample = Schemas["Sample"];
 export type Job = Plain<Schemas["Job"]>;
 export type SolveOutcome = Extract<NonNullable<Job["result"]>, { kind?: "solve" }>;

@@ -15,6 +15,7 @@ import {
   type Operation,
   type Planes,
   type Recording,
+  type Usual,
   type View,
 } from "./client";
 import { asLimits, useOwnLimits } from "./ownlimits";
@@ -53,6 +54,11 @@ const unlimited: Limits = { rotation_deg: Infinity, translation_m: Infinity, tim
 /** Beyond which standard deviation the server calls an axis weak. */
 export function useUsualLimits(): Limits {
   return useQuery(factsQuery).data?.limits ?? unlimited;
+}
+
+/** Numbers of the server's own; none until it has told them. */
+export function useUsual(): Usual | undefined {
+  return useQuery(factsQuery).data?.usual;
 }
 
 /** Beyond which standard deviation an axis is not known well enough here: by one's own limits, where there are any. */

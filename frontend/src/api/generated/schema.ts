@@ -3101,6 +3101,7 @@ export interface components {
             samples: components["schemas"]["Sample"][];
             /** Upload Suffixes */
             upload_suffixes: string[];
+            usual: components["schemas"]["UsualNumbers"];
             /** Version */
             version: string;
         };
@@ -3508,6 +3509,51 @@ export interface components {
              * @enum {string}
              */
             op: "use-suggestion";
+        };
+        /**
+         * UsualNumbers
+         * @description Numbers of the server's own that a page fills in, offers by, or keeps to: it has none of them itself.
+         */
+        UsualNumbers: {
+            /** Largest Points */
+            largest_points: number;
+            /**
+             * Latitude Gravity Std M S2
+             * @description of gravity, where the latitude is known
+             */
+            latitude_gravity_std_m_s2: number;
+            /**
+             * Max Rounds
+             * @description of a solve, where nothing else is said
+             */
+            max_rounds: number;
+            /**
+             * Merge Within Deg
+             * @description planes that are offered to be one face the same way within this
+             */
+            merge_within_deg: number;
+            /**
+             * Merge Within M
+             * @description and are as near
+             */
+            merge_within_m: number;
+            /** Paper Field Of View Deg */
+            paper_field_of_view_deg: number;
+            /**
+             * Paper Points Per Plane Per Scan
+             * @description of the published method, where nothing else is said
+             */
+            paper_points_per_plane_per_scan: number;
+            /**
+             * Shortest Span S
+             * @description of a recording, that is worth choosing
+             */
+            shortest_span_s: number;
+            /**
+             * Smallest Points
+             * @description size of the scene's points over what their spacing asks for
+             */
+            smallest_points: number;
         };
         /**
          * View

@@ -1,6 +1,7 @@
 import { ActionIcon, Checkbox, Menu, TextInput } from "@mantine/core";
 import { useState } from "react";
 import type { Operation, Patch, Planes } from "../../api/client";
+import { useUsual } from "../../api/queries";
 import { count, fixed } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { StateBox } from "../../ui/notice";
@@ -72,7 +73,8 @@ interface RowProps {
 
 function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
   const [renaming, setRenaming] = useState(false);
-  const candidates = mergeCandidates(patch, all);
+  const usual = useUsual();
+  const candidates = usual === undefined ? [] : mergeCandidates(patch, all, usual);
   const rename = (name: string) => {
     setRenaming(false);
     if (name !== "" && name !== patch.name) apply({ op: "rename", index: patch.index, name });

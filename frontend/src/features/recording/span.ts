@@ -3,10 +3,8 @@ export interface Span {
   endS: number;
 }
 
-export const shortestS = 1;
-
 /** A span after one of its ends was moved: within the recording, and never shorter than what a solve can use. */
-export function moved(span: Span, end: "start" | "end", toS: number, durationS: number): Span {
+export function moved(span: Span, end: "start" | "end", toS: number, durationS: number, shortestS: number): Span {
   const least = Math.min(shortestS, durationS);
   switch (end) {
     case "start":
@@ -17,7 +15,7 @@ export function moved(span: Span, end: "start" | "end", toS: number, durationS: 
 }
 
 /** The span between two points of a drag, whichever came first. */
-export function dragged(fromS: number, toS: number, durationS: number): Span {
+export function dragged(fromS: number, toS: number, durationS: number, shortestS: number): Span {
   const least = Math.min(shortestS, durationS);
   const startS = Math.max(0, Math.min(fromS, toS, durationS - least));
   return { startS, endS: Math.min(durationS, Math.max(fromS, toS, startS + least)) };

@@ -1,6 +1,7 @@
 import { Button } from "@mantine/core";
 import { useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
 import type { ChangeRecording, DoctorReport } from "../../api/client";
+import { useUsual } from "../../api/queries";
 import { fixed } from "../../ui/format";
 import { LinePlot } from "../../ui/lineplot";
 import { dragged, moved, type Span } from "./span";
@@ -20,6 +21,7 @@ interface SpanStripProps {
 export function SpanStrip({ timeline, still, durationS, startS, endS, pending, onUse }: SpanStripProps) {
   const used: Span = { startS: startS ?? 0, endS: Math.min(endS ?? durationS, durationS) };
   const [wish, setWish] = useState<Span>(used);
+  const shortestS = useUsual()?.shortest_span_s ?? 0;
   const anchor = useRef<number | null>(null);
   const overlay = useRef<HTMLDivElement>(null);
   const whole = wish.startS <= 0 && wish.endS >= durationS;
@@ -43,7 +45,7 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
     const step = steps[event.key];
     if (step === undefined) return;
     event.preventDefault();
-    setWish(moved(wish, end, (end === "start" ? wish.startS : wish.endS) + step, durationS));
+    setWish(moved(wish, end, (end === "start" ? wish.startS : wish.endS) + step, durationS, shortestS));
   };
   const handle = (end: "start" | "end") => (
     <div
@@ -62,7 +64,8 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
         event.currentTarget.setPointerCapture(event.pointerId);
       }}
       onPointerMove={(event) => {
-        if (event.currentTarget.hasPointerCapture(event.pointerId)) setWish(moved(wish, end, timeAt(event), durationS));
+        if (event.currentTarget.hasPointerCapture(event.pointerId))
+          setWish(moved(wish, end, timeAt(event), durationS, shortestS));
       }}
     />
   );
@@ -92,7 +95,7 @@ export function SpanStrip({ timeline, still, durationS, startS, endS, pending, o
               event.currentTarget.hasPointerCapture(event.pointerId) &&
               Math.abs(timeAt(event) - anchor.current) > durationS / 200
             ) {
-              setWish(dragged(anchor.current, timeAt(event), durationS));
+              setWish(dragged(anchor.current, timeAt(event), durationS, shortestS));
             }
           }}
           onPointerUp={() => {

@@ -1,5 +1,5 @@
-import type { Job } from "../../api/client";
-import { gravityAt, latitudeGravityStd, numberOf, priorOf, priorText, type PriorText, type Settings } from "./priors";
+import type { Job, Usual } from "../../api/client";
+import { gravityAt, numberOf, priorOf, priorText, type PriorText, type Settings } from "./priors";
 
 type Served = Job["settings"];
 
@@ -28,11 +28,8 @@ const intrinsicsChoices = ["auto", "consider", "off"] as const;
 /** Blocks chosen one by one, as a select holds them. */
 export const chosenBlocks = "blocks";
 
-/** Most rounds of association and solve, where nothing else is said. */
-export const usualRounds = 12;
-
 /** The choices of a run, as a draft of the next one. */
-export function draftOf(settings: Served): Draft {
+export function draftOf(settings: Served, usual: Usual): Draft {
   const { gravity, imu_noise: noise } = settings;
   const exact = gravity.std_m_s2 === 0;
   return {
@@ -55,19 +52,27 @@ export function draftOf(settings: Served): Draft {
     intrinsics: Array.isArray(settings.intrinsics) ? chosenBlocks : settings.intrinsics,
     lidar: settings.lidar ?? "",
     seed: settings.random_seed === 0 ? "" : String(settings.random_seed),
-    rounds: settings.max_rounds === usualRounds ? "" : String(settings.max_rounds),
+    rounds: settings.max_rounds === usual.max_rounds ? "" : String(settings.max_rounds),
   };
 }
 
 /** The settings that a draft stands for, the rest as before; null while a number is unfinished or out of its range. */
-export function settingsOf(draft: Draft, before: Served): Partial<Settings> | null {
+export function settingsOf(draft: Draft, before: Served, usual: Usual): Partial<Settings> | null {
   const paper = draft.method === "paper";
-  const points = optional(draft.points, (value) => Number.isInteger(value) && value > 0, paper ? 100 : null);
-  const fieldDeg = optional(draft.fieldDeg, (value) => value > 0 && value <= 180, paper ? 45 : null);
-  const gravity = gravityOf(draft);
+  const points = optional(
+    draft.points,
+    (value) => Number.isInteger(value) && value > 0,
+    paper ? usual.paper_points_per_plane_per_scan : null,
+  );
+  const fieldDeg = optional(
+    draft.fieldDeg,
+    (value) => value > 0 && value <= 180,
+    paper ? usual.paper_field_of_view_deg : null,
+  );
+  const gravity = gravityOf(draft, usual);
   const priors = draft.priors.map(priorOf);
   const seed = optional(draft.seed, (value) => Number.isInteger(value) && value >= 0, 0) ?? undefined;
-  const rounds = optional(draft.rounds, (value) => Number.isInteger(value) && value > 0, usualRounds) ?? undefined;
+  const rounds = optional(draft.rounds, (value) => Number.isInteger(value) && value > 0, usual.max_rounds) ?? undefined;
   if (points === undefined || fieldDeg === undefined || gravity === undefined) return null;
   if (seed === undefined || rounds === undefined || priors.some((prior) => prior === null)) return null;
   return {
@@ -98,11 +103,13 @@ function optional(text: string, fits: (value: number) => boolean, empty: number 
   return value !== null && fits(value) ? value : undefined;
 }
 
-function gravityOf({ gravity, gravityNumber }: Draft): Settings["gravity"] | null | undefined {
+function gravityOf({ gravity, gravityNumber }: Draft, usual: Usual): Settings["gravity"] | null | undefined {
   if (gravity === "free") return null;
   const value = numberOf(gravityNumber);
   if (value === null) return undefined;
   if (gravity === "latitude")
-    return Math.abs(value) <= 90 ? { magnitude_m_s2: gravityAt(value), std_m_s2: latitudeGravityStd } : undefined;
+    return Math.abs(value) <= 90
+      ? { magnitude_m_s2: gravityAt(value), std_m_s2: usual.latitude_gravity_std_m_s2 }
+      : undefined;
   return value > 9 && value < 10 ? { magnitude_m_s2: value, std_m_s2: 0 } : undefined;
 }

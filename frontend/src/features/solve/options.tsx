@@ -1,12 +1,12 @@
 import { Button, NativeSelect, SegmentedControl, Switch, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
-import type { Job, NewJob, OldExtrinsic } from "../../api/client";
+import type { Job, NewJob, OldExtrinsic, ServerFacts } from "../../api/client";
 import { sparse } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
-import { chosenBlocks, draftOf, settingsOf, usualRounds, type Draft } from "./draft";
+import { chosenBlocks, draftOf, settingsOf, type Draft } from "./draft";
 import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
@@ -22,14 +22,18 @@ interface SolveOptionsProps {
 }
 
 /** Everything that a solve can be told, as controls; all of it is found from the recording where it is left alone. */
-export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsProps) {
-  const [draft, setDraft] = useState<Draft>(() => draftOf(before));
-  const [guess, setGuess] = useState<OldExtrinsic | null>(null);
+export function SolveOptions(props: SolveOptionsProps) {
   const facts = useQuery(factsQuery).data;
-  const presets = facts?.imu_presets ?? [];
+  return facts === undefined ? null : <Controls facts={facts} {...props} />;
+}
+
+function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps & { facts: ServerFacts }) {
+  const { usual, imu_presets: presets } = facts;
+  const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual));
+  const [guess, setGuess] = useState<OldExtrinsic | null>(null);
   const set = (part: Partial<Draft>) => setDraft((old) => ({ ...old, ...part }));
   const paper = draft.method === "paper";
-  const settings = settingsOf(draft, before);
+  const settings = settingsOf(draft, before, usual);
   const spans = before.excluded_spans_s.length;
   const choice = (name: Choice, label: string, data: { value: string; label: string }[]) => (
     <NativeSelect
@@ -88,7 +92,7 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
             ])}
             {choice("lidar", "Lidar", [
               { value: "", label: "as recognised" },
-              ...(facts?.lidar_presets ?? []).map((name) => ({ value: name, label: name })),
+              ...facts.lidar_presets.map((name) => ({ value: name, label: name })),
             ])}
             {choice("biasModel", "Biases", [
               { value: "random-walk", label: "drift slowly" },
@@ -113,7 +117,7 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               size="xs"
               inputMode="numeric"
               label="Points per plane and scan"
-              placeholder={paper ? "100" : "all"}
+              placeholder={paper ? String(usual.paper_points_per_plane_per_scan) : "all"}
               value={draft.points}
               onChange={(event) => set({ points: event.currentTarget.value })}
             />
@@ -121,7 +125,7 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               size="xs"
               inputMode="decimal"
               label="Field of view, ±°"
-              placeholder={paper ? "45" : "all around"}
+              placeholder={paper ? String(usual.paper_field_of_view_deg) : "all around"}
               value={draft.fieldDeg}
               onChange={(event) => set({ fieldDeg: event.currentTarget.value })}
             />
@@ -129,7 +133,7 @@ export function SolveOptions({ before, onSolve, pending, error }: SolveOptionsPr
               size="xs"
               inputMode="numeric"
               label="Most rounds"
-              placeholder={String(usualRounds)}
+              placeholder={String(usual.max_rounds)}
               value={draft.rounds}
               onChange={(event) => set({ rounds: event.currentTarget.value })}
             />

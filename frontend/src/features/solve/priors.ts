@@ -46,6 +46,3 @@ export function gravityAt(latitudeDeg: number): number {
   const s2 = Math.sin((latitudeDeg * Math.PI) / 180) ** 2;
   return (9.7803253359 * (1 + 0.00193185265241 * s2)) / Math.sqrt(1 - 0.00669437999014 * s2);
 }
-
-/** Once the latitude is known: altitude takes away 0.003 m/s² a kilometre. */
-export const latitudeGravityStd = 0.005;

@@ -1,6 +1,6 @@
 import { ActionIcon, SegmentedControl, Tooltip } from "@mantine/core";
 import type { View } from "../../api/client";
-import { useChangeView } from "../../api/queries";
+import { useChangeView, useUsual } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { useShortcuts } from "../../ui/shortcuts";
 import css from "./layout.module.css";
@@ -15,12 +15,13 @@ const presets: { value: Preset; label: string }[] = [
 ];
 
 const step = 1.25;
-const smallest = 0.25;
-const largest = 4;
 
 /** From where the scene is looked at, and how large its points are. */
 export function SceneTools({ recordingId, view }: { recordingId: string; view: View }) {
   const { mutate } = useChangeView(recordingId);
+  const usual = useUsual();
+  const smallest = usual?.smallest_points ?? view.point_scale;
+  const largest = usual?.largest_points ?? view.point_scale;
   // Pressed again, a way to look is gone back to after the view was turned by hand.
   const look = (preset: Preset) => mutate({ preset, looks: view.looks + 1 });
   const size = (factor: number) =>
