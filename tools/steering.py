@@ -4,6 +4,9 @@ A record is a frozen dataclass beside its stage's page. A field's name says the 
 says why it is so large. Fields without a comment of their own share the one above them. The table stands in
 docs/how-it-works.md between two marks; a test holds it against the records, so that none can be left out.
 
+A reason begins with where the number comes from, one of SOURCES. What was judged has a column beside it that says how far an
+answer moves with the number a half smaller and a half larger (bench/sensitivity.py, which measures it).
+
 `loose` finds numbers of the stages' sources that are in no record. Not all numbers steer: structure (0 to 3, one half),
 shapes, indices and what is written, factors of units, guards against round-off and coefficients of formulas may stand where
 they are, and so may FACTS, which are mathematics under a name.
@@ -12,6 +15,7 @@ they are, and so may FACTS, which are mathematics under a name.
 from __future__ import annotations
 
 import ast
+import csv
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +25,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "how-it-works.md"
 BEGIN, END = "<!-- steering numbers: python -m tools.steering -->", "<!-- end of steering numbers -->"
+
+#: How far answers move: a row a number, by bench/sensitivity.py.
+SHIFTS = ROOT / "bench" / "results" / "sensitivity.csv"
+#: How a reason begins: by arithmetic that stands there; on what; out of which; or what depends on it.
+SOURCES = ("derived", "measured", "data sheets", "judged")
 
 #: Stage, file and class of every record, in reading order.
 RECORDS = (
@@ -193,11 +202,23 @@ def _comment_above(lines: list[str], at: int) -> str:
 
 def table() -> str:
     """The table as Markdown."""
-    rows = ["| stage | record | number | value | unit | why |", "| --- | --- | --- | --- | --- | --- |"]
+    rows = [
+        "| stage | record | number | value | unit | why | less, more |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    moves = shifts()
     for n in numbers():
         reason = n.reason.replace("|", "\\|")
-        rows.append(f"| {n.stage} | {n.record} | `{n.name}` | {n.value} | {n.unit} | {reason} |")
+        rows.append(
+            f"| {n.stage} | {n.record} | `{n.name}` | {n.value} | {n.unit} | {reason} | {moves.get((n.record, n.name), '')} |"
+        )
     return "\n".join(rows)
+
+
+def shifts() -> dict[tuple[str, str], str]:
+    """By record and number, how far the answer moves with it a half smaller and a half larger [sigma], or what becomes of it."""
+    with SHIFTS.open(newline="", encoding="utf-8") as file:
+        return {(row["record"], row["number"]): f"{row['less']}, {row['more']}" for row in csv.DictReader(file)}
 
 
 def with_table(page: str) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tools.steering import PAGE, RECORDS, loose, loose_in, numbers, with_table
+from tools import presets
+from tools.steering import PAGE, RECORDS, SOURCES, loose, loose_in, numbers, with_table
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (
@@ -36,11 +37,22 @@ def test_the_table_of_numbers_is_that_of_the_records() -> None:
     assert with_table(page) == page
 
 
+def test_the_tables_of_sensors_are_those_of_the_presets() -> None:
+    """Mutations: change a density or a word of a preset, or add one, without `python -m tools.presets`."""
+    page = presets.PAGE.read_text(encoding="utf-8")
+    assert presets.with_tables(page) == page
+
+
 def test_every_number_has_its_reason() -> None:
     """Mutation: a field at the top of a record without a comment."""
     found = list(numbers())
     assert {(n.stage, n.record) for n in found} == {(stage, record) for stage, _, record in RECORDS}
     assert [f"{n.record}.{n.name}" for n in found if not n.reason] == []
+
+
+def test_every_reason_begins_with_where_its_number_comes_from() -> None:
+    """Mutation: a reason that only describes, "Points of each scan."."""
+    assert [f"{n.record}.{n.name}" for n in numbers() if not n.reason.startswith(SOURCES)] == []
 
 
 def test_no_number_steers_from_outside_the_records() -> None:

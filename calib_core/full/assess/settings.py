@@ -9,18 +9,22 @@ from dataclasses import dataclass
 class Plausible:
     """Beyond what an answer cannot be true."""
 
-    #: How far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres; both at
-    #: once, as a fine lidar shows what a wall is bent by.
+    #: judged: how far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres;
+    #: both at once, as a fine lidar shows what a wall is bent by. Bent walls of 5 mm are answered
+    #: (bench/results/surfaces.md), a motion that is wrong is off by centimetres.
     worst_misfit: float = 30.0
     worst_away_m: float = 0.008
-    #: How far the mean squared residual of single points may stray before the solve has not explained the data.
+    #: judged: how far the mean squared residual of single points may stray before the solve has not explained the data:
+    #: twice the noise that was found in that very recording.
     worst_chi2: float = 4.0
-    #: Fewer points are no recording of planes.
+    #: judged: fewer points are no recording of planes. A single scan has more.
     fewest_points: int = 1000
-    #: No working IMU is off by more than this.
+    #: judged: 14 deg/s and a fifth of gravity, beyond the limits on sheets of all but the worst parts; no working IMU is
+    #: off by more than this. What is, is refused with that reason.
     worst_gyro_bias_rad_s: float = 0.25
     worst_accel_bias_m_s2: float = 2.0
-    #: Gravity is nowhere so many standard deviations away, of what is given and of what is found.
+    #: derived: gravity is nowhere so many standard deviations away, of what is given and of what is found: one in five
+    #: hundred million of a normal law.
     gravity_sigmas: float = 6.0
 
 
@@ -28,16 +32,20 @@ class Plausible:
 class Wording:
     """How a direction of the seven parameters is called."""
 
-    #: A direction with so much of its length in one parameter, or in one kind of them, is that one.
+    #: derived: a direction with so much of its length in one parameter is within 18 deg of it, in one kind of them within 8
+    #: deg, and is called that one. Words alone depend on it.
     one_parameter: float = 0.95
     one_kind: float = 0.99
-    #: Parts of a combination that are named.
+    #: judged: parts of a combination that are named. Words alone depend on it.
     named: float = 0.1
-    #: A weak direction has something of a parameter, and advice for it, from this part on.
+    #: judged: a weak direction has something of a parameter, and advice for it, from this part on. Words alone depend on
+    #: it.
     concerned: float = 0.3
-    #: A component of the rotation is determined where the data alone tell it to this.
+    #: judged: a component of the rotation is determined where the data alone tell it to this: ten times the limit of weak.
+    #: Beyond, with no component, the answer is refused.
     known_deg: float = 5.0
-    #: A parameter of a sensor this many of its sigmas from that of an ideal one is said to be off.
+    #: derived: a parameter of a sensor this many of its sigmas from that of an ideal one, one in 370 of a normal law, is
+    #: said to be off. Words alone depend on it.
     off_sigmas: float = 3.0
 
 
@@ -45,13 +53,17 @@ class Wording:
 class Parts:
     """How a recording is taken apart, and when its parts disagree."""
 
-    #: Of noise alone, so many recordings of a thousand stay below.
+    #: derived: of noise alone, 999 recordings of a thousand stay below: a warning in one good recording of a thousand for
+    #: each kind of part.
     confidence: float = 0.999
-    #: Of the recording's length: each still holds seconds of motion, and eight pulls tell a covariance from noise.
+    #: judged: of the recording's length: each still holds seconds of motion, and eight pulls tell a covariance from noise.
+    #: How widened error bars are, where parts disagree, depends on it.
     time_blocks: int = 8
-    #: Walls are bent over metres, panels and doors are about one wide.
+    #: judged: walls are bent over metres, panels and doors are about one wide. How widened error bars are, where walls are
+    #: bent, depends on it.
     cell_m: float = 1.0
-    #: Digits worth keeping of what a part answers, beside its standard deviation.
+    #: derived: digits worth keeping of what a part answers: its standard deviation is known to one or two, and three more
+    #: are of no loss to whoever adds parts up.
     digits: int = 5
 
 
@@ -59,12 +71,13 @@ class Parts:
 class ClockSteps:
     """When stretches of time answer two time offsets."""
 
-    #: A line, a step and a stretch of its own take four: two are left to say whether they fit.
+    #: derived: a line, a step and a stretch of its own take four: two are left to say whether they fit.
     fewest_blocks: int = 6
-    #: Weighted squares about a line: of eight stretches 40 is chance in one recording of two million. Recordings as they are,
-    #: shaken and with the faults of cheap sensors too, had 1 to 8; with a step of 1 ms 58, of 5 ms 240 and more.
+    #: derived: weighted squares about a line: of eight stretches, two of them taken by the line, 40 is chance in one
+    #: recording of two million. Measured beside it: recordings as they are, shaken and with the faults of cheap sensors
+    #: too, had 1 to 8; with a step of 1 ms 58, of 5 ms 240 and more.
     misfit: float = 40.0
-    #: A step leaves less than this share of what a line leaves: with steps it was 0.04 to 0.24.
+    #: measured: with steps, a step left 0.04 to 0.24 of what a line leaves; it has to leave less than this share.
     unexplained: float = 0.4
 
 

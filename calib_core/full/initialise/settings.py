@@ -9,23 +9,30 @@ from dataclasses import dataclass
 class Lags:
     """At which lags the turns of lidar and gyroscope are compared."""
 
-    #: Rates are laid on a grid as fine as hands are quick, and refined later.
+    #: derived: rates are laid on a grid of 20 ms: a hand's swings of up to 5 Hz have ten of its steps, and a parabola
+    #: refines the lag later.
     grid_hz: float = 50.0
-    #: The lidar's turns between scans so many apart, beside those within sweeps: more scans, less noise, slower motion.
+    #: judged: the lidar's turns between scans so many apart, beside those within sweeps: more scans, less noise, slower
+    #: motion. Each gives lags of its own, of which the best goes on.
     apart_scans: tuple[int, ...] = (1, 3)
-    #: Spans above so many times this percentile are cut off: a few leaps of a track would outweigh all the rest.
+    #: judged: spans above so many times this percentile are cut off: a few leaps of a track would outweigh all the rest. An
+    #: honest motion is hardly cut at all.
     top_percent: float = 90.0
     top_times: float = 2.0
-    #: Recordings overlap at a lag by so much at least, or that share of the lidar's, or half of the shorter one.
+    #: judged: recordings overlap at a lag by so much at least, or that share of the lidar's, or half of the shorter one. A
+    #: shorter overlap correlates by chance; lags that are further off are not found.
     overlap_s: float = 8.0
     overlap_share: float = 0.3
     half_overlap: float = 0.5
-    #: So many best lags go on, so far apart: a hand's to and fro repeats itself after half a second.
+    #: judged: so many best lags go on, so far apart: a hand's to and fro repeats itself after half a second. Each is tried
+    #: by its rotation, so that too many cost time alone.
     candidates: int = 6
     apart_s: float = 0.25
-    #: Variances below this share of the whole are none: a stretch of standstill correlates with anything.
+    #: judged: variances below this share of the whole are none: a stretch of standstill correlates with anything. Lags at
+    #: which only a standstill overlaps drop out by it.
     least_variance: float = 1e-3
-    #: A track's rate holds so far before and beyond a scan's start.
+    #: judged: a track's rate holds so far before and beyond a scan's start: a sweep, and as much again where scans are
+    #: missing.
     before_s: float = 0.2
     beyond_s: float = 0.3
 
@@ -34,21 +41,26 @@ class Lags:
 class Vectors:
     """At which lags the turns of pairs of scans are compared with the gyroscope's, on all three axes."""
 
-    #: Lags that are tried lie this far apart: a quarter of the quickest swing of a hand would be five times as much.
+    #: derived: lags that are tried lie this far apart: a quarter of a swing of 2.5 Hz, quick for a hand, would be five
+    #: times as much. A parabola tells between them.
     step_s: float = 0.02
-    #: Lags closer to one another than this are one; so many best ones go on.
+    #: judged: lags closer to one another than this, five steps, are one; so many best ones go on, each tried by its
+    #: rotation.
     apart_s: float = 0.1
     candidates: int = 6
-    #: Compared at once: memory, not the answer.
+    #: judged: compared at once; memory, not the answer, depends on it.
     lags_at_once: int = 200
-    #: Rates are cut off above this percentile.
+    #: judged: rates are cut off above this percentile: the few turns of pairs that went wrong would outweigh the rest.
     top_percent: float = 95.0
-    #: At a lag with fewer turns in common, or with less than this share of them, nothing is compared.
+    #: judged: at a lag with fewer turns in common, or with less than this share of them, nothing is compared: sixty
+    #: components tell three of a rotation and a lag from chance.
     fewest_turns: int = 20
     least_share: float = 0.5
-    #: How alike the turns have to be. Sines of one or two tempos on each axis are alike to 0.8 by chance, at one lag of many.
+    #: measured on simulated motions: sines of one or two tempos on each axis are alike to 0.8 by chance, at one lag of
+    #: many. Turns have to be more so.
     alike: float = 0.9
-    #: A pair's turn is told no better than this, however many points tell it: its planes are those of one scan.
+    #: judged: a pair's turn is told no better than this, however many points tell it: its planes are those of one scan. It
+    #: evens the weights of pairs.
     pair_std_rad: float = 0.003
 
 
@@ -56,7 +68,8 @@ class Vectors:
 class Profile:
     """Around an answer's time offset, how alike the turns of lidar and gyroscope are."""
 
-    #: So far to each side: a hand's to and fro repeats itself within it. In such steps: a parabola tells between them.
+    #: judged: so far to each side: a hand's to and fro repeats itself within it. In such steps: a parabola tells between
+    #: them. A picture alone depends on it.
     reach_s: float = 0.5
     step_s: float = 0.01
 
@@ -65,33 +78,39 @@ class Profile:
 class Agreeing:
     """Whether the track's turning is the gyroscope's."""
 
-    #: Rates are cut off above this percentile, the lidar's and the gyroscope's alike.
+    #: judged: rates are cut off above this percentile, the lidar's and the gyroscope's alike, as a track's few leaps are
+    #: the fastest.
     top_percent: float = 95.0
-    #: Spans below this share of the fastest tell nothing of a ratio.
+    #: judged: spans below this share of the fastest tell nothing of a ratio: noise and biases are a larger part of them.
     fast_share: float = 0.4
-    #: With fewer spans nothing is concluded.
+    #: judged: with fewer spans nothing is concluded: a second of scans.
     fewest_spans: int = 10
-    #: A rate over a shorter span, between stamps that repeat, is none.
+    #: derived: a rate over a shorter span, between stamps that repeat, is none: a milliradian of a pose's noise in a
+    #: millisecond is a radian a second.
     shortest_span_s: float = 1e-3
-    #: Rates of a good track and the gyroscope correlate by 0.95 and more, those of a lost one by 0.6 at the most; with the
-    #: former nothing is looked into, below the latter nothing is believed.
+    #: measured on simulated rooms: rates of a good track and the gyroscope correlate by 0.95 and more, those of a lost one
+    #: by 0.6 at the most; with the former nothing is looked into, below the latter nothing is believed.
     trusted: float = 0.9
     believed: float = 0.6
-    #: Of a rotation between two streams of turns: what it leaves over what there is. Noise alone leaves one.
+    #: judged: of a rotation between two streams of turns: what it leaves over what there is. Noise alone leaves one.
+    #: Whether another way to follow the lidar is tried depends on it.
     fits: float = 0.6
-    #: A track this whole is not worth another, and another is worth so many times as much.
+    #: judged: a track this whole is not worth another, and another is worth so many times as much. Time depends on it.
     whole: float = 0.95
     better: float = 1.05
-    #: Less turning than this (rms), of the gyroscope or of the lidar, says nothing of the rotation.
+    #: judged: less turning than this (rms), of the gyroscope or of the lidar, says nothing of the rotation. Only which
+    #: reason is told depends on it.
     least_turning_rad_s: float = 0.03
-    #: Beyond this a gyroscope has turned whatever its bias.
+    #: judged: beyond this a gyroscope has turned whatever its bias. Only which reason is told depends on it.
     surely_turned_deg: float = 20.0
-    #: So many orientations tell the farthest turn.
+    #: judged: so many orientations tell the farthest turn; of a motion of swings each would nearly do.
     orientations: int = 500
-    #: A given plane within these of a found one is that plane.
+    #: judged: a given plane within these of a found one is that plane: what a person draws by hand or writes from a plan.
+    #: One beyond is a plane of its own.
     same_deg: float = 5.0
     same_m: float = 0.15
-    #: Planes face another way where the normals' singular value is this share of the first.
+    #: derived: planes face another way where the normals' singular value is this share of the first: of two normals 23 deg
+    #: between them.
     another_way: float = 0.2
 
 
@@ -99,30 +118,35 @@ class Agreeing:
 class Rotating:
     """The rotation at each lag."""
 
-    #: Around a lag the rotation is tried so far to each side, in such steps; between them a parabola tells.
+    #: judged: around a lag the rotation is tried so far to each side, in such steps: three steps of the coarse lags, and
+    #: what a grid of 20 ms may miss; between them a parabola tells.
     around_s: float = 0.06
     step_s: float = 0.005
-    #: Fewer turns tell no rotation.
+    #: judged: fewer turns tell no rotation: thirty components for its three.
     fewest_turns: int = 10
-    #: Passes of the weights against outliers, whose scale is so many median residuals, not below this rate.
+    #: derived: three median residuals are two sigma of a normal law. Passes of the weights against outliers, whose scale is
+    #: so many, not below this rate (0.006 deg/s).
     passes: int = 4
     outlier_times: float = 3.0
     least_residual_rad_s: float = 1e-4
-    #: A second axis is told by turning beyond this, and beyond so many times what the fit leaves.
+    #: judged: a second axis is told by turning beyond this, a degree a second, and beyond so many times what the fit
+    #: leaves. Below, the turn about the only axis is told by plumb walls.
     second_axis_rad_s: float = 0.02
     second_axis_noise: float = 1.5
-    #: Of a platform that does not turn: its accelerations smoothed over this, in recordings of so much at least,
+    #: judged: of a platform that does not turn: its accelerations smoothed over this, a little more than a scan, in
+    #: recordings of so much at least,
     smoothed_s: float = 0.12
     least_s: float = 4.0
-    #: that overlap by so much, at so many lags.
+    #: judged: that overlap by so much, at so many lags. A rig that never turns is weak in rotation anyhow.
     overlap_s: float = 5.0
     lags: int = 5
-    #: A candidate that leaves so many times as much as the best, or this much more of the whole, is none.
+    #: judged: a candidate that leaves so many times as much as the best, or this much more of the whole, is none. What goes
+    #: on costs a linear start each.
     worse_times: float = 2.0
     worse_share: float = 0.1
-    #: A guessed time offset takes the rotation of a lag this near.
+    #: judged: a guessed time offset takes the rotation of a lag this near: half a scan.
     guess_s: float = 0.05
-    #: Turns about the only axis that are tried where it stays open.
+    #: derived: turns about the only axis that are tried where it stays open, 15 deg apart.
     open_turns: int = 24
 
 
@@ -130,17 +154,20 @@ class Rotating:
 class Linear:
     """Gravity, lever arm and accelerometer bias."""
 
-    #: 1 sigma of a step between two scans, by position and by velocity: what a track is wrong by.
+    #: measured: 1 sigma of a step between two scans, by position and by velocity, of a track at hand speeds (the picture of
+    #: stage 3: a centimetre). They weigh positions against velocities, and the start is right to centimetres either way.
     position_std_m: float = 0.015
     velocity_std_m_s: float = 0.02
-    #: Scans further apart than this say nothing: integrals drift.
+    #: derived: scans further apart than this say nothing, as integrals drift: a start wrong by two degrees of gravity's
+    #: direction is 0.35 m/s2, 2 cm after that long.
     most_gap_s: float = 0.35
-    #: Passes, as gravity's size is told along its own direction, to this.
+    #: derived: passes, as gravity's size is told along its own direction, to 0.2 %.
     passes: int = 3
     gravity_std_m_s2: float = 0.02
-    #: A gravity below this has no direction yet.
+    #: judged: a gravity below this, a tenth of the Earth's, has no direction yet.
     least_gravity_m_s2: float = 1.0
-    #: Priors that keep undetermined directions finite, 1 sigma: any velocity, any gravity, a lever arm of metres, a usual bias.
+    #: derived: priors that keep undetermined directions finite, 1 sigma: any velocity and any gravity, a thousand times
+    #: what there is; a lever arm of metres, a bias of 0.3 m/s2, which is beyond what rigs and sheets have.
     any_velocity_m_s: float = 1e3
     any_gravity_m_s2: float = 1e4
     lever_arm_m: float = 2.0
@@ -151,21 +178,25 @@ class Linear:
 class Signs:
     """An IMU with axes turned round, or in another unit."""
 
-    #: Linear starts of right axes stay well below this (whitened); nothing is tried, and no time spent, unless one does not.
+    #: judged: linear starts of right axes stay well below this, as they are whitened; nothing is tried, and no time spent,
+    #: unless one does not.
     suspicious_rms: float = 1.0
-    #: A sign pattern must leave less than this share of the misfit as sent.
+    #: judged: a sign pattern must leave less than this share of the misfit as sent; the right one leaves noise. Only the
+    #: reason that is told depends on it.
     explains: float = 0.35
-    #: Radians taken for degrees are 57 times off. The ratio of rates is good to a few per cent where they correlate so well;
+    #: derived: radians taken for degrees are 57 times off. The ratio of rates is good to sqrt(1 - 0.9^2) over the root of
+    #: some hundred spans, a few per cent, where they correlate so well;
     together: float = 0.9
-    #: it is steady within this (natural logarithm, and quartiles over the middle),
+    #: judged: it is steady within this (natural logarithm, and quartiles over the middle), a 13th of the logarithm of 57,
     steady: float = 0.3
-    #: of a lidar whose fast spans, at this percentile, turn so fast.
+    #: judged: of a lidar whose fast spans, at this percentile, turn so fast. Only the reason that is told depends on it.
     fast_percent: float = 90.0
     moving_rad_s: float = 0.1
-    #: A lag found through a rotation where there is a reflection is off by up to this; tried in such steps,
+    #: judged: a lag found through a rotation where there is a reflection is off by up to this, a quarter of a swing; tried
+    #: in such steps,
     around_s: float = 0.12
     step_s: float = 0.01
-    #: with so many spans.
+    #: judged: with so many spans: a second of scans. Only the reason that is told depends on it.
     fewest_spans: int = 10
 
 
@@ -173,14 +204,17 @@ class Signs:
 class Upright:
     """The turn about the only axis."""
 
-    #: Turns that the accelerations fit so nearly as well as the best one are all the same to them, from so many on.
+    #: judged: turns that the accelerations fit so nearly as well as the best one are all the same to them, from so many on.
+    #: Below, the turn is known, and walls are not asked.
     alike: float = 1.05
     fewest_alike: int = 3
-    #: Walls and floors are plumb and level to about this; a plane further off both is a slope and says nothing.
+    #: judged: walls and floors are plumb and level to about this, and start values right to as much; a plane further off
+    #: both is a slope and says nothing.
     plumb_deg: float = 3.0
-    #: Turns between those tried, by gravity's harmonic.
+    #: judged: turns between those tried, by gravity's harmonic. The joint estimation finds the rest.
     fine_deg: float = 0.5
-    #: The turn that the accelerations like best is left only for one at which half a plane more is plumb or level.
+    #: judged: the turn that the accelerations like best is left only for one at which half a plane more is plumb or level:
+    #: more than one doubtful plane weighs.
     worth_a_turn: float = 0.5
 
 

@@ -28,19 +28,22 @@ from calib_core.types import FloatArray, InitialGuess, Plane
 class Beginning:
     """Knots, bias nodes and standing priors."""
 
-    #: Between the nodes of the biases: MEMS biases wander over tens of seconds,
+    #: derived: the variance of a walk about the line between its nodes is a sixth of what it gathers from one to the next,
+    #: and MEMS biases wander over tens of seconds;
     nodes_s: float = 5.0
-    #: closer in a short recording, where it costs nothing,
+    #: judged: closer in a short recording, where it costs nothing,
     closest_nodes_s: float = 2.5
-    #: which is one with fewer nodes than this.
+    #: judged: which is one with fewer nodes than this. Time alone depends on it.
     few_nodes: int = 14
-    #: The contract's standing prior, so wide that it tells nothing a rig could contradict: 1 rad, 10 m, 10 s.
+    #: derived: the contract's standing prior, so wide that it tells nothing a rig could contradict: 1 rad, 10 m, 10 s.
     standing_std: tuple[float, ...] = (1.0, 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
-    #: With fewer tracked knots (0.2 s) there is nothing to hold a calibration against.
+    #: judged: with fewer tracked knots (0.2 s) there is nothing to hold a calibration against. Only which reason is told
+    #: depends on it.
     fewest_knots: int = 20
-    #: Knots beyond the tracked sweeps' end, so that the last points have one on either side.
+    #: derived: knots beyond the tracked sweeps' end, so that the last points have one on either side.
     overhang_knots: int = 2
-    #: Of a lidar of which nothing is known yet, as data sheets have them; measured in the rounds.
+    #: data sheets: 2 cm of a range are usual (calib_core/presets/lidar.py), of a surface the rest of their accuracy; of a
+    #: lidar of which nothing is known yet. Measured in the rounds, and forgotten.
     unknown_range_std_m: float = 0.02
     unknown_surface_std_m: float = 0.005
 

@@ -11,27 +11,33 @@ from calib_core.planes.segment import SegmentSettings
 class Chain:
     """What keeps the chain of knots and the shared unknowns solvable where no data hold them."""
 
-    #: Information [1/rad2, 1/m2, s2/m2] that holds the map's frame by one knot,
+    #: derived: information [1/rad2, 1/m2, s2/m2] of a tenth of a milliradian and of a millimetre holds the map's frame by
+    #: one knot: far beyond what data say of it, and far from round-off,
     gauge: float = 1e8
-    #: or where planes hold it but were not all in view: to a radian, a metre, a metre a second.
+    #: derived: or where planes hold it but were not all in view: to a radian, a metre, a metre a second.
     loose_gauge: float = 1.0
-    #: Of every knot: a kilometre, a kilometre a second; velocity between two silences stays put.
+    #: derived: (1 km)^-2 of every knot, a kilometre, a kilometre a second; velocity between two silences stays put.
     knot: float = 1e-6
-    #: Of every plane, to a hundred metres: one that no point sees stays where it is.
+    #: derived: (100 m)^-2 of every plane: one that no point sees stays where it is.
     plane: float = 1e-4
-    #: A prior of gravity that is exact is this wide (1 sigma).
+    #: derived: a prior of gravity that is exact is this wide (1 sigma): far below what a solve knows it to (0.01), and far
+    #: from round-off.
     exact_gravity_m_s2: float = 1e-7
-    #: No IMU that works starts with a larger bias (1 sigma: 11 deg/s, a tenth of gravity).
+    #: data sheets: the worst parts in use (MPU-6050, unconfirmed) start up to 20 deg/s and 0.08 g off, within two of these:
+    #: 11 deg/s, a tenth of gravity (1 sigma).
     gyro_bias_std_rad_s: float = 0.2
     accel_bias_std_m_s2: float = 1.0
-    #: Every node of the biases is six columns along the whole chain: without a limit memory would grow with the square of a
-    #: recording's length, and time faster still. Biases of minutes are as smooth to a longer spacing.
+    #: judged: every node of the biases is six columns along the whole chain: without a limit memory would grow with the
+    #: square of a recording's length, and time faster still; 24 are two minutes at 5 s. Biases of minutes are as smooth to
+    #: a longer spacing.
     most_nodes: int = 24
-    #: A recording shorter than so many spacings has one node.
+    #: derived: a recording shorter than so many spacings has one node: two of them would be nearer to one another than a
+    #: half.
     one_node: float = 1.5
-    #: An instant belongs to its nearest knot: half a spacing away, and a little for rounding.
+    #: derived: an instant belongs to its nearest knot: half a spacing away, and a little for rounding.
     reach_knots: float = 0.51
-    #: The accelerometer is read anew where its delay has moved by so much: to there the first order is good to 1e-4.
+    #: derived: the accelerometer is read anew where its delay has moved by so much: what swings at 100 Hz is followed by
+    #: the first order to (2 pi 100 x 2e-5)^2 / 2 = 1e-4 of its amplitude.
     delay_moved_s: float = 2e-5
 
 
@@ -39,18 +45,21 @@ class Chain:
 class Holding:
     """Which directions of the calibration the data leave open, to be held by priors of their own."""
 
-    #: Spread along any parameter beyond which a direction is open: far from zero, as the noise of the motion that the
-    #: information is evaluated at looks like excitation; a lever arm that is truly unknown seems known to half a metre.
+    #: judged: spread along any parameter beyond which a direction is open: far from zero, as the noise of the motion that
+    #: the information is evaluated at looks like excitation; a lever arm that is truly unknown seems known to half a metre.
+    #: Five to ten times the weak limits, so that what is merely weak is estimated.
     open_deg: float = 2.0
     open_m: float = 0.1
     open_s: float = 0.01
-    #: What was held is let go where its spread is less than this part of that.
+    #: judged: what was held is let go where its spread is less than this part of that: well below, so that it does not go
+    #: to and fro.
     let_go: float = 0.3
-    #: Directions whose part beyond one another is less than this are one.
+    #: derived: directions whose part beyond one another is less than this are one: within 17 deg.
     same_direction: float = 0.3
-    #: A direction with so much of its length in the lever arm is held at zero, others where they are,
+    #: derived: a direction with so much of its length in the lever arm, within 11 deg of it, is held at zero, others where
+    #: they are,
     shift_share: float = 0.98
-    #: to this part of a unit (1 deg, 10 mm, 1 ms; 1 sigma).
+    #: derived: to this part of a unit (1 deg, 10 mm, 1 ms; 1 sigma): fifty times and more below the limits of weak.
     held_std: float = 0.01
 
 
@@ -58,19 +67,23 @@ class Holding:
 class Measuring:
     """The lidar's noise, from how far points lie off their planes."""
 
-    #: Room of the gate, wide enough to see the tails,
+    #: derived: room of the gate, wide enough to see the tails: one in five hundred million of a normal law is beyond,
     gate_sigmas: float = 6.0
-    #: and how far the weights taper to zero, in standard deviations of what they find.
+    #: derived: and how far the weights taper to zero, in standard deviations of what they find: one in sixteen thousand is
+    #: beyond; what the taper takes of the variance is put back (lidar_noise.py).
     taper_sigmas: float = 4.0
-    #: Bands of the squared cosine of incidence, by which range and surface are told apart.
+    #: judged: bands of the squared cosine of incidence, by which range and surface are told apart: two unknowns from twelve
+    #: values.
     bands: int = 12
-    #: Fewer points tell no noise, of all, of a band, of a plane in a scan whose mean is taken out.
+    #: derived: fewer points tell no noise: a sigma of N is known to 1 / sqrt(2 N), of all to 3 %, of a band to 7 %, of a
+    #: plane in a scan, whose mean is taken out, to 16 %.
     fewest_points: int = 500
     fewest_in_band: int = 100
     fewest_on_plane: int = 20
-    #: Passes until variance and weights agree to round-off.
+    #: judged: passes until variance and weights agree to round-off. A bound alone.
     passes: int = 30
-    #: No lidar is better than this, and no more digits are known of it.
+    #: judged: no lidar is better than this, a tenth of a millimetre, and of no more than sixteen thousand points is it
+    #: known to three digits.
     least_std_m: float = 1e-4
     digits: int = 3
 
@@ -79,12 +92,14 @@ class Measuring:
 class Surveying:
     """Where planes are, from the returns on them and beside them."""
 
-    #: Points that are worth a call of their own.
+    #: judged: points that are worth a call of their own. Time alone depends on it.
     batch_points: int = 20_000
-    #: Returns this near are looked at for what lies beside a plane.
+    #: judged: returns this near are looked at for what lies beside a plane: a door's frame, a skirting board, a hand's
+    #: breadth and a half.
     beside_m: float = 0.3
-    #: Returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane than this
-    #: many standard deviations of one of them.
+    #: judged: returns of a cell are another surface's, a door's in its wall, where their mean is further from the plane
+    #: than this many standard deviations of one of them. A cell of a hundred points knows its mean to a tenth of one; what
+    #: is nearer is estimated as a bend.
     off_sigmas: float = 2.0
 
 
@@ -92,20 +107,26 @@ class Surveying:
 class Straying:
     """What the propagated motion may be wrong by when it begins, and what a plane in view leaves of that."""
 
-    #: What a solve of the whole leaves of the last knot's position and velocity.
+    #: judged: what a solve of the whole leaves of the last knot's position and velocity, where planes hold it to a
+    #: centimetre. It widens the first gates, and seeing a plane ends it.
     position_std_m: float = 0.02
     velocity_std_m_s: float = 0.05
-    #: Of the acceleration before anything is known of it,
+    #: judged: of the acceleration before anything is known of it: a hundredth of gravity, half a degree of its direction.
+    #: It widens the first gates,
     acceleration_std_m_s2: float = 0.1
-    #: and at the least: what a wrong scale or axis of a good sensor makes of gravity itself.
+    #: derived: and at the least: what a wrong scale or axis of a good sensor, 0.05 %, makes of gravity itself.
     least_acceleration_std_m_s2: float = 0.005
-    #: What a piece's points leave of a plane's distance: the calibration's and the map's error, not the noise of points.
+    #: judged: what a piece's points leave of a plane's distance: the calibration's and the map's error, not the noise of
+    #: points. It keeps gates from closing on a plane that is a little wrong.
     seen_std_m: float = 0.015
-    #: After the last plane in view, knots are kept for so long: what the IMU alone adds in it is less than the gate.
+    #: derived: after the last plane in view, knots are kept for so long: what the IMU alone adds in it, half of 0.1 m/s2
+    #: times its square, is 12 mm, less than the gate.
     kept_s: float = 0.5
-    #: A scan counts for a piece that begins up to half a sweep later.
+    #: data sheets: spinning lidars turn ten times a second as they come. A scan counts for a piece that begins up to half a
+    #: sweep later.
     half_sweep_s: float = 0.05
-    #: New planes are looked for among so many of the last scans at the least.
+    #: judged: new planes are looked for among so many of the last scans at the least: half a second, as a single one has a
+    #: ring or two on a far wall.
     fewest_scans: int = 5
 
 
@@ -113,10 +134,12 @@ class Straying:
 class Regaining:
     """A lost plane known again in one scan."""
 
-    #: Points of the scan that are cut into planes, and the fewest that are worth it.
+    #: judged: points of the scan that are cut into planes, as many as a plane is drawn among in any cloud, and the fewest
+    #: that are worth it.
     points: int = 4000
     fewest_points: int = 200
-    #: A lost plane may be seen by its edge alone.
+    #: judged: a lost plane may be seen by its edge alone: fewer points do, but a larger share. What is found has still to
+    #: agree in normal and place.
     segments: SegmentSettings = SegmentSettings(min_points=100, min_share=0.03)  # noqa: RUF009  frozen
 
 
@@ -124,13 +147,15 @@ class Regaining:
 class Doubting:
     """Whether a plane is one, and whether the chosen ones hold a pose."""
 
-    #: Places on a plane: a hand's breadth and a half.
+    #: judged: places on a plane: a hand's breadth and a half. Smaller ones have too few points for a mean, larger ones blur
+    #: a door's frame into its wall.
     cell_m: float = 0.3
-    #: Normals hold three directions where the smallest singular value of three orthogonal ones would be one.
+    #: derived: normals hold three directions where the smallest singular value of three orthogonal ones would be one: a
+    #: fifth is a third way 11 deg off the others'.
     least_spread: float = 0.2
-    #: What has moved farthest is told by this percentile: a bin at a plane's edge tells nothing of the rest.
+    #: judged: what has moved farthest is told by this percentile: a bin at a plane's edge tells nothing of the rest.
     moved_percent: float = 95.0
-    #: Surveys that go to and fro have done so in so many of them.
+    #: judged: surveys that go to and fro have done so in so many of them: two cycles of two, which chance does not make.
     to_and_fro: int = 4
 
 
@@ -138,15 +163,16 @@ class Doubting:
 class Watching:
     """What whoever watches is told; nothing depends on it."""
 
-    #: How far along the estimation is, as a share of its usual time: the motion is known, and of that the coarse rounds are
-    #: done; a part of the points has settled.
+    #: judged: how far along the estimation is, as a share of its usual time: the motion is known, and of that the coarse
+    #: rounds are done; a part of the points has settled. A bar alone depends on it.
     motion_share: float = 0.6
     coarse_share: float = 0.3
     settled_share: float = 0.75
-    #: Sweeps that are shown, and instants of each: within half of it the twist hardly changes, as far as the eye can tell.
+    #: judged: sweeps that are shown, and instants of each: within half of one the twist hardly changes, as far as the eye
+    #: can tell. A picture alone depends on it.
     sweeps: int = 12
     instants: int = 3
-    #: Scans between two reports.
+    #: judged: scans between two reports: two seconds of recording, a tenth of a second of work. Words alone depend on it.
     told_every_scans: int = 20
 
 

@@ -11,14 +11,16 @@ from calib_core.planes.segment import SegmentSettings
 class Search:
     """Which scan is the reference."""
 
-    #: Smallest eigenvalue of the mean of n n' over a reference's planes, where 1/3 is best: 0.02 is the third way faced by
-    #: one plane of fifty, or by planes 8 deg off the others'.
+    #: derived: smallest eigenvalue of the mean of n n' over a reference's planes, where 1/3 is best: 0.02 is the third way
+    #: faced by one plane of fifty, or by planes 8 deg off the others' (sin^2 8 deg).
     least_determinacy: float = 0.02
-    #: Planes that can hold a pose at all; one scan with fewer is better than another by its planes' number alone.
+    #: derived: three planes that face three ways hold three coordinates of a place; one scan with fewer is better than
+    #: another by its planes' number alone.
     fewest_planes: int = 3
-    #: A standing start shows within the first scans, each looked at;
+    #: judged: a standing start shows within the first scans, each looked at; the third comes after a fifth of a second.
     first_scans: int = 3
-    #: then every fifth, or as many over the whole recording as half a minute of work allows.
+    #: judged: then every fifth, or as many over the whole recording as half a minute of work allows. Which scan is the
+    #: reference changes the map's frame, not the answer.
     step_scans: int = 5
     scans: int = 40
 
@@ -27,22 +29,26 @@ class Search:
 class Patches:
     """What a plane is to a person: told apart from others, its area, and how it grows around a point that is pointed at."""
 
-    #: Of planes that face the same way within this and lie nearer than this, the smaller is a door proud of its wall: both
-    #: would make each other's points ambiguous.
+    #: judged: of planes that face the same way within this and lie nearer than this, the smaller is a door proud of its
+    #: wall: both would make each other's points ambiguous. What a person is shown depends on it.
     distinct_deg: float = 8.0
     distinct_m: float = 0.25
-    #: Area is counted in cells that a sparse lidar's rings still fill at 10 m.
+    #: derived: a sparse lidar's points along a ring are 0.035 m apart at 10 m, its rings 0.35: cells hold one at least
+    #: along every ring. Area is counted in them, and shown.
     cell_m: float = 0.2
-    #: The neighbourhood widens until its points lie on a plane: the seat of a chair first, a wall's patch between rings last.
+    #: judged: the neighbourhood widens until its points lie on a plane: the seat of a chair first, a wall's patch between
+    #: rings (0.35 m apart at 10 m) last. A plane that is pointed at depends on it.
     radii_m: tuple[float, ...] = (0.3, 0.6, 1.0, 1.6)
-    #: Fewer points tell no plane from chance.
+    #: judged: fewer points tell no plane from chance. A plane that is pointed at is refused with that reason.
     fewest_near: int = 40
     fewest_points: int = 30
-    #: A plane around a point passes it: the segmentation's own band and a hand that points.
+    #: judged: a plane around a point passes it within the segmentation's own band (0.06 m and 2 mm a metre) and a hand that
+    #: points. A plane that is pointed at depends on it.
     seed_m: float = 0.08
-    #: It grows over cells that touch: two rings of sixteen at 10 m are 0.35 m apart.
+    #: derived: it grows over cells that touch, and two rings of sixteen at 10 m are 10 m tan 2 deg = 0.35 m apart.
     joined_m: float = 0.4
-    #: The segmentation in so small a neighbourhood: less of everything is asked for.
+    #: judged: the segmentation in so small a neighbourhood, of which less of everything is asked. A plane that is pointed
+    #: at depends on it.
     around: SegmentSettings = SegmentSettings(min_points=30, min_share=0.2, min_breadth_m=0.04, max_planes=3)  # noqa: RUF009  frozen
 
 
@@ -50,17 +56,22 @@ class Patches:
 class Judgement:
     """When a plane is none: it moved, it is bent, it is several surfaces."""
 
-    #: At fault is so many times the usual on: twice what differs between honest walls of one room.
+    #: judged: at fault is so many times the usual on, twice what differs between honest walls of one room. Which planes are
+    #: left out by themselves depends on it: below, bent walls go, above, doubtful boxes stay.
     times: float = 4.0
-    #: But not below what plaster does anyway (a wall is flat to some 2 mm in a metre),
+    #: judged: not below what plaster does anyway, a wall being flat to some 2 mm in a metre. Walls within it are never left
+    #: out.
     least_m: float = 0.0025
-    #: and beyond what nothing that is called flat does, whatever the others are like.
+    #: judged: beyond what nothing that is called flat does, whatever the others are like: four times plaster. Where all
+    #: planes are bad it alone decides.
     most_m: float = 0.008
-    #: Returns that scatter so many times as much (squared) as others lie on more than one surface: walls stay below three.
+    #: measured: returns of walls scatter (squared) less than three times as much as others. So many times lie on more than
+    #: one surface.
     mixed_times: float = 5.0
-    #: A person or a door differs from second to second.
+    #: judged: a person or a door differs from second to second; ten scans give each second's mean enough points to show
+    #: millimetres.
     block_s: float = 1.0
-    #: A group with fewer averages is not judged: its mean has hardly an error of its own.
+    #: derived: a group's mean is weighed by its own scatter; of fewer averages than this it has hardly an error of its own.
     fewest: int = 3
 
 

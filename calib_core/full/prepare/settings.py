@@ -9,7 +9,8 @@ from dataclasses import dataclass
 class Length:
     """What a recording has to have at all."""
 
-    #: With less there is nothing to compare: a second of a usual lidar, half a second of a slow IMU.
+    #: judged: a second of a usual lidar, half a second of a slow IMU. It decides only which sentence refuses a recording;
+    #: twenty seconds have twenty times as many.
     fewest_scans: int = 10
     fewest_readings: int = 50
 
@@ -18,35 +19,45 @@ class Length:
 class Noise:
     """White noise of the IMU, and the standstill that tells it best."""
 
-    #: Densities below which no MEMS or fibre-optic sensor has been: what a noise-free or coarse recording is held to.
+    #: data sheets: 0.003 deg per root of an hour and a millionth of gravity, a 44th and an 18th of the least noisy parts
+    #: among the presets (calib_core/presets/imu.py). What a noise-free or coarse recording is held to.
     gyro_floor_rad_s_sqrt_hz: float = 1e-6
     accel_floor_m_s2_sqrt_hz: float = 1e-5
-    #: A channel's step is looked for among so many readings.
+    #: judged: a channel's step is looked for among so many readings. Time alone depends on it, once there are hundreds.
     resolution_readings: int = 20000
-    #: A shorter standstill tells less of noise than the rest of the recording, and one shorter than the latter nothing.
+    #: derived: a variance of N readings is known to sqrt(2 / N), so 200 readings a second tell the noise to 7 % in two
+    #: seconds and to 14 % in half a second. A shorter standstill tells less of noise than the rest of the recording, and
+    #: one shorter than the latter nothing.
     least_still_s: float = 2.0
     shortest_still_s: float = 0.5
-    #: Hands, legs and machines move a sensor up to here; in a standstill only drift does.
+    #: judged: hands, legs and machines move a sensor up to here; in a standstill only drift does. The noise that is found
+    #: without a standstill depends on it.
     motion_hz: float = 8.0
     drift_hz: float = 1.0
-    #: Noise of all frequencies and of low ones agree within so many standard deviations of the latter: then it is white.
+    #: derived: of a normal law one in 370 is beyond. Noise of all frequencies and of low ones agree within so many standard
+    #: deviations of the latter: then it is white.
     white_sigmas: float = 3.0
-    #: Standing still is judged by blocks of this length, of so many readings at least.
+    #: judged: standing still is told by blocks of this length, of so many readings at least, shorter than the pauses of a
+    #: hand. A standstill begins and ends that much later or earlier.
     block_s: float = 0.25
     fewest_in_block: int = 4
     fewest_blocks: int = 3
-    #: Readings are taken to scatter by this at least: coarse ones do not at all.
+    #: derived: readings are taken to scatter by this at least, a step of 16 bits over 250 deg/s and over 4 g: coarse ones
+    #: do not at all.
     least_gyro_rad_s: float = 1e-4
     least_accel_m_s2: float = 1e-3
-    #: A still block scatters by so many times the noise and this: a floor's or an engine's trembling.
+    #: judged: a still block scatters by so many times the noise and this, a floor's or an engine's trembling. Which
+    #: readings count as standing depends on it, and by them the noise.
     block_sigmas: float = 2.0
     trembling_rad_s: float = 2e-3
     trembling_m_s2: float = 2e-2
-    #: Its mean is that of the first block within so many standard deviations of a mean, and this: drift by temperature.
+    #: judged: a still block's mean is that of the first within so many standard deviations of a mean, and this, which is
+    #: drift by temperature: 0.2 deg/s, 4 mg. A longer standstill is cut where the bias drifts faster.
     mean_sigmas: float = 6.0
     drift_rad_s: float = 4e-3
     drift_m_s2: float = 4e-2
-    #: A bias is not larger than this (7 deg/s); what turns faster turns.
+    #: judged: a bias is not larger than this (7 deg/s); what turns faster turns. Only an evenly turning table could be
+    #: taken for standing, and only an IMU that is worse loses its standstill.
     most_bias_rad_s: float = 0.12
 
 
@@ -54,27 +65,32 @@ class Noise:
 class Spectrum:
     """The floor of the readings' spectrum."""
 
-    #: Half bandwidths of the tapers, and how many: the last of four keeps all but 1e-9 of a line's power to its place.
+    #: derived: of four tapers of six half bandwidths the last keeps all but 6e-10 of a line's power to its place.
     half_bandwidths: float = 6.0
     tapers: int = 4
-    #: Longer segments part lines better, shorter ones average more: three quarters of a hertz to each side;
+    #: derived: six half bandwidths over eight seconds are three quarters of a hertz to each side of a line. Longer segments
+    #: part lines better, shorter ones average more.
     segment_s: float = 8.0
-    #: they overlap by all but one part in so many, beyond which nothing more is told,
+    #: judged: segments overlap by all but one part in so many; tapers leave their ends unused, beyond three quarters hardly
+    #: anything new is told.
     overlap: float = 4.0
-    #: and one of fewer readings has no spectrum.
+    #: derived: of the sixteen frequencies of so many readings a taper of six half bandwidths spreads one over six to either
+    #: side. With fewer there is no spectrum.
     fewest_readings: int = 32
-    #: A floor is looked for in stretches this wide, a step from one to the next.
+    #: judged: a floor is looked for in stretches this wide, a step from one to the next. Wider ones hold more lines,
+    #: narrower ones fewer independent values; the floor's, and so the stated, noise depends on it.
     stretch_hz: float = 10.0
     step_hz: float = 1.0
-    #: The part of a stretch that is noise alone at the least: a rigid body with an engine on has a dozen lines in 50 Hz.
+    #: judged: the part of a stretch that is noise alone at the least; a rigid body with an engine on has a dozen lines of
+    #: 1.5 Hz in 50 Hz, which leave more than half.
     least_noise: float = 0.25
-    #: Beyond this quantile of the law of noise a value belongs to a line.
+    #: judged: beyond this quantile of the law of noise a value belongs to a line; of noise alone one in a hundred does.
     line_quantile: float = 0.99
-    #: What goes on as low as it begins: its power falls by less than a fifth from one half to the other,
+    #: judged: what goes on as low as it begins is noise: its power falls by less than a fifth from one half to the other,
     fall: float = 1.2
-    #: beyond chance of so many standard deviations.
+    #: derived: beyond chance of so many standard deviations, one in 370 of a normal law.
     fall_sigmas: float = 3.0
-    #: Most passes until the values that are noise stay the same.
+    #: judged: most passes until the values that are noise stay the same. A bound alone.
     passes: int = 20
 
 
@@ -82,12 +98,14 @@ class Spectrum:
 class Stamps:
     """What is said of the IMU's stamps."""
 
-    #: Jitter below this share of the period is not worth a sentence where nothing follows from it.
+    #: judged: jitter below this share of the period is not worth a sentence where nothing follows from it. Words alone
+    #: depend on it.
     worth_saying: float = 0.02
-    #: Steps are uneven that differ by more than this share of their median, without those of either tail.
+    #: judged: steps are uneven that differ by more than this share of their median, without those of either tail. Whether
+    #: stamps are put on a line depends on it.
     uneven: float = 0.2
     tail_percent: float = 5.0
-    #: Readings below this share of all are not worth a mention.
+    #: judged: readings below this share of all are not worth a mention. Words alone depend on it.
     worth_counting: float = 0.005
 
 
@@ -95,14 +113,16 @@ class Stamps:
 class Sweeps:
     """Whose sweeps are turns of a rotor, and when their stamps are not those of it."""
 
-    #: Points of a scan that its direction is taken from: beams that look 3 deg to either side leave it sure to 0.1 deg, 30
-    #: microseconds of a tenth of a second.
+    #: derived: beams that look 3 deg to either side leave the direction of so many points sure to 3 / sqrt(1000) = 0.1 deg,
+    #: 30 microseconds of a tenth of a second.
     sampled_points: int = 1000
-    #: Directions, turned back by the rotor's turn, are one: their mean is as long. A rosette's is half as long.
+    #: derived: directions, turned back by the rotor's turn, are one: their mean is as long as a direction. A rosette's, all
+    #: over its circle, is half as long or less; what is nearer to one is a rotor's.
     turning: float = 0.9
-    #: With fewer of the scans on a line there is none.
+    #: judged: with fewer of the scans on a line there is none. Stamps stay as they are then.
     least_share: float = 0.8
-    #: A rotor is off its line by less: ten times what two real ones were from turn to turn (sweep_stamps.py).
+    #: measured on two real ones (VLP-16, HDL-32E, sweep_stamps.py): 8 microseconds from turn to turn. A rotor is off its
+    #: line by less than ten times that.
     rotor_s: float = 1e-4
 
 
@@ -110,13 +130,14 @@ class Sweeps:
 class Lasers:
     """How many lasers there are, from the points themselves."""
 
-    #: Scans that are looked at.
+    #: judged: scans that are looked at; the lasers are the same in each.
     scans: int = 5
-    #: More are no lasers but lines of pixels.
+    #: data sheets: 128 is the most of spinning lidars; more are no lasers but lines of pixels.
     most: int = 128
-    #: A laser with fewer points tells no elevation.
+    #: judged: a laser with fewer points tells no elevation. It is then left without parameters of its own.
     fewest_points: int = 50
-    #: One laser's points vary by less in elevation, without this tail of either side: a cone's, not a rosette's.
+    #: judged: one laser's points vary by less in elevation, without this tail of either side: a cone's, not a rosette's.
+    #: Whether lasers have parameters of their own depends on it.
     same_elevation_deg: float = 0.35
     tail_percent: float = 10.0
 
@@ -125,7 +146,8 @@ class Lasers:
 class ToneSizes:
     """How large an unseen shaking may be, one standard deviation of each of its amplitudes."""
 
-    #: Several times what an engine of 3 m/s2 makes of one line, a third of a metre from where the rig turns.
+    #: derived: several times what an engine of 3 m/s2 makes of one line, a third of a metre from where the rig turns. A
+    #: prior so wide tells nothing of what it is given to.
     gyro_std_rad_s: float = 0.1
     accel_std_m_s2: float = 3.0
 
