@@ -7,8 +7,9 @@ what people are told and shown.
 
 The recording is six seconds of the paper's room with planes out of view, sensors ideal, an eighth of a VLP-16's columns: the
 smallest in which the estimate is carried over what the lidar alone could not follow. A row a number in
-bench/results/sensitivity.csv: the largest shift among the seven, in their own standard deviations, or what became of the
-answer. Goes on where it was stopped; a row whose number has another value since is measured again.
+bench/results/sensitivity.csv: the largest shift among the seven, in their own standard deviations, what became of the answer,
+or that nothing in this recording asks for the number. Goes on where it was stopped; a row whose number has another value
+since is measured again.
 
 One recording: no shift here says that the number is not on the edge of anything in it, not that it never matters.
 """
@@ -25,6 +26,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
+from types import MemberDescriptorType
 
 import numpy as np
 
@@ -41,6 +43,8 @@ FILE = RESULTS / "sensitivity.csv"
 COLUMNS = ("record", "number", "value", "less", "more")
 #: How many times as large, one after the other.
 FACTORS = (1.0 / 1.5, 1.5)
+#: In place of a shift, where no line that ran asks for the number.
+UNASKED = "not asked"
 #: Where judgements reach the answer.
 STAGES = frozenset({"prepare", "planes", "joint", "assess"})
 #: Records of what people are told and shown.
@@ -57,10 +61,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     rows = read(chosen.file)
     wanted = [n for n in numbers() if (name_of(n) in chosen.names if chosen.names else is_judged(n))]
-    usual = answer()
+    with reads() as asked:
+        usual = answer()
     for number in wanted:
         if chosen.names or name_of(number) not in rows or rows[name_of(number)]["value"] != number.value:
-            shifts = [told(usual, number, factor) for factor in FACTORS]
+            shifts = [told(usual, number, factor) if name_of(number) in asked else UNASKED for factor in FACTORS]
             row = dict(zip(COLUMNS, (number.record, number.name, number.value, *shifts), strict=True))
             rows[name_of(number)] = row
             write(rows, chosen.file)
@@ -163,14 +168,45 @@ def scaled(value: object, factor: float) -> object:
 
 
 @contextmanager
+def reads() -> Iterator[set[str]]:
+    """Names of the numbers that are asked for meanwhile."""
+    asked: set[str] = set()
+    usual = [
+        (kind, field.name, vars(kind)[field.name])
+        for kind in dict.fromkeys(map(kind_of, numbers()))
+        for field in fields(kind)
+    ]
+    for kind, name, slot in usual:
+
+        def get(record: object, slot: MemberDescriptorType = slot, full: str = f"{kind.__name__}.{name}") -> object:
+            asked.add(full)
+            return slot.__get__(record)
+
+        setattr(kind, name, property(get, slot.__set__))
+    try:
+        yield asked
+    finally:
+        for kind, name, slot in usual:
+            setattr(kind, name, slot)
+
+
+def kind_of(number: Number) -> type:
+    """The record that a number is a field of."""
+    path = next(path for _, path, record in RECORDS if record == number.record)
+    kind = getattr(importlib.import_module(path.removesuffix(".py").replace("/", ".")), number.record)
+    assert isinstance(kind, type)
+    return kind
+
+
+@contextmanager
 def changed(number: Number, factor: float) -> Iterator[None]:
     """Every record of the number's kind with it, those that are made meanwhile too."""
-    path = next(path for _, path, record in RECORDS if record == number.record and path)
-    kind = getattr(importlib.import_module(path.removesuffix(".py").replace("/", ".")), number.record)
+    kind = kind_of(number)
     alive = [(each, getattr(each, number.name)) for each in gc.get_objects() if type(each) is kind]
-    usual = kind.__init__.__defaults__ or ()
+    made = vars(kind)["__init__"]
+    usual = made.__defaults__ or ()
     given = [field.name for field in fields(kind)][len(fields(kind)) - len(usual) :]
-    kind.__init__.__defaults__ = tuple(
+    made.__defaults__ = tuple(
         scaled(value, factor) if name == number.name else value for name, value in zip(given, usual, strict=True)
     )
     for each, value in alive:
@@ -178,7 +214,7 @@ def changed(number: Number, factor: float) -> Iterator[None]:
     try:
         yield
     finally:
-        kind.__init__.__defaults__ = usual
+        made.__defaults__ = usual
         for each, value in alive:
             object.__setattr__(each, number.name, value)
 

@@ -145,9 +145,10 @@ def loose_in(source: str, records: set[str], *, kernels: bool = False) -> list[s
         f"{node.lineno}: {node.value}"
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant)
-        and type(node.value) in {int, float}
+        and isinstance(node.value, int | float)
+        and not isinstance(node.value, bool)
         and id(node) not in free
-        and not (kernels and type(node.value) is int)
+        and not (kernels and isinstance(node.value, int))
         and not _is_structure(float(node.value))
     ]
 
@@ -185,7 +186,7 @@ def _free_of_reasons(tree: ast.Module, records: set[str]) -> set[int]:
 
 def _is_factor(node: ast.expr) -> bool:
     """Whether an operand is a power of ten, which changes a unit, or a small whole number of a formula."""
-    if not isinstance(node, ast.Constant) or type(node.value) not in {int, float}:
+    if not isinstance(node, ast.Constant) or not isinstance(node.value, int | float):
         return False
     value = float(node.value)
     return (value > 0.0 and log10(value).is_integer()) or value in {4.0, 6.0, 9.0, 15.0, 16.0}
