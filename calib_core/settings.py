@@ -37,7 +37,8 @@ class ReadSettings(_Settings):
     gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
     stamps: Literal["header", "receive"] = "header"
     imu_bundles: Literal["spread", "as-stamped"] = Field(
-        default="spread", description="IMU readings that a driver stamped together: a period apart, or as stamped"
+        default="spread",
+        description="IMU readings that a driver stamped together or sent again: spread and taken once, or as they came",
     )
     range_min_m: float = 0.3
     range_max_m: float = 200.0

@@ -139,7 +139,7 @@ def add_reading(command: Parser) -> None:
         "--imu-bundles",
         choices=_choices("imu_bundles"),
         default=defaults.imu_bundles,
-        help="IMU readings that a driver stamped together: a period apart, or as stamped (%(default)s)",
+        help="IMU readings that a driver stamped together or sent again: spread and taken once, or as they came (%(default)s)",
     )
 
 

@@ -41,7 +41,8 @@ def generate(
 ) -> tuple[Recording, Truth]:
     """The recording exactly as reading its bag gives it, and its truth, without a file.
 
-    But for bundles of stamps, which a reader spreads by a period that it has to find.
+    But for bundles of stamps, which a reader spreads by a period that it has to find, and readings that were sent again, of which
+    a reader has to find out that they were.
     """
     simulation = prepare(
         scenario,
@@ -89,6 +90,9 @@ def _recording(simulation: Simulation, scans: list[Scan], latencies_ns: list[int
     stamps_ns, first = np.unique(records.stamps_ns, return_index=True)
     if simulation.faults.stamp_bundles_s:
         stamps_ns = unbundled_ns(stamps_ns, simulation.imu_messages.true_ns[first])
+    if simulation.faults.imu_repeats > 1:
+        fresh = np.diff(records.gyro_rad_s[first], axis=0, prepend=np.nan).any(axis=1)
+        stamps_ns, first = stamps_ns[fresh], first[fresh]
     accel = records.accel * (STANDARD_GRAVITY_M_S2 if scenario.imu.accelerometer_unit == "g" else 1.0)
     coarse_ns = 0
     if abs(simulation.truth.time_offset_ns) > SAME_EPOCH_NS:

@@ -115,3 +115,9 @@ def spoil(messages: ImuMessages, faults: ImuFaults, rng: np.random.Generator) ->
 def stamped_late(messages: ImuMessages, error_ns: IntArray) -> ImuMessages:
     """The messages with stamps that are off by this much more. error_ns: (Q,)."""
     return replace(messages, stamp_error_ns=messages.stamp_error_ns + error_ns)
+
+
+def sent_again(messages: ImuMessages, times: int) -> ImuMessages:
+    """The messages of a driver that sends what the sensor reads so many times before it asks for the next."""
+    read = np.arange(len(messages.true_ns)) // times * times
+    return replace(messages, gyro_rad_s=messages.gyro_rad_s[read], accel_m_s2=messages.accel_m_s2[read])

@@ -129,6 +129,8 @@ class Simulation:
         if self.faults.stamp_bundles_s:
             late_ns = clock.bundle_ns(instants, self.faults.stamp_bundles_s, self._rng(_STAMP_STREAM))
             messages = imu_module.stamped_late(messages, late_ns)
+        if self.faults.imu_repeats > 1:
+            messages = imu_module.sent_again(messages, self.faults.imu_repeats)
         return imu_module.spoil(messages, scenario.imu_faults, self._rng(_FAULT_STREAM))
 
     @cached_property

@@ -9,10 +9,11 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.readers.imu.bundles import Bundles, spread, told_apart
 from calib_core.readers.imu.messages import RawImu
+from calib_core.readers.imu.repeats import first_of_each
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
-from calib_core.types import Evidence, Finding, ImuData, IntArray
+from calib_core.types import BoolArray, Evidence, Finding, ImuData, IntArray
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 #: A pause longer than this many sample periods is a gap.
@@ -86,11 +87,17 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     )
     stamps_ns, readings = stamps_ns[good], np.hstack([raw.gyro, raw.accel])[good]
     kept, taken_ns = told_apart(stamps_ns, readings)
+    n_sent_twice = len(stamps_ns) - len(kept)
+    fresh = first_of_each(readings[kept, :3]) if settings.imu_bundles == "spread" else None
+    if fresh is not None:
+        kept, taken_ns = kept[fresh], taken_ns[fresh]
     bundles = spread(taken_ns) if settings.imu_bundles == "spread" else None
     if bundles is not None:
         taken_ns = bundles.stamps_ns
     statistics = stamp_statistics(stamps_ns, raw.receive_ns[good], taken_ns=taken_ns)
-    findings = list(_stamp_findings(statistics, topic, n_repeated=len(stamps_ns) - len(kept)))
+    findings = list(_stamp_findings(statistics, topic, n_repeated=n_sent_twice))
+    if fresh is not None:
+        findings.append(_repeats_finding(fresh, statistics, topic))
     if bundles is not None:
         findings.append(_bundles_finding(bundles, topic))
     if raw.unset:
@@ -141,6 +148,24 @@ def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
             Evidence("period", round(period_s, 9), "s"),
         ),
         consequence="the time offset is that of the newest reading of each bundle",
+        override="--imu-bundles as-stamped",
+    )
+
+
+def _repeats_finding(fresh: BoolArray, statistics: StampStatistics, topic: str) -> Finding:
+    share = 1.0 - float(np.mean(fresh))
+    return Finding(
+        "imu.repeats",
+        "warning",
+        f"{share:.0%} of the readings on {topic} repeat the turn rate of the one before, as those of a driver do that sends"
+        f" faster than the sensor measures: the first of each is kept, {statistics.rate_hz:.4g} a second.",
+        (
+            Evidence("repeats", int(np.count_nonzero(~fresh))),
+            Evidence("readings", len(fresh)),
+            Evidence("period", round(statistics.period_s, 9), "s"),
+        ),
+        consequence="the time offset is that of the first reading of each; kept as they were sent, the repeats would add half"
+        " of the time by which they lag",
         override="--imu-bundles as-stamped",
     )
 

@@ -29,6 +29,7 @@ _USUAL = {
     "stamp-latency": 0.0005,
     # The latency timer of the usual USB serial adapter.
     "stamp-bundles": 0.016,
+    "imu-repeats": 2.0,
     "scan-latency": 0.0005,
     "vibration": 1.0,
     # 2 to 5 mm off flat over a few metres.
@@ -44,8 +45,8 @@ class Drawn:
     """What one recording's sensors, clocks and stamps really are; what is not asked for is ideal.
 
     names: of the faults, with the sizes that were asked for.   stamp_latency_s: mean, 0:
-    none.   stamp_bundles_s: between two times at which a driver empties its buffer, 0: it has none.   scan_latency_s: mean, of
-    the scans, 0: none.   The scene and the motion are changed by `world`.
+    none.   stamp_bundles_s: between two times at which a driver empties its buffer, 0: it has none.   imu_repeats: how often
+    each reading is sent.   scan_latency_s: mean, of the scans, 0: none.   The scene and the motion are changed by `world`.
     """
 
     names: tuple[str, ...] = ()
@@ -54,6 +55,7 @@ class Drawn:
     clock_rate_ppm: float = 0.0
     stamp_latency_s: float = 0.0
     stamp_bundles_s: float = 0.0
+    imu_repeats: int = 1
     scan_latency_s: float = 0.0
 
 
@@ -107,6 +109,7 @@ def draw(faults: Sequence[Fault], draws: Draws) -> Drawn:
             else drawn.clock_rate_ppm,
             stamp_latency_s=_usual(fault) if fault.name == "stamp-latency" else drawn.stamp_latency_s,
             stamp_bundles_s=_usual(fault) if fault.name == "stamp-bundles" else drawn.stamp_bundles_s,
+            imu_repeats=round(_usual(fault)) if fault.name == "imu-repeats" else drawn.imu_repeats,
             scan_latency_s=_usual(fault) if fault.name == "scan-latency" else drawn.scan_latency_s,
         )
     return drawn

@@ -24,6 +24,8 @@ def parameters(drawn: Drawn, rings: Sequence[int]) -> Iterator[Parameter]:
         yield "stamp_latency", "mean", "s", drawn.stamp_latency_s
     if drawn.stamp_bundles_s:
         yield "stamp_bundles", "all", "s", drawn.stamp_bundles_s
+    if drawn.imu_repeats > 1:
+        yield "imu_repeats", "all", "1", drawn.imu_repeats
     if drawn.scan_latency_s:
         yield "scan_latency", "mean", "s", drawn.scan_latency_s
 

@@ -55,6 +55,7 @@ FAULTS: dict[str, Kind] = {
     "clock-rate": Kind("ppm", "the lidar's clock runs faster than the IMU's"),
     "stamp-latency": Kind("s", "the IMU is stamped by the host, late by this in the mean, at times by much more"),
     "stamp-bundles": Kind("s", "the IMU's driver empties a buffer so often and stamps all that waited in it then"),
+    "imu-repeats": Kind("1", "the IMU's driver sends each reading so many times, as if it were a new one"),
     "scan-latency": Kind("s", "scans without a clock of their own are stamped by the host, late as with stamp-latency"),
     "vibration": Kind("m/s2", "an engine shakes the rig at 25 to 120 Hz"),
     "bent-walls": Kind("m", "walls are off flat by up to this"),

@@ -19,7 +19,7 @@ const controls: Readonly<Record<string, string>> = {
   "accelerometer-unit": "Accelerometer unit",
   "gyroscope-unit": "Gyroscope unit",
   stamps: "Stamps",
-  "imu-bundles": "IMU stamps in bundles",
+  "imu-bundles": "IMU stamped in bundles or sent again",
   method: "Method",
   "points-per-plane-per-scan": "Points per plane and scan",
   "field-of-view-deg": "Field of view",
