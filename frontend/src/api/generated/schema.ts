@@ -2622,7 +2622,7 @@ export interface components {
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
             /**
              * Imu Bundles
-             * @description IMU readings that a driver stamped together: a period apart, or as stamped
+             * @description IMU readings that a driver stamped together or sent again: spread and taken once, or as they came
              * @default spread
              * @enum {string}
              */
