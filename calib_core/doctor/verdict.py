@@ -32,6 +32,7 @@ _LIMITING = frozenset(
         "recording.truncated",
         "points.malformed",
         "clock.epochs",
+        "clock.set",
         "points.deskewed",
     }
 )

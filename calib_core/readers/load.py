@@ -19,6 +19,7 @@ from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.imu.readings import clean_imu
+from calib_core.readers.one_clock import on_one_clock
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
@@ -83,7 +84,9 @@ def _load_open(
     del sample  # tens of megabytes that the pass below does not need
     reading = Reading(recording, settings, decoder, timing, on_event, should_cancel)
     reading.run(lidar_topic, imu_topic, span)
-    raw_imu = reading.imu.finish()
+    raw_imu, set_findings = on_one_clock(
+        reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s
+    )
     cleaned = clean_imu(raw_imu, settings, imu_topic.name)
     scans = reading.scans.finish()
     offset_ns = 0
@@ -105,11 +108,12 @@ def _load_open(
         lidar=info,
         duration_s=recording.duration_s,
         coarse_offset_ns=offset_ns,
-        scans_total=len(reading.header_ns),
+        scans_total=len(reading.header_ns) - reading.n_twice,
         findings=(
             *findings,
             *reading.findings(lidar_topic.name),
             *cleaned.findings,
+            *set_findings,
             *clock_findings,
             *(() if suspicion is None else (suspicion,)),
             *damage_findings(recording, len(scans)),

@@ -19,10 +19,11 @@ from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
+from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
-from calib_core.types import Evidence, Finding, Scan
+from calib_core.types import BoolArray, Evidence, Finding, Scan
 
 #: Scans that the detection of the point times looks at.
 SAMPLED_SCANS = 60
@@ -96,6 +97,7 @@ class Reading:
     header_ns: list[int] = field(default_factory=list)
     receive_ns: list[int] = field(default_factory=list)
     counts: list[ScanCounts] = field(default_factory=list)
+    n_twice: int = 0
     n_malformed: int = 0
     malformed_text: str = ""
 
@@ -126,6 +128,22 @@ class Reading:
                 f" sensor or the point times.",
                 code="points.none_valid",
             )
+
+    def stamped(self) -> HeaderTimes:
+        """The scans' stamps, of their first points, and when they were received."""
+        received_ns = dict(zip(self.indices, self.receive_ns, strict=True))
+        at_ns = [received_ns[index] for index in self.scans.message_indices]
+        return HeaderTimes(np.array(self.scans.stamps_ns, np.int64), np.array(at_ns, np.int64))
+
+    def keep(self, kept: BoolArray) -> None:
+        """Go on with these scans alone. kept: (M,) of `stamped`."""
+        left = {index for index, stays in zip(self.scans.message_indices, kept, strict=True) if stays}
+        self.scans.without(np.flatnonzero(~kept).tolist())
+        rows = [row for row, index in enumerate(self.indices) if index in left]
+        self.indices = [self.indices[row] for row in rows]
+        self.header_ns = [self.header_ns[row] for row in rows]
+        self.receive_ns = [self.receive_ns[row] for row in rows]
+        self.counts = [self.counts[row] for row in rows]
 
     def _drop_impossible_stamps(self) -> None:
         good = plausible_stamps(np.array(self.header_ns, np.int64), np.array(self.receive_ns, np.int64))

@@ -9,6 +9,7 @@ import threading
 import weakref
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import IO, NamedTuple
 
 import numpy as np
@@ -188,6 +189,17 @@ class StoredScans(KeptScans):
         self._arrays = [a for k, a in enumerate(self._arrays) if k not in dropped]
         self._index = [e for k, e in enumerate(self._index) if k not in dropped]
 
+    def put_in_order(self) -> tuple[int, int]:
+        """Sort by stamp, of one stamp keep the first. Returns how many came after later ones, and how many were dropped."""
+        stamps_ns = self.stamps_ns
+        n_moved = sum(stamp < latest for stamp, latest in zip(stamps_ns, accumulate(stamps_ns, max), strict=True))
+        order = sorted(range(len(stamps_ns)), key=stamps_ns.__getitem__)
+        kept = [k for at, k in enumerate(order) if at == 0 or stamps_ns[k] != stamps_ns[order[at - 1]]]
+        self._index = [self._index[k] for k in kept]
+        if self._arrays:
+            self._arrays = [self._arrays[k] for k in kept]
+        return n_moved, len(order) - len(kept)
+
     def finish(self) -> StoredScans:
         """Itself, ready to be read."""
         if self._file is not None:
@@ -204,6 +216,11 @@ class StoredScans(KeptScans):
     def stamps_ns(self) -> list[int]:
         """Each scan's stamp, without reading its points."""
         return [entry[1] for entry in self._index]
+
+    @property
+    def message_indices(self) -> list[int]:
+        """Which message of its topic each scan is."""
+        return [entry[0] for entry in self._index]
 
     def __len__(self) -> int:
         return len(self._index)

@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from calib_core.errors import InputError
 from calib_core.readers.imu.rotation import rotation_matrices
 from calib_core.settings import ReadSettings
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
@@ -28,6 +29,11 @@ _WINDOW_S = 0.5
 _AVERAGE_S = 0.25
 _MAX_WINDOWS = 2000
 _IMPOSSIBLE_RAD_S = 35.0
+#: Accelerations without gravity average to the speed that was gained over the time: half a metre a second in two, by hand.
+#: Gravity averages to 1 in the smaller of its units, less what the rig turns meanwhile.
+_GAINING_S, _LEAST_GRAVITY = 2.0, 0.35
+#: Three times gravity in the larger of its units is neither.
+_MOST_GRAVITY = 30.0
 #: Gravity must turn by this in the most turning windows for the test to say anything; below is noise.
 _TURNS_RAD = 0.02
 #: A prediction explains the turning where it leaves less than this of it (shaking is not predicted).
@@ -60,9 +66,10 @@ def quiet_seconds(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, *, s
 def detect_accelerometer_unit(
     stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, settings: ReadSettings, topic: str
 ) -> tuple[AccelerometerUnit, Finding]:
-    """The unit, from the median norm of the quietest seconds."""
+    """The unit, from the median norm of the quietest seconds. Raises InputError where that is no gravity in any unit."""
     quiet = quiet_seconds(stamps_ns, gyro, accel)
     norm = float(np.median(np.linalg.norm(accel[quiet], axis=1)))
+    _require_gravity(norm, stamps_ns, accel, topic)
     # Distance in log units from either answer; halfway between 1 and 9.8 is 3.1.
     to_g = abs(np.log(max(norm, 1e-9)))
     to_si = abs(np.log(max(norm, 1e-9) / 9.8))
@@ -91,6 +98,38 @@ def detect_accelerometer_unit(
         override=f"--accelerometer-unit {'m_s2' if unit == 'g' else 'g'}",
     )
     return unit, finding
+
+
+def _require_gravity(norm: float, stamps_ns: IntArray, accel: FloatArray, topic: str) -> None:
+    """Raises InputError where what an accelerometer shows cannot be gravity. norm: in the quietest seconds."""
+    if not accel.any():
+        raise InputError(
+            f"The accelerations on {topic} are zero, as those of a gyroscope alone are; choose a topic that has both, or record"
+            " the accelerometer too.",
+            code="imu.no_accelerations",
+        )
+    stays = _average(stamps_ns, accel)
+    if stays >= _LEAST_GRAVITY and norm <= _MOST_GRAVITY:
+        return
+    found = (
+        f"their norm is {norm:.0f} at rest"
+        if norm > _MOST_GRAVITY
+        else f"they average to {stays:.2f} over {_GAINING_S:.0f} s"
+    )
+    raise InputError(
+        f"The accelerations on {topic} do not show gravity: {found} where 9.8 (m/s2) or 1.0 (g) was expected; choose the topic of"
+        " the sensor's own readings, from which nothing has been taken off, in one of these units.",
+        code="imu.no_gravity",
+    )
+
+
+def _average(stamps_ns: IntArray, accel: FloatArray) -> float:
+    """Norm of the mean acceleration over _GAINING_S, in the quarter of all such times with the largest."""
+    stretch = (stamps_ns - stamps_ns[0]) // round(_GAINING_S * 1e9)
+    starts = np.flatnonzero(np.diff(stretch, prepend=-1))
+    sizes = np.diff(starts, append=len(stamps_ns))
+    means = np.linalg.norm(np.add.reduceat(accel, starts, axis=0) / sizes[:, None], axis=1)
+    return float(np.percentile(means[sizes >= 0.5 * np.median(sizes)], 75.0))
 
 
 def detect_gyroscope(

@@ -1,0 +1,87 @@
+"""Clocks that were set while the recording ran, and recordings of a playback that began anew.
+
+A recorder's own clock goes on: where the stamps of a topic leave it by a jump and stay away, whoever stamps them was set. On
+either side of that instant stamps mean something else; one side has to do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
+from calib_core.types import Evidence, Finding, IntArray
+
+#: A smaller jump shows in the answer, once there is one (`assess/clock_step.py`, which is sure from a millisecond on); drivers'
+#: stalls are as long, and the messages behind them soon catch up.
+LEAST_NS = 50_000_000
+#: Messages on either side whose lag says that it stays.
+_AROUND = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """One jump. at_ns: when the first message after it was received.   by_ns: how far the clock was set ahead, below 0: back."""
+
+    topic: str
+    at_ns: int
+    by_ns: int
+
+
+def resets(stamps: HeaderTimes, topic: str) -> list[Reset]:
+    """Where the topic's clock was set, in receive order."""
+    lag_ns = stamps.receive_ns - stamps.header_ns
+    if lag_ns.size < 2 * _AROUND:
+        return []
+    step_ns, received_ns = np.diff(stamps.header_ns), np.diff(stamps.receive_ns)
+    usual_ns = int(np.median(step_ns))
+    by_ns = step_ns - received_ns
+    # What the recorder got late is not stamped late: the stamps have to be what is unusual.
+    jumps = (np.abs(by_ns) > LEAST_NS) & (np.abs(step_ns - usual_ns) > np.abs(received_ns - usual_ns))
+    found: list[Reset] = []
+    for place in (np.flatnonzero(jumps) + 1).tolist():
+        stays_ns = _usual(lag_ns[max(0, place - _AROUND) : place]) - _usual(lag_ns[place : place + _AROUND])
+        if stays_ns * int(by_ns[place - 1]) > 0 and abs(stays_ns) > LEAST_NS:
+            found.append(Reset(topic, int(stamps.receive_ns[place]), stays_ns))
+    return found
+
+
+def _usual(lag_ns: IntArray) -> int:
+    """Median of what may count from another century: no float holds that to the nanosecond."""
+    return int(np.sort(lag_ns)[lag_ns.size // 2])
+
+
+def sides(found: Sequence[Reset], begin_ns: int, end_ns: int) -> list[tuple[int, int]]:
+    """Receive times of the stretches without a jump, the longest first, the earlier first of equally long ones."""
+    edges = [begin_ns, *sorted({reset.at_ns for reset in found if begin_ns < reset.at_ns < end_ns}), end_ns]
+    return sorted(itertools.pairwise(edges), key=lambda side: side[0] - side[1])
+
+
+def reset_finding(found: Sequence[Reset], used: Sequence[tuple[int, int]], begin_ns: int) -> Finding:
+    """What was set and what is used. used: sides, the first is.   begin_ns: the recording's start, receive time."""
+    first = found[0]
+    topics = list(dict.fromkeys(reset.topic for reset in found))
+    way = "ahead" if first.by_ns > 0 else "back"
+    (since_s, until_s), (other_since_s, other_until_s) = (
+        tuple((edge_ns - begin_ns) / NS_PER_S for edge_ns in side) for side in used[:2]
+    )
+    times = max(sum(reset.topic == topic for reset in found) for topic in topics)
+    often = f", the first of {times} times," if times > 1 else ""
+    return Finding(
+        code="clock.set",
+        level="warning",
+        text=f"The stamps on {' and '.join(topics)} jump {way} by {abs(first.by_ns) / NS_PER_S:.2f} s"
+        f" {(first.at_ns - begin_ns) / NS_PER_S:.1f} s after the start{often} as when a clock is set or a playback begins anew:"
+        f" only what was received from {since_s:.1f} s to {until_s:.1f} s is used.",
+        evidence=(
+            Evidence("jump", first.by_ns / NS_PER_S, "s"),
+            Evidence("at", (first.at_ns - begin_ns) / NS_PER_S, "s"),
+            Evidence("used from", since_s, "s"),
+            Evidence("used until", until_s, "s"),
+        ),
+        consequence="the rest of the recording is left out",
+        override=f"--start-s {other_since_s:.1f} --end-s {other_until_s:.1f}",
+    )

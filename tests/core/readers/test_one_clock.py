@@ -1,0 +1,192 @@
+"""Clocks that are set while a recording runs, scans sent twice or late: on stamps and bags whose instants are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError
+from calib_core.readers.imu.messages import RawImu
+from calib_core.readers.imu.readings import clean_imu
+from calib_core.readers.load import load
+from calib_core.readers.timing.clocks import HeaderTimes
+from calib_core.readers.timing.resets import resets, sides
+from calib_core.settings import ReadSettings
+from calib_core.types import FloatArray, IntArray, Recording
+from tests.core.readers import build
+
+PERIOD_NS = 100_000_000
+SECOND_NS = 1_000_000_000
+
+
+def _stamped(count: int = 300) -> tuple[IntArray, IntArray]:
+    """Headers of a sensor's own clock, and receive times 5 ms later in the mean, by an exponential law."""
+    header_ns = build.EPOCH_NS + PERIOD_NS * np.arange(count, dtype=np.int64)
+    late_ns = np.random.default_rng(2).exponential(5e6, count).astype(np.int64)
+    return header_ns, header_ns + 3_000_000 + late_ns
+
+
+@pytest.mark.parametrize("by_ns", [-3600 * SECOND_NS, -3 * SECOND_NS, -120_000_000, 80_000_000, 400_000_000])
+@pytest.mark.parametrize("at", [12, 150, 288])
+def test_a_clock_that_is_set_is_found_with_its_instant_and_by_how_much(by_ns: int, at: int) -> None:
+    """Mutations: the jump's sign; the message before it."""
+    header_ns, receive_ns = _stamped()
+    header_ns[at:] += by_ns
+    (found,) = resets(HeaderTimes(header_ns, receive_ns), "/points")
+    assert found.at_ns == receive_ns[at]
+    # Medians of ten exponential latencies of 5 ms are known to a third of that each.
+    assert abs(found.by_ns - by_ns) < 10_000_000
+
+
+@pytest.mark.parametrize("case", ["nothing", "a stall", "the recorder's clock", "lost messages", "swapped", "drift"])
+def test_what_is_late_or_lost_is_no_clock_that_was_set(case: str) -> None:
+    """Mutations: whether the jump stays is not asked; nor whether the stamps or the receive times are what is unusual."""
+    header_ns, receive_ns = _stamped()
+    match case:
+        case "a stall":
+            receive_ns[100:120] = receive_ns[120] + np.arange(-20, 0) * 50_000
+        case "the recorder's clock":
+            receive_ns[150:] += 5 * SECOND_NS
+        case "lost messages":
+            header_ns, receive_ns = np.delete(header_ns, range(90, 130)), np.delete(receive_ns, range(90, 130))
+        case "swapped":
+            header_ns[[40, 41]] = header_ns[[41, 40]]
+            header_ns[[80, 84]] = header_ns[[84, 80]]
+        case "drift":
+            header_ns += (np.arange(300) * 100_000).astype(np.int64)
+    assert resets(HeaderTimes(header_ns, receive_ns), "/points") == []
+
+
+def test_the_longest_side_comes_first() -> None:
+    """Mutation: the later of equally long ones."""
+    header_ns, receive_ns = _stamped()
+    header_ns[100:] += SECOND_NS
+    header_ns[250:] -= 3 * SECOND_NS
+    found = resets(HeaderTimes(header_ns, receive_ns), "/points")
+    assert [reset.by_ns > 0 for reset in found] == [True, False]
+    assert sides(found, 0, int(receive_ns[-1]))[1:] == [
+        (int(receive_ns[100]), int(receive_ns[250])),
+        (int(receive_ns[250]), int(receive_ns[-1])),
+    ]
+    assert sides(found[:1], int(receive_ns[0]), 2 * int(receive_ns[100]) - int(receive_ns[0])) == [
+        (int(receive_ns[0]), int(receive_ns[100])),
+        (int(receive_ns[100]), 2 * int(receive_ns[100]) - int(receive_ns[0])),
+    ]
+
+
+def _spoilt(folder: Path, change: Callable[[list[build.Message]], list[build.Message]]) -> Recording:
+    messages = build.in_order(build.velodyne_messages(60, cdr=True), build.still_imu(6.0, cdr=True))
+    return load(build.write_ros2(folder / "spoilt", change(messages)), ReadSettings())
+
+
+def _said(recording: Recording) -> dict[str, str]:
+    return {finding.code: finding.text for finding in recording.findings if finding.level == "warning"}
+
+
+def _set_back(messages: list[build.Message]) -> list[build.Message]:
+    """By 2 s from 3.5 s on: what was stamped later is made with stamps of before."""
+    since_ns = build.EPOCH_NS + round(3.5 * SECOND_NS)
+    earlier = {
+        topic: [m for m in build.in_order(stream) if m[2] + 2 * SECOND_NS >= since_ns]
+        for topic, stream in (
+            ("/velodyne_points", build.velodyne_messages(60, cdr=True)),
+            ("/imu/data", build.still_imu(6.0, cdr=True)),
+        )
+    }
+    moved = [(t, kind, at + 2 * SECOND_NS, raw) for stream in earlier.values() for t, kind, at, raw in stream]
+    return build.in_order([m for m in messages if m[2] < since_ns], [m for m in moved if m[2] >= since_ns])
+
+
+def test_of_a_clock_that_was_set_the_longer_side_is_read(tmp_path: Path) -> None:
+    """3.5 s before, 4.5 after: scans that began before it was set are left out of the later side.
+
+    Mutations: the earlier side; the IMU not cut.
+    """
+    read = _spoilt(tmp_path, _set_back)
+    begin_ns = build.EPOCH_NS + round(1.5 * SECOND_NS)
+    assert "jump back by 2.0" in _said(read)["clock.set"]
+    assert "3.5 s after the start as when a clock is set" in _said(read)["clock.set"]
+    assert "from 3.5 s to 8" in _said(read)["clock.set"]
+    assert "imu.out_of_order" not in _said(read)
+    assert begin_ns <= read.imu.stamps_ns[0] < begin_ns + 2e7
+    assert np.all(np.diff(read.imu.stamps_ns) > 0)
+    stamps_ns = [scan.stamp_ns for scan in read.scans]
+    assert begin_ns <= stamps_ns[0] < begin_ns + 3 * PERIOD_NS
+    assert len(stamps_ns) == read.scans_total == 45 - round((stamps_ns[0] - begin_ns) / PERIOD_NS)
+
+
+def test_a_playback_that_began_anew_counts_once(tmp_path: Path) -> None:
+    """Mutation: no side is left out (all scans and readings are there twice, and every sigma is 0.7 of what it is)."""
+    read = _spoilt(tmp_path, lambda m: [*m, *((t, kind, at + 61 * PERIOD_NS, raw) for t, kind, at, raw in m)])
+    assert "jump back by 6" in _said(read)["clock.set"]
+    assert len(read.scans) == 60
+    assert len(read.imu.stamps_ns) == 600
+    assert "points.sent_twice" not in _said(read)
+
+
+def test_scans_sent_twice_count_once_and_late_ones_in_their_place(tmp_path: Path) -> None:
+    """Mutations: not sorted; the second one kept as well; counted among the scans there are."""
+
+    def change(messages: list[build.Message]) -> list[build.Message]:
+        scans = [m for m in messages if m[0] == "/velodyne_points"]
+        twice = [(t, kind, at + 1000, raw) for t, kind, at, raw in scans[::5]]
+        t, kind, at, raw = scans[7]
+        rest = [m for m in messages if m is not scans[7]]
+        return build.in_order(rest, twice, [(t, kind, at + 130_000_000, raw)])
+
+    read = _spoilt(tmp_path, change)
+    said = _said(read)
+    assert said["points.sent_twice"].startswith("12 scans on /velodyne_points bear the stamp of another")
+    assert said["points.out_of_order"].startswith("1 scans")
+    assert [scan.stamp_ns for scan in read.scans] == [build.EPOCH_NS + k * PERIOD_NS for k in range(60)]
+    assert read.scans_total == 60
+    plain = _spoilt(tmp_path / "plain", lambda m: m)
+    for one, other in zip(read.scans, plain.scans, strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+
+
+def _readings(gravity: float, shaken: float, *, count: int = 3000) -> RawImu:
+    """Accelerations around gravity along z, in whatever unit, as a hand shakes it."""
+    rng = np.random.default_rng(1)
+    stamps_ns = build.EPOCH_NS + 10_000_000 * np.arange(count, dtype=np.int64)
+    t = np.arange(count)[:, None] * 0.01
+    accel: FloatArray = shaken * np.sin(t * np.array([3.0, 4.1, 5.3])) + np.array([0.0, 0.0, gravity])
+    return RawImu(
+        stamps_ns, stamps_ns, np.sin(t * np.array([1.0, 2.0, 3.0])) + rng.normal(0, 1e-3, (count, 3)), accel, "imu", 0
+    )
+
+
+@pytest.mark.parametrize(
+    ("gravity", "shaken", "code", "words"),
+    [
+        (0.0, 0.0, "imu.no_accelerations", "are zero, as those of a gyroscope alone are"),
+        (0.0, 0.8, "imu.no_gravity", "where 9.8 (m/s2) or 1.0 (g) was expected"),
+        (0.0, 0.05, "imu.no_gravity", "do not show gravity"),
+        (1000.0, 50.0, "imu.no_gravity", "their norm is 10"),
+        (16384.0, 500.0, "imu.no_gravity", "their norm is 16"),
+    ],
+)
+def test_accelerations_without_gravity_are_named(gravity: float, shaken: float, code: str, words: str) -> None:
+    """Gyroscopes alone, an attitude filter's linear accelerations, thousandths of g, counts. Each was assumed to be in g, and
+    refused half a minute later for planes that are not flat. Mutations: no upper bound; no lower one; the norm's mean instead of
+    the mean's norm.
+    """
+    with pytest.raises(InputError) as caught:
+        clean_imu(_readings(gravity, shaken), ReadSettings(), "/imu")
+    assert caught.value.code == code
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("gravity", "shaken"), [(9.81, 4.0), (1.0, 0.4), (8.0, 1.0), (1.3, 0.1)])
+def test_gravity_however_shaken_and_turned_is_let_through(gravity: float, shaken: float) -> None:
+    """Mutation: a tenth more than 1 g is asked for."""
+    given = _readings(gravity, shaken)
+    # To and fro by 80 deg, in eight seconds.
+    angle = np.radians(80.0) * np.sin(np.arange(3000) * 0.01 * 2.0 * np.pi / 8.0)
+    turned = gravity * np.stack([np.sin(angle), np.zeros(3000), np.cos(angle) - 1.0], axis=1)
+    for accel in (given.accel, given.accel + turned):
+        assert len(clean_imu(replace(given, accel=accel), ReadSettings(), "/imu").imu.stamps_ns) == 3000
