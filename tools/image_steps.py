@@ -1,4 +1,4 @@
-"""A Dockerfile's steps, read, and run without a builder in copies of an unpacked Debian root: overlay mounts and chroot, as root."""
+"""A Dockerfile's steps, read, and run without a builder in copies of an unpacked Debian root: overlay mounts, chroot, as root."""
 
 from __future__ import annotations
 
