@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.calibrate import Calibration, calibrate
+from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
 from calib_core.geometry import log
@@ -214,10 +215,11 @@ def test_what_two_attempts_say_is_said_once(clean: tuple[Recording, Truth], monk
     Mutation: append every sentence.
     """
 
-    def attempts(*arguments: Any) -> Any:
-        listen = arguments[5]
+    def attempts(_: Recording, question: Question) -> Any:
         for name in ("plane 2", "plane 2", "plane 3"):
-            listen(LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out"))
+            question.on_event(
+                LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out")
+            )
         raise Refused("solve.unsettled", "it moves")
 
     monkeypatch.setattr("calib_core.calibrate._answer", attempts)
