@@ -15,6 +15,7 @@ from tools.steering import PAGE, RECORDS, SOURCES, loose, loose_in, numbers, wit
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (
+    "README.md",
     "docs/how-it-works.md",
     "docs/architecture.md",
     "docs/contract.md",
