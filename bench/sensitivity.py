@@ -150,7 +150,7 @@ def literal(text: str) -> object:
 def scaled(value: object, factor: float) -> object:
     """A number, or numbers, a factor larger; a whole one by one at the least; a share of its middle or more from its end."""
     match value:
-        case bool():
+        case bool() | 0:
             return None
         case int():
             return max(round(value * factor), value + 1) if factor > 1.0 else min(round(value * factor), value - 1)

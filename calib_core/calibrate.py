@@ -9,7 +9,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from calib_core.document import Answer, document, refused
+from calib_core.document import Answer, Question, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.clock_step import ClockStep, clock_step, misfit
@@ -59,13 +59,14 @@ def calibrate(
         heard(LogEvent(level="info", code="scans.excluded", text=f"{left_out} scans were left out as asked"))
         _check_reference(whole, recording, settings, planes)
     aloud = heard.said_so_far()
+    question = Question(settings, planes, initial_guess, kept_in, heard, should_cancel)
     try:
-        answer = _answer(recording, settings, planes, initial_guess, kept_in, heard, should_cancel)
+        answer = _answer(recording, question)
         step = clock_step_of(answer)
         if step is not None:
             kept = without_spans(recording, [step.left_out_s])
             again = Heard(forward, aloud)
-            better = _of_one_side(step, kept, recording, settings, planes, initial_guess, again, should_cancel)
+            better = _of_one_side(step, kept, recording, replace(question, kept_in=None, on_event=again))
             if better is not None:
                 answer, recording, heard = better, kept, again
     except Refused as refusal:
@@ -106,24 +107,17 @@ def with_crispness(done: Calibration, recording: Recording, settings: CalibrateS
     return replace(done, result=done.result.model_copy(update={"quality": quality}))
 
 
-def _answer(
-    recording: Recording,
-    settings: CalibrateSettings,
-    planes: Sequence[Plane] | None,
-    guess: InitialGuess | None,
-    kept_in: Path | None,
-    on_event: OnEvent,
-    should_cancel: ShouldCancel,
-) -> Answer:
+def _answer(recording: Recording, question: Question) -> Answer:
     """The answer of the chosen method. Raises Refused."""
     # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
     with threadpool_limits(limits=1, user_api="blas"):
-        if settings.method == "paper":
+        if question.settings.method == "paper":
             from calib_core.paper.answer import calibrate_published
 
-            return calibrate_published(recording, settings, planes, guess, on_event, should_cancel)
+            return calibrate_published(recording, question)
         require_length(recording, "a calibration", "; record for half a minute or more")
-        return calibrate_full(prepare(recording, settings, on_event, should_cancel), planes, guess, kept_in)
+        run = prepare(recording, question.settings, question.on_event, question.should_cancel)
+        return calibrate_full(run, question.planes, question.guess, question.kept_in)
 
 
 def clock_step_of(answer: Answer) -> ClockStep | None:
@@ -131,20 +125,11 @@ def clock_step_of(answer: Answer) -> ClockStep | None:
     return None if answer.evidence is None else clock_step(answer.evidence.parts.time_blocks)
 
 
-def _of_one_side(
-    step: ClockStep,
-    kept: Recording,
-    recording: Recording,
-    settings: CalibrateSettings,
-    planes: Sequence[Plane] | None,
-    guess: InitialGuess | None,
-    on_event: OnEvent,
-    should_cancel: ShouldCancel,
-) -> Answer | None:
+def _of_one_side(step: ClockStep, kept: Recording, recording: Recording, question: Question) -> Answer | None:
     """The answer of the scans on the longer side of a step; None where it has none that agrees with itself."""
-    if not _holds_reference(recording, kept, settings, planes):
+    if not _holds_reference(recording, kept, question.settings, question.planes):
         return None
-    on_event(
+    question.on_event(
         LogEvent(
             level="warning",
             code="clock.set",
@@ -154,7 +139,7 @@ def _of_one_side(
         )
     )
     try:
-        answer = _answer(kept, settings, planes, guess, None, on_event, should_cancel)
+        answer = _answer(kept, question)
     except Refused:
         return None
     agrees = answer.evidence is not None and misfit(answer.evidence.parts.time_blocks) < CLOCK_STEP.misfit

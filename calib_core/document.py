@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 import numpy as np
 
+from calib_core.events import OnEvent, ShouldCancel
 from calib_core.geometry import euler_xyz_deg, quaternion_xyzw, transform_matrix
 from calib_core.result import (
     CalibrationResult,
@@ -24,7 +27,22 @@ from calib_core.result import (
     WeakDirection,
 )
 from calib_core.settings import CalibrateSettings, ImuNoise
-from calib_core.types import FloatArray, IntArray, Recording, Trajectory
+from calib_core.types import FloatArray, InitialGuess, IntArray, Plane, Recording, Trajectory
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a recording, of either method.
+
+    planes: in the map frame; None: found.   kept_in: folder in which the lidar's motion is kept for the next solve.
+    """
+
+    settings: CalibrateSettings
+    planes: Sequence[Plane] | None
+    guess: InitialGuess | None
+    kept_in: Path | None
+    on_event: OnEvent
+    should_cancel: ShouldCancel
 
 
 @dataclass(frozen=True)

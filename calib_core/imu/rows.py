@@ -1,8 +1,8 @@
 """Even rows of samples behind stamps that jitter: which sample of its row each reading is, and the line of their times.
 
-A row is counted by a loop that follows phase and period, then put right by its own line; it ends where readings were lost
-for long. Its line is straight, or bends every ten seconds where a clock drifts. Stamps that wander more slowly than they
-jitter are no jitter about that line: such a row is halved until its parts do not, and a part that still does has no line.
+A row is counted by a loop that follows phase and period, then put right by its own line (`clock_line.py`); it ends where
+readings were lost for long. Stamps that wander more slowly than they jitter are no jitter about that line: such a row is
+halved until its parts do not, and a part that still does has no line.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from calib_core.imu.clock_line import fits_as_well, line_of, normal_equations, onto_nodes, places
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: A pause of more than this many periods ends a row: how many readings were lost in it is not sure.
@@ -26,10 +27,6 @@ LEAST = 100
 _LEAST_ON_TIME = LEAST // 2
 #: Of a critically damped loop that follows the samples.
 _PHASE_GAIN, _PERIOD_GAIN = 0.05, 0.05**2 / 4.0
-#: Clocks drift: a line may bend at nodes this far apart where a straight one does not do.
-_NODE_S = 10.0
-#: A bend, or a clock started anew, has to be surer than this many standard deviations of its chi-square.
-_SURE = 5.0
 #: Stamps further from their line than so many robust standard deviations, or half a period, are late: it ignores them.
 _LATE_SIGMAS = 6.0
 #: A row may have this share of late stamps, and the others an rms of so much of a period (evenly spread: 0.29).
@@ -70,9 +67,9 @@ class Row:
 
     def variance_of_mean(self, weight: FloatArray) -> float:
         """Variance of the line's error in the mean with `weight` (N,), for stamps with independent errors of variance 1."""
-        cell, right = _places(self.number, self.cells)
-        normal = _normal_equations(cell, right, self.used, self.cells)
-        goal = _onto_nodes(cell, right, weight, self.cells)
+        cell, right = places(self.number, self.cells)
+        normal = normal_equations(cell, right, self.used, self.cells)
+        goal = onto_nodes(cell, right, weight, self.cells)
         return float(goal @ solveh_banded(normal, goal))
 
 
@@ -89,7 +86,7 @@ def even_rows(t: FloatArray) -> list[Row]:
         whole = _joined(rows, t)
         apart = np.concatenate([(t[row.index] - row.even_s)[row.used] for row in rows])
         together = (t[whole.index] - whole.even_s)[np.concatenate([row.used for row in rows])]
-        if _fits_as_well(together, apart, freedoms=2 * (len(rows) - 1)):
+        if fits_as_well(together, apart, freedoms=2 * (len(rows) - 1)):
             rows = [whole]
     if len(rows) == 1:
         rows = [_completed(rows[0], t)]
@@ -136,7 +133,7 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
             # Where the loop slipped by a sample, the line of all the others puts it right. A reading stamped so late that
             # it takes its successor's number was the sample before; and those that a host that had stood still stamps in a
             # burst are then far from the line, and are left out of it.
-            line, _cells = _line(number, t, used)
+            line, _cells = line_of(number, t, used)
             step = (line[-1] - line[0]) / max(int(number[-1] - number[0]), 1)
             slipped = np.rint((t - line) / step).astype(np.int64)
             if not slipped.any():
@@ -190,7 +187,7 @@ def _track(t: FloatArray, period: float, number: IntArray) -> None:
 def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -> Row:
     """The row with its line, late stamps left out. used: (N,) those to begin with.   t: (Q,) of the whole recording."""
     here = t[index]
-    even, cells = _line(number, here, used)
+    even, cells = line_of(number, here, used)
     for _ in range(2):
         off = here - even
         centre = float(np.median(off[used]))
@@ -200,66 +197,8 @@ def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -
         if np.count_nonzero(near) < _LEAST_ON_TIME:
             break
         used = near
-        even, cells = _line(number, here, used)
+        even, cells = line_of(number, here, used)
     return Row(index, number, even, used, cells)
-
-
-def _line(number: IntArray, t: FloatArray, used: BoolArray) -> tuple[FloatArray, int]:
-    """Times of the samples and the line's cells: straight, or bending every few seconds where that fits much better."""
-    straight = _through(number, t, used, 1)
-    cells = int((straight[-1] - straight[0]) / _NODE_S)
-    if cells < 2:
-        return straight, 1
-    bent = _through(number, t, used, cells)
-    as_well = _fits_as_well((t - straight)[used], (t - bent)[used], freedoms=cells - 1)
-    return (straight, 1) if as_well else (bent, cells)
-
-
-def _through(number: IntArray, t: FloatArray, used: BoolArray, cells: int) -> FloatArray:
-    """Least-squares fit of a function that is linear between `cells` + 1 even nodes."""
-    x, y = number[used] - number[used].mean(), t[used] - t[used].mean()
-    straight = t[used].mean() + float(x @ y / (x @ x)) * (number - number[used].mean())
-    if cells == 1:
-        return np.asarray(straight, dtype=np.float64)
-    cell, right = _places(number, cells)
-    left = np.where(used, t - straight, 0.0)
-    node = solveh_banded(_normal_equations(cell, right, used, cells), _onto_nodes(cell, right, left, cells))
-    return np.asarray(straight + (1 - right) * node[cell] + right * node[cell + 1], dtype=np.float64)
-
-
-def _places(number: IntArray, cells: int) -> tuple[IntArray, FloatArray]:
-    """The cell each sample is in, and how far towards its right node, 0 to 1."""
-    place = (number - number[0]) / max(int(number[-1] - number[0]), 1) * cells
-    cell = np.minimum(place.astype(np.int64), cells - 1)
-    return cell, np.asarray(place - cell, dtype=np.float64)
-
-
-def _normal_equations(cell: IntArray, right: FloatArray, used: BoolArray, cells: int) -> FloatArray:
-    """Upper banded form (2, cells + 1), for samples of unit weight."""
-    banded = np.zeros((2, cells + 1))
-    banded[1] = _onto_nodes(cell, right, np.where(used, 1 - right, 0.0), cells, other=np.where(used, right, 0.0))
-    banded[0, 1:] = np.bincount(cell, np.where(used, right * (1 - right), 0.0), cells + 1)[:-1]
-    # A node over nothing but lost readings stays where it is.
-    banded[1] += 1e-9 * banded[1].max()
-    return banded
-
-
-def _onto_nodes(
-    cell: IntArray, right: FloatArray, weight: FloatArray, cells: int, *, other: FloatArray | None = None
-) -> FloatArray:
-    """(cells + 1,): sums of weights onto the nodes left and right. other: the weight for the right node, if another."""
-    onto_right = weight if other is None else other
-    return np.asarray(
-        np.bincount(cell, (1 - right) * weight, cells + 1) + np.bincount(cell + 1, right * onto_right, cells + 1)
-    )
-
-
-def _fits_as_well(stiff: FloatArray, loose: FloatArray, *, freedoms: int) -> bool:
-    """Whether residuals with fewer free numbers are no larger than chance allows."""
-    noise = float(np.mean(loose**2))
-    gained = float(stiff @ stiff - loose @ loose)
-    # Of pure noise the gain is chi-square with as many degrees of freedom as numbers were set free.
-    return gained <= noise * (freedoms + _SURE * np.sqrt(2.0 * freedoms))
 
 
 def _joined(rows: Sequence[Row], t: FloatArray) -> Row:

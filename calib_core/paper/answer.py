@@ -6,21 +6,18 @@ and the document says so.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from calib_core.document import Answer
+from calib_core.document import Answer, Question
 from calib_core.errors import Refused
-from calib_core.events import LogEvent, OnEvent, ShouldCancel
+from calib_core.events import LogEvent
 from calib_core.full.assess.observability import assess
 from calib_core.full.joint.begin import BEGINNING
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.paper.calibrate import calibrate_paper
 from calib_core.paper.records import PaperSolution
 from calib_core.result import Message, PlaneQuality
-from calib_core.settings import CalibrateSettings
-from calib_core.types import InitialGuess, Plane, Recording
+from calib_core.types import Recording
 
 _ABOUT_STD = (
     "the standard deviations are those of the published cost, whose factor balance is not a noise model: "
@@ -28,20 +25,18 @@ _ABOUT_STD = (
 )
 
 
-def calibrate_published(
-    recording: Recording,
-    settings: CalibrateSettings,
-    planes: Sequence[Plane] | None,
-    guess: InitialGuess | None,
-    on_event: OnEvent,
-    should_cancel: ShouldCancel,
-) -> Answer:
+def calibrate_published(recording: Recording, question: Question) -> Answer:
     """The paper's method, with its own defaults (100 points a plane and scan, +-45 deg) where none was set."""
-    if any(plane.outline_m is not None for plane in planes or ()):
+    if any(plane.outline_m is not None for plane in question.planes or ()):
         text = "the published method knows no outlines of planes: theirs are not used; `--method full` uses them"
-        on_event(LogEvent(code="planes.outline_unused", level="warning", text=text))
+        question.on_event(LogEvent(code="planes.outline_unused", level="warning", text=text))
     solution = calibrate_paper(
-        recording, settings, planes=planes, initial_guess=guess, on_event=on_event, should_cancel=should_cancel
+        recording,
+        question.settings,
+        planes=question.planes,
+        initial_guess=question.guess,
+        on_event=question.on_event,
+        should_cancel=question.should_cancel,
     )
     if not solution.converged:
         raise Refused("solve.diverged", "the published method did not converge")

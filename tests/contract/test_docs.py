@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from bench import sensitivity
 from tools import presets
 from tools.steering import PAGE, RECORDS, SOURCES, loose, loose_in, numbers, with_table
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (
+    "README.md",
     "docs/how-it-works.md",
     "docs/architecture.md",
     "docs/contract.md",
@@ -53,6 +55,14 @@ def test_every_number_has_its_reason() -> None:
 def test_every_reason_begins_with_where_its_number_comes_from() -> None:
     """Mutation: a reason that only describes, "Points of each scan."."""
     assert [f"{n.record}.{n.name}" for n in numbers() if not n.reason.startswith(SOURCES)] == []
+
+
+def test_what_is_judged_has_its_sensitivity_measured() -> None:
+    """At the value it has, by `python -m bench.sensitivity`. Mutation: change a judged number's value, or judge one more."""
+    rows = sensitivity.read()
+    judged = [n for n in numbers() if sensitivity.is_judged(n)]
+    assert len(judged) > 100
+    assert [n.name for n in judged if rows.get(sensitivity.name_of(n), {}).get("value") != n.value] == []
 
 
 def test_no_number_steers_from_outside_the_records() -> None:

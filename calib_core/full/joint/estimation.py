@@ -140,6 +140,17 @@ class Estimation:
         solution = self.minimum.solution if self.minimum is not None else None
         return None if solution is None else solution.information
 
+    def with_nuisance(self, nuisance: Nuisance, values: FloatArray) -> Estimation:
+        """With other parameters of the sensors in play, at values (k,): what was gathered and where it ended were of the old."""
+        return replace(
+            self,
+            nuisance=nuisance,
+            estimate=replace(self.estimate, nuisance=values),
+            priors=replace(self.priors, nuisance_std=nuisance.prior_std),
+            observations=None,
+            minimum=None,
+        )
+
 
 @dataclass(frozen=True)
 class Solved:

@@ -182,14 +182,7 @@ def admit_sensors(data: JointData, state: Estimation) -> Estimation:
         return state
     nuisance = data.sensors.with_tones_of(state.nuisance)
     values = np.concatenate([np.zeros(data.sensors.size), state.estimate.nuisance])
-    return replace(
-        state,
-        nuisance=nuisance,
-        estimate=replace(state.estimate, nuisance=values),
-        priors=replace(state.priors, nuisance_std=nuisance.prior_std),
-        observations=None,
-        minimum=None,
-    )
+    return state.with_nuisance(nuisance, values)
 
 
 def with_outlines(data: JointData, state: Estimation) -> Estimation:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,15 +28,7 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
     if bend_m < rules.least_m:
         return state
     nuisance = state.nuisance.with_surface(patches, rules.height_std_m)
-    heights = np.zeros(patches.count)
-    return replace(
-        state,
-        nuisance=nuisance,
-        estimate=replace(state.estimate, nuisance=np.append(state.estimate.nuisance, heights)),
-        priors=replace(state.priors, nuisance_std=nuisance.prior_std),
-        observations=None,
-        minimum=None,
-    )
+    return state.with_nuisance(nuisance, np.append(state.estimate.nuisance, np.zeros(patches.count)))
 
 
 def is_bent_wall(state: Estimation, rules: Surfaces) -> bool:

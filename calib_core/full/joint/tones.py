@@ -8,7 +8,7 @@ information (the motion takes up a part of it). A tone stands out by hundreds an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,14 +85,7 @@ def with_tone(data: JointData, state: Estimation, hz: float, rules: Tones) -> Es
     values, end = state.estimate.nuisance, nuisance.places[TONE].stop
     more = nuisance.size - state.nuisance.size
     values = np.insert(values, end - more, np.zeros(more))
-    return replace(
-        state,
-        nuisance=nuisance,
-        estimate=replace(state.estimate, nuisance=values),
-        priors=replace(state.priors, nuisance_std=nuisance.prior_std),
-        observations=None,
-        minimum=None,
-    )
+    return state.with_nuisance(nuisance, values)
 
 
 def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -> Periodogram:

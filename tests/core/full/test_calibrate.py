@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.calibrate import Calibration, calibrate
+from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
 from calib_core.geometry import log
@@ -18,16 +19,8 @@ from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import STILL
-from calib_core.types import FloatArray, ImuData, Recording
-
-
-def _errors(result: CalibrationResult, truth: Truth) -> FloatArray:
-    """(7,) in the contract's order: rad, m, s."""
-    assert result.T_imu_lidar is not None
-    assert result.time_offset_ns is not None
-    T = np.array(result.T_imu_lidar.matrix)
-    late = (result.time_offset_ns - truth.time_offset_ns) * 1e-9
-    return np.concatenate([log(truth.R_imu_lidar.T @ T[:3, :3]), T[:3, 3] - truth.p_imu_lidar, [late]])
+from calib_core.types import ImuData, Recording
+from tests.core.full.answers import errors_of
 
 
 def _first(recording: Recording, readings: int) -> ImuData:
@@ -48,7 +41,7 @@ def test_without_noise_the_truth_comes_back(clean: tuple[Recording, Truth]) -> N
     """
     recording, truth = clean
     result = calibrate(recording, CalibrateSettings(intrinsics="off")).result
-    errors = _errors(result, truth)
+    errors = errors_of(result, truth)
     assert np.degrees(np.abs(errors[:3])).max() < 2e-3
     assert np.abs(errors[3:6]).max() < 1e-4
     assert abs(errors[6]) < 2e-6
@@ -64,7 +57,7 @@ def test_under_noise_the_errors_are_as_large_as_the_error_bars(
     One draw of chi-square with 7 degrees of freedom: 24.3 is passed once in a thousand, 0.6 the other way.
     """
     truth, result = noisy[1], calibrated.result
-    errors = _errors(result, truth)
+    errors = errors_of(result, truth)
     assert result.uncertainty is not None
     covariance = np.array(result.uncertainty.covariance)
     assert 0.6 < errors @ np.linalg.solve(covariance, errors) < 24.3
@@ -214,10 +207,11 @@ def test_what_two_attempts_say_is_said_once(clean: tuple[Recording, Truth], monk
     Mutation: append every sentence.
     """
 
-    def attempts(*arguments: Any) -> Any:
-        listen = arguments[5]
+    def attempts(_: Recording, question: Question) -> Any:
         for name in ("plane 2", "plane 2", "plane 3"):
-            listen(LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out"))
+            question.on_event(
+                LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out")
+            )
         raise Refused("solve.unsettled", "it moves")
 
     monkeypatch.setattr("calib_core.calibrate._answer", attempts)

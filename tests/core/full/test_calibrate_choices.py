@@ -10,27 +10,40 @@ from scipy.linalg import null_space
 from scipy.stats import chi2
 
 from calib_core.calibrate import calibrate
-from calib_core.geometry import log
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Gravity, ImuNoise, Prior
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import ONE_AXIS_IN_PLACE
-from calib_core.types import FloatArray, InitialGuess, Recording
+from calib_core.types import InitialGuess, Recording
+from tests.core.full.answers import errors_of
 
 
-def _errors(result: CalibrationResult, truth: Truth) -> FloatArray:
-    """(7,) in the contract's order: rad, m, s."""
-    assert result.T_imu_lidar is not None
-    assert result.time_offset_ns is not None
-    T = np.array(result.T_imu_lidar.matrix)
-    late = (result.time_offset_ns - truth.time_offset_ns) * 1e-9
-    return np.concatenate([log(truth.R_imu_lidar.T @ T[:3, :3]), T[:3, 3] - truth.p_imu_lidar, [late]])
+def _used_as_given(
+    recording: Recording, truth: Truth, settings: CalibrateSettings, *, offset_within_s: float, normals_within: float
+) -> CalibrationResult:
+    """The result, with the true planes and the truth for a guess: gravity, the prior of tz and the cap of points are kept to."""
+    guess = InitialGuess(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
+    result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
+    errors = errors_of(result, truth)
+    assert abs(errors[6]) < offset_within_s
+    assert result.gravity_m_s2 == pytest.approx(9.80665, abs=1e-5)
+    assert result.uncertainty is not None
+    assert (np.degrees(np.abs(errors[:3])) < 4.0 * np.array(result.uncertainty.rotation_std_deg)).all()
+    assert max(result.uncertainty.rotation_std_deg) < 0.1
+    assert np.abs(errors[3:5]).max() < 0.02
+    # The data alone leave more than a millimetre open: so near to the prior it comes by the prior only.
+    assert errors[5] == pytest.approx(2e-4, abs=2e-5)
+    for found, given in zip(result.quality.planes, truth.planes, strict=True):
+        assert found.points <= 150 * len(recording.scans)
+        np.testing.assert_allclose(found.normal, given.normal, atol=normals_within)
+    assert result.quality.points_used > 10_000
+    assert result.provenance.settings["points_per_plane_per_scan"] == 150
+    return result
 
 
 def test_given_planes_guess_and_offset_are_used_as_given(noisy: tuple[Recording, Truth]) -> None:
     """Fails when `estimate_time_offset` or `estimate_planes` is not obeyed, or a cap of points is a cap for the scan."""
     recording, truth = noisy
-    guess = InitialGuess(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
     settings = CalibrateSettings(
         estimate_time_offset=False,
         estimate_planes=False,
@@ -42,23 +55,10 @@ def test_given_planes_guess_and_offset_are_used_as_given(noisy: tuple[Recording,
         bias_model="constant",
         priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 2e-4, std=1e-6),),
     )
-    result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
-    errors = _errors(result, truth)
-    assert abs(errors[6]) < 1e-8
-    assert result.gravity_m_s2 == pytest.approx(9.80665, abs=1e-5)
+    result = _used_as_given(recording, truth, settings, offset_within_s=1e-8, normals_within=3e-3)
     assert result.uncertainty is not None
-    assert (np.degrees(np.abs(errors[:3])) < 4.0 * np.array(result.uncertainty.rotation_std_deg)).all()
     # A solve that ended in damped steps once stated a third of what so few points tell.
     assert min(result.uncertainty.rotation_std_deg) > 0.03
-    assert max(result.uncertainty.rotation_std_deg) < 0.1
-    assert np.abs(errors[3:5]).max() < 0.02
-    # The data alone leave more than a millimetre open: so near to the prior it comes by the prior only.
-    assert errors[5] == pytest.approx(2e-4, abs=2e-5)
-    for found, given in zip(result.quality.planes, truth.planes, strict=True):
-        assert found.points <= 150 * len(recording.scans)
-        np.testing.assert_allclose(found.normal, given.normal, atol=3e-3)
-    assert result.quality.points_used > 10_000
-    assert result.provenance.settings["points_per_plane_per_scan"] == 150
 
 
 def test_turning_in_place_about_one_axis_is_weak_and_says_what_is_missing(short: Scenario) -> None:
@@ -75,7 +75,7 @@ def test_turning_in_place_about_one_axis_is_weak_and_says_what_is_missing(short:
     assert result.T_imu_lidar is not None
     assert result.uncertainty is not None
     assert np.abs(result.T_imu_lidar.translation_m).max() < 0.5
-    errors = _errors(result, truth)
+    errors = errors_of(result, truth)
     assert np.degrees(np.linalg.norm(errors[:3])) < 5.0
     units = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
     open_directions = np.array([d.vector for d in result.observability.weak_directions])
@@ -88,7 +88,6 @@ def test_turning_in_place_about_one_axis_is_weak_and_says_what_is_missing(short:
 def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording, Truth]) -> None:
     """Fails when a prior's value is taken for zero, or a cap is drawn from the whole scan."""
     recording, truth = noisy
-    guess = InitialGuess(truth.R_imu_lidar, truth.p_imu_lidar, truth.time_offset_ns)
     offset = Prior(axis="dt", value=truth.time_offset_s, std=1e-9)
     settings = CalibrateSettings(
         intrinsics="off",
@@ -99,18 +98,4 @@ def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording
         bias_model="constant",
         priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 2e-4, std=1e-6), offset),
     )
-    result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
-    errors = _errors(result, truth)
-    assert abs(errors[6]) < 1e-7
-    assert result.gravity_m_s2 == pytest.approx(9.80665, abs=1e-5)
-    assert result.uncertainty is not None
-    assert (np.degrees(np.abs(errors[:3])) < 4.0 * np.array(result.uncertainty.rotation_std_deg)).all()
-    assert max(result.uncertainty.rotation_std_deg) < 0.1
-    assert np.abs(errors[3:5]).max() < 0.02
-    # The data alone leave more than a millimetre open: so near to the prior it comes by the prior only.
-    assert errors[5] == pytest.approx(2e-4, abs=2e-5)
-    for found, given in zip(result.quality.planes, truth.planes, strict=True):
-        assert found.points <= 150 * len(recording.scans)
-        np.testing.assert_allclose(found.normal, given.normal, atol=5e-3)
-    assert result.quality.points_used > 10_000
-    assert result.provenance.settings["points_per_plane_per_scan"] == 150
+    _used_as_given(recording, truth, settings, offset_within_s=1e-7, normals_within=5e-3)
