@@ -19,7 +19,7 @@ from calib_core.gp.training import fit_hyper
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.presets import find_imu_preset
 from calib_core.settings import CalibrateSettings, ImuNoise
-from calib_core.types import Recording
+from calib_core.types import IntArray, Recording
 
 
 def require_length(recording: Recording, purpose: str, advice: str = "") -> None:
@@ -33,11 +33,24 @@ def require_length(recording: Recording, purpose: str, advice: str = "") -> None
         )
 
 
+def require_order(stamps_ns: IntArray, what: str) -> None:
+    """Raises Refused where stamps do not increase: a reader has them in order, who makes a recording himself may not."""
+    late = np.flatnonzero(np.diff(stamps_ns) <= 0)
+    if late.size:
+        raise Refused(
+            "recording.order",
+            f"{what} have to come in order, each once: number {late[0] + 1} (from 0) is stamped no later than the one before; sort "
+            "them by stamp and drop what is there twice",
+        )
+
+
 def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Run:
     """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
+    require_order(recording.imu.stamps_ns, "IMU readings")
     recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
     stamped = look(recording)
+    require_order(stamped.stamps_ns, "scans")
     recording, seen, sweeps_mean_std_s = begun_evenly(recording, stamped, settings, on_event)
     clocks = replace(
         clocks_of(recording, seen),

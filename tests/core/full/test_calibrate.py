@@ -164,6 +164,34 @@ def test_too_little_is_refused_before_anything_is_tried(
     assert [m.code for m in result.messages] == ["recording.too_short"]
 
 
+@pytest.mark.parametrize("what", ["a scan twice", "scans swapped", "a reading twice"])
+def test_what_is_out_of_order_is_refused(clean: tuple[Recording, Truth], what: str) -> None:
+    """A scan of the same stamp divided by zero, far inside. Mutations: the scans are not looked at; nor the readings."""
+    recording = clean[0]
+    scans, imu = list(recording.scans), recording.imu
+    match what:
+        case "a scan twice":
+            recording, words = (
+                replace(recording, scans=[*scans[:5], *scans[4:]]),
+                "scans have to come in order, each once: number 5 ",
+            )
+        case "scans swapped":
+            recording, words = (
+                replace(recording, scans=[*scans[:7], scans[8], scans[7], *scans[9:]]),
+                "number 8 (from 0)",
+            )
+        case _:
+            stamps_ns = imu.stamps_ns.copy()
+            stamps_ns[30] = stamps_ns[29]
+            recording, words = (
+                replace(recording, imu=replace(imu, stamps_ns=stamps_ns)),
+                "IMU readings have to come in order",
+            )
+    result = calibrate(recording, CalibrateSettings()).result
+    assert [m.code for m in result.messages] == ["recording.order"]
+    assert words in result.messages[0].text
+
+
 def test_clocks_that_never_meet_are_refused(clean: tuple[Recording, Truth]) -> None:
     """Fails when an IMU of another hour is answered with an exception."""
     recording = clean[0]
