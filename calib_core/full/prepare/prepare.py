@@ -39,8 +39,8 @@ def require_order(stamps_ns: IntArray, what: str) -> None:
     if late.size:
         raise Refused(
             "recording.order",
-            f"{what} have to come in order, each once: number {late[0] + 1} (from 0) is stamped no later than the one before; sort "
-            "them by stamp and drop what is there twice",
+            f"{what} have to come in order, each once: number {late[0] + 1} (from 0) is stamped no later than the one before;"
+            " sort them by stamp and drop what is there twice",
         )
 
 
