@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.doctor.examination import READING, Examination, choose, detect, read
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.lidar_report import lidar_report
-from calib_core.doctor.outlook import forecast_report, foresee, planes_report
+from calib_core.doctor.outlook import forecast_report, foresee, planes_report, unit_proven
 from calib_core.doctor.report import (
     DoctorReport,
     EvidenceReport,
@@ -71,6 +71,7 @@ def _report(
     except InputError as error:
         state.problems.append(error)
     planes, forecast, range_std_m = _look_ahead(state, header_ns, receive_ns, offset_ns, on_event, should_cancel)
+    state.findings = unit_proven(state.findings, forecast)
     lidar = _lidar(state, header_ns, receive_ns, range_std_m)
     imu = _imu(state, recording)
     drawn = Timeline()

@@ -28,6 +28,7 @@ _LIMITING = frozenset(
     {
         "imu.gaps",
         "imu.jitter",
+        "imu.stamped_in_bundles",
         "imu.axis_signs",
         "recording.truncated",
         "points.malformed",

@@ -99,7 +99,8 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if fresh is not None:
         findings.append(_repeats_finding(fresh, statistics, topic))
     if bundles is not None:
-        findings.append(_bundles_finding(bundles, topic))
+        # What is left of the jitter is how the bundles come: one cause is told once, with the cure that it has.
+        findings = [*(f for f in findings if f.code != "imu.jitter"), _bundles_finding(bundles, topic)]
     if raw.unset:
         findings.insert(0, unset_finding(topic))
     n_bad = int(np.count_nonzero(~good)) + raw.n_malformed

@@ -154,7 +154,7 @@ def detect_gyroscope(
         code="imu.gyroscope_unit",
         level="warning" if unit == "deg_s" else "info",
         text=f"Angular rates on {topic} are in {name}"
-        + ("." if informative else " (gravity hardly turns in this recording, so only plausibility speaks)."),
+        + ("." if informative else f" ({_unheard(still)}, so only plausibility speaks)."),
         evidence=(
             Evidence("misfit of gravity's turning, rad/s", _rounded(radians), "rad"),
             Evidence("misfit of gravity's turning, deg/s", _rounded(degrees), "rad"),
@@ -167,6 +167,13 @@ def detect_gyroscope(
     )
     mirrored = _mirrored_axes(windows, scale, still, topic)
     return unit, (finding,) if mirrored is None else (finding, mirrored)
+
+
+def _unheard(still: float) -> str:
+    """Why gravity does not tell the unit.   still: how far its direction turns [rad]."""
+    if still > _TURNS_RAD:
+        return "the rig's own accelerations hide how gravity turns"
+    return "gravity hardly turns in this recording"
 
 
 def _rounded(value: float) -> float:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.doctor.outlook import forecast_report, in_words, planes_report
+from calib_core.doctor.outlook import forecast_report, in_words, planes_report, unit_proven
 from calib_core.doctor.report import ParameterForecast
 from calib_core.doctor.sampling import LOOKED_S, SampledScans
 from calib_core.full.assess.observability import Knowledge
 from calib_core.full.forecast import NO_PLANES, Outlook, sample_scan
 from calib_core.full.joint.undetermined import UNITS
-from calib_core.types import POINT_DTYPE, Plane, PlanePatch, PlaneProposals, Scan
+from calib_core.types import POINT_DTYPE, Finding, Plane, PlanePatch, PlaneProposals, Scan
 
 UP = np.array([0.0, 0.6, 0.8])
 SIDE = np.array([1.0, 0.0, 0.0])
@@ -78,6 +78,25 @@ def test_a_forecast_is_in_degrees_metres_seconds_and_marks_what_is_weak() -> Non
         "but not the rotation about z nor the time offset."
     )
     assert "50 %" in forecast_report(outlook, planes_report(outlook.proposals, None), share=0.5).text
+
+
+def test_a_unit_that_the_lidar_bears_out_is_certain() -> None:
+    """Mutations: certain without a forecast; with a turn that stays unknown; other findings made certain too."""
+    doubted = [
+        Finding("imu.gyroscope_unit", "info", "Angular rates on /imu are in rad/s (nothing speaks).", confidence=0.5),
+        Finding("imu.accelerometer_unit", "info", "Accelerations are in g.", confidence=0.4),
+    ]
+
+    def said(outlook: Outlook) -> list[tuple[str, float]]:
+        forecast = forecast_report(outlook, planes_report(outlook.proposals, None), share=1.0)
+        return [(f.text, f.confidence) for f in unit_proven(doubted, forecast)]
+
+    kept = [(f.text, f.confidence) for f in doubted]
+    assert said(known()) == [("Angular rates on /imu are in rad/s: the lidar turns just as fast.", 1.0), kept[1]]
+    assert said(known(tz=2.5)) == said(known())  # how far it is away has no part in it
+    assert said(known(rz=0.6)) == kept
+    assert said(Outlook(NO_PLANES, code="a.b", reason="nothing moved")) == kept
+    assert [(f.text, f.confidence) for f in unit_proven(doubted, None)] == kept
 
 
 def test_no_forecast_says_why() -> None:

@@ -129,6 +129,17 @@ def test_bundles_are_said_with_what_they_rest_on_and_can_be_left() -> None:
     assert "imu.stamped_in_bundles" not in {finding.code for finding in left.findings}
 
 
+def test_one_cause_is_told_once() -> None:
+    """A timer empties the buffer every 16 ms: what is left is uneven, and why is told. Mutation: jitter told beside it."""
+    at_s = np.ceil(np.arange(1, 2001) * 0.01 / 0.016) * 0.016
+    stamps_ns = 10**18 + np.rint(at_s * 1e9).astype(np.int64) + np.arange(2000)
+    readings = np.random.default_rng(1).normal(0.0, 0.01, (2000, 3))
+    given = RawImu(stamps_ns, stamps_ns + 100, readings, readings + np.array([0.0, 0.0, 9.8]), "imu", 0)
+    told = {f.code for f in clean_imu(given, ReadSettings(), "/imu").findings}
+    assert "imu.stamped_in_bundles" in told
+    assert "imu.jitter" not in told
+
+
 def test_a_bag_of_bundles_is_read_as_the_simulator_knows_them(tmp_path: Path) -> None:
     """Mutation: the newest reading at the bundle's last stamp (40 microseconds late)."""
     faults = parse_faults("stamp-bundles=0.05")

@@ -79,6 +79,20 @@ def test_gyroscope_unit_without_tilt_rests_on_plausibility() -> None:
     assert finding.confidence <= 0.5
 
 
+def test_why_gravity_does_not_tell_the_unit_is_said() -> None:
+    """It hardly turns, or the rig's accelerations hide how it does. Mutation: one reason for both."""
+    rng = np.random.default_rng(0)
+    yaw = np.zeros((2000, 3))
+    yaw[:, 2] = np.sin(np.arange(2000) / RATE)
+    flat = np.tile([0, 0, 9.81], (2000, 1)) + rng.normal(0, 0.01, (2000, 3))
+    shaken = flat + 6.0 * np.repeat(rng.normal(size=(40, 3)), 50, axis=0)
+    for accel, words in ((flat, "gravity hardly turns"), (shaken, "accelerations hide how gravity turns")):
+        cleaned = clean_imu(raw(yaw, accel), ReadSettings(), "/imu")
+        finding = next(f for f in cleaned.findings if f.code == "imu.gyroscope_unit")
+        assert words in finding.text
+        assert finding.confidence == 0.5
+
+
 @pytest.mark.parametrize(("signs", "axis"), [((-1, 1, 1), "x"), ((1, -1, 1), "y")])
 def test_a_mirrored_axis_is_named(signs: tuple[int, int, int], axis: str) -> None:
     """Mutation: return None from `_mirrored_axes`."""
