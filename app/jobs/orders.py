@@ -38,6 +38,7 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+    suggested: bool = Field(default=False, description="the planes are as they were proposed: nobody chose them")
     audit: NewAudit | None = None
     surface_of: RecordId | None = Field(default=None, description="the solve whose room a surface is laid through")
     client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")

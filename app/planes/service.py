@@ -99,18 +99,21 @@ class PlaneService:
         _, history = self.current(recording_id)
         self._bus.publish(PlanesEdited(recording_id, history.revision))
 
-    def confirmed(self, recording_id: str) -> tuple[OrderedPlane, ...] | None:
-        """The planes a solve uses; None, which lets the solve find its own, where none have been proposed."""
+    def confirmed(self, recording_id: str) -> tuple[tuple[OrderedPlane, ...] | None, bool]:
+        """The planes a solve uses, and whether they are as they were proposed.
+
+        None, which lets the solve find its own, where none have been proposed.
+        """
         try:
-            _, history = self.current(recording_id)
+            proposals, history = self.current(recording_id)
         except Conflict:
-            return None
+            return None, False
         chosen = tuple(ordered(patch, history.current) for patch in history.current.patches if patch.confirmed)
         if not chosen:
             raise Conflict(
                 "planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways."
             )
-        return chosen
+        return chosen, _bare(history.current) == _bare(suggested(proposals))
 
     def looks(self, recording_id: str, planes: Sequence[OrderedPlane]) -> list[PlaneLook]:
         """How a run's planes are shown: in their colours, and by the names they have today."""
@@ -215,6 +218,11 @@ class PlaneService:
             while len(self._proposals) > KEPT_PROPOSALS:
                 self._proposals.popitem(last=False)
         return key, proposals, self._room(record, proposals)
+
+
+def _bare(planes: PlaneSet) -> PlaneSet:
+    """The set without its names, which the doctor's report and a person's taste change."""
+    return planes.model_copy(update={"patches": tuple(p.model_copy(update={"name": ""}) for p in planes.patches)})
 
 
 def ordered(patch: EditedPatch, planes: PlaneSet) -> OrderedPlane:

@@ -37,7 +37,7 @@ def command_of(result: CalibrationResult, reading: ReadSettings, request: Stored
     words += _reading_words(reading)
     words += _solving_words(settings)
     if request.planes is not None:
-        files.append(CommandFile(name=PLANES_FILE, text=_planes_text(request.planes)))
+        files.append(CommandFile(name=PLANES_FILE, text=_planes_text(_counted(request, result))))
         words += ["--planes", PLANES_FILE]
     if request.initial_guess is not None:
         files.append(CommandFile(name=GUESS_FILE, text=_guess_text(request.initial_guess)))
@@ -123,6 +123,13 @@ def _latitude_deg(magnitude_m_s2: float) -> float | None:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if gravity_at_latitude_m_s2(middle) < magnitude_m_s2 else (low, middle)
     return low
+
+
+def _counted(request: StoredRequest, result: CalibrationResult) -> tuple[OrderedPlane, ...]:
+    """The planes that the answer rests on: of those nobody chose, the doubtful were left out."""
+    names = {plane.name for plane in result.quality.planes}
+    kept = tuple(plane for plane in request.planes or () if plane.name in names)
+    return kept if request.suggested and kept else request.planes or ()
 
 
 def _planes_text(planes: tuple[OrderedPlane, ...]) -> str:

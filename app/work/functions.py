@@ -12,6 +12,7 @@ surface    a mesh of a solved room       -> {its solve}/surface.npz
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -35,6 +36,7 @@ from app.schemas.jobs import InitialGuess as WireGuess
 from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
+from app.work.suggestion import Solved, solve_suggestion
 from calib_core import api
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
@@ -112,32 +114,43 @@ def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> 
 def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
     """Calibrate and write what the answer is shown with."""
     recording = decoded(order, on_event, should_cancel)
-    on_event = steps = StepListener(on_event)
-    calibration = api.calibrate(
-        recording,
-        order.request.settings,
-        planes=None if order.request.planes is None else [_plane(plane) for plane in order.request.planes],
-        initial_guess=_guess(order.request.initial_guess),
-        kept_in=order.cache / "track",
-        on_event=on_event,
-        should_cancel=should_cancel,
-    )
+    steps = StepListener(on_event)
+
+    def solve(planes: Sequence[Plane] | None, on_event: OnEvent) -> Solved:
+        nonlocal steps
+        steps = StepListener(on_event)  # of the solve that is answered with
+        calibration = api.calibrate(
+            recording,
+            order.request.settings,
+            planes=planes,
+            initial_guess=_guess(order.request.initial_guess),
+            kept_in=order.cache / "track",
+            on_event=steps,
+            should_cancel=should_cancel,
+        )
+        return calibration.result, calibration.trajectory
+
+    planes = None if order.request.planes is None else [_plane(plane) for plane in order.request.planes]
+    if planes is not None and order.request.suggested:
+        result, trajectory = solve_suggestion(solve, planes, on_event)
+    else:
+        result, trajectory = solve(planes, on_event)
     if should_cancel():
         raise Cancelled("Stopped before anything was written.")
     order.folder.mkdir(parents=True, exist_ok=True)
-    if calibration.trajectory is not None:
+    if trajectory is not None:
         on_event(StageEvent(stage="deskew", fraction=0.0, text="measuring the walls"))
-        write_trajectory(order.folder / TRAJECTORY, calibration.trajectory)
+        write_trajectory(order.folder / TRAJECTORY, trajectory)
         kept = api.without_spans(recording, order.request.settings.excluded_spans_s)
-        walls = measure_thickness(kept, calibration.trajectory, calibration.result.quality.planes)
+        walls = measure_thickness(kept, trajectory, result.quality.planes)
         _write(order.folder / "thickness.json", walls.model_dump_json())
-        scans = measure_scans(recording, calibration.trajectory, calibration.result.quality.planes)
+        scans = measure_scans(recording, trajectory, result.quality.planes)
         _write(order.folder / "scans.json", scans.model_dump_json())
-    evidence = measure_evidence(recording, calibration.result, calibration.trajectory, steps.steps)
+    evidence = measure_evidence(recording, result, trajectory, steps.steps)
     _write(order.folder / "evidence.json", evidence.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())
-    _write(order.folder / "result.json", document_by_name(order, calibration.result.to_json()))
-    return solve_outcome(calibration.result)
+    _write(order.folder / "result.json", document_by_name(order, result.to_json()))
+    return solve_outcome(result)
 
 
 def run_audit(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> AuditOutcome:

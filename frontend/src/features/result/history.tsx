@@ -1,7 +1,7 @@
 import { Link } from "react-router";
 import type { Run } from "../../api/client";
 import { useNow } from "../../ui/clock";
-import { ago, fixed } from "../../ui/format";
+import { ago, fixed, stdText } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 import { toneOf as toneOfResult } from "./verdict";
@@ -42,6 +42,9 @@ function choices(run: Run): string {
   const settings = run.job.settings;
   const { points_per_plane_per_scan: points, field_of_view_deg: field, excluded_spans_s: spans, priors } = settings;
   const planes = run.job.planes ?? [];
+  // Of those that were proposed, and that nobody chose, the doubtful are left out.
+  const outcome = run.job.result?.kind === "solve" ? run.job.result : null;
+  const used = outcome === null || outcome.planes_used === 0 ? planes.length : outcome.planes_used;
   const boxed = planes.filter((plane) => plane.restricted).length;
   return [
     points === null || points === undefined ? "" : `${points} points`,
@@ -57,7 +60,7 @@ function choices(run: Run): string {
     settings.random_seed === 0 ? "" : `seed ${settings.random_seed}`,
     priors.length === 0 ? "" : `${priors.length} ${priors.length === 1 ? "prior" : "priors"}`,
     ...spans.map((span) => `without ${fixed(Number(span[0]), 1)} to ${fixed(Number(span[1]), 1)} s`),
-    planes.length === 0 ? "" : `${planes.length} planes`,
+    used === 0 ? "" : `${used} planes`,
     boxed === 0 ? "" : `${boxed} of them within a box`,
   ]
     .filter((text) => text !== "")
@@ -77,5 +80,5 @@ function difference(run: Run, latest: boolean): string {
 function known(run: Run): string {
   const result = run.job.result;
   if (result?.kind !== "solve" || result.translation_std_m === null || result.rotation_std_deg === null) return "";
-  return `± ${fixed(Math.max(...result.translation_std_m) * 1000, 2)} mm, ${fixed(Math.max(...result.rotation_std_deg), 4)}°`;
+  return `± ${stdText(Math.max(...result.translation_std_m), "m")}, ${stdText(Math.max(...result.rotation_std_deg), "deg")}`;
 }
