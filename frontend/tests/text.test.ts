@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import openapi from "../openapi.json";
-import { fixOf } from "../src/features/recording/fixes";
+import { fixOf, fixText } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
@@ -34,6 +34,14 @@ describe("fixes", () => {
     expect(fixOf("--imu-noise vn100")).toBeNull();
     expect(fixOf("--stamps")).toBeNull();
     expect(fixOf("")).toBeNull();
+  });
+
+  // Fails when an option's name or value reaches the button as the command line has it; when IMU loses its capitals.
+  it("names the control that a fix sets, and its value, in the page's words", () => {
+    expect(fixText("--gyroscope-unit deg_s")).toBe("gyroscope unit to °/s");
+    expect(fixText("--imu-bundles as-stamped")).toBe("IMU stamps in bundles to as stamped");
+    expect(fixText("--point-time-field t --point-time-unit ns")).toBe("point time field to t, point time unit to ns");
+    expect(fixText("--synthesise-point-time")).toBe("make up point times");
   });
 });
 

@@ -52,6 +52,7 @@ const values: Readonly<Record<string, string>> = {
   receive: "time of arrival",
   header: "header",
   spread: "a period apart",
+  "as-stamped": "as stamped",
 };
 const plainValues = new Set([
   "s",

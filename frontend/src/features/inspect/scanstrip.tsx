@@ -78,7 +78,12 @@ function Strip({
         </span>
         <span className="dim">
           scan {shown + 1}
-          {share === null || share === undefined ? "" : `, ${percentText(share)} within 10 cm of a plane`}
+          {share !== null && share !== undefined && (
+            <>
+              , {percentText(share)} <span className={css.stripWords}>within 10 cm of a plane</span>
+              <span className={css.stripShort}>on planes</span>
+            </>
+          )}
         </span>
       </figcaption>
       <div

@@ -1,4 +1,5 @@
 import type { ChangeRecording, ReadSettings } from "../../api/client";
+import { controlName, valueName } from "../../ui/words";
 
 type SettingKey = Exclude<keyof ReadSettings, "start_s" | "end_s">;
 type Kind = "text" | "number" | "flag";
@@ -47,10 +48,7 @@ export function fixOf(override: string): ChangeRecording | null {
   return Object.keys(change).length > 0 ? change : null;
 }
 
-/** Units as people write them; the command line's names have to do without such signs. */
-const units: Readonly<Record<string, string>> = { rad_s: "rad/s", deg_s: "°/s", m_s2: "m/s²" };
-
-/** The override in plain words: `Read as: point time unit ns`. */
+/** The override in the words of the control that it sets: `gyroscope unit to °/s`. */
 export function fixText(override: string): string {
   return override
     .trim()
@@ -58,7 +56,10 @@ export function fixText(override: string): string {
     .filter((part) => part !== "")
     .map((part) => {
       const [name = "", ...value] = part.split(/\s+/);
-      return `${name.replaceAll("-", " ")} ${value.map((word) => units[word] ?? word).join(" ")}`.trim();
+      const control = controlName(name);
+      // "IMU" and the like keep their capitals inside a sentence.
+      const called = /^[A-Z][a-z]/.test(control) ? control.charAt(0).toLowerCase() + control.slice(1) : control;
+      return value.length === 0 ? called : `${called} to ${value.map(valueName).join(" ")}`;
     })
     .join(", ");
 }

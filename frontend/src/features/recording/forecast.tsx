@@ -30,6 +30,7 @@ function sentenceOf(text: string): string {
 /** What a solve would know, before it is run, and the planes that rests on. */
 export function Forecast({ forecast, planes, said }: ForecastProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
+  const weak = forecast.weak.filter((sentence) => !said.some((other) => same(other, sentence)));
   const headline = forecast.parameters.length === 0 ? forecast.reason : forecast.text;
   return (
     <section
@@ -53,9 +54,9 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
           ))}
         </ul>
       )}
-      {forecast.weak.length > 0 && (
+      {weak.length > 0 && (
         <ul className={css.bullets}>
-          {forecast.weak.map((sentence) => (
+          {weak.map((sentence) => (
             <li key={sentence}>{sentence}</li>
           ))}
         </ul>
