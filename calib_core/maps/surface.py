@@ -22,7 +22,7 @@ _NORMAL_REACH_VOXELS, _NORMAL_NEIGHBOURS = 3.0, 30
 #: A screened Poisson surface closes every gap; what is farther from a point than this was not seen.
 _SEEN_WITHIN_VOXELS = 1.25
 #: And what is so far off the surface at the nearest point is where it bulges out past the rim.
-_SEEN_OFF_VOXELS = 0.3
+_SEEN_OFF_VOXELS = 0.5
 #: Depth of the octree: 2^9 cells across a room of 20 m are 4 cm each, and deeper ones take minutes.
 _DEEPEST = 9
 _FEWEST_POINTS = 100
