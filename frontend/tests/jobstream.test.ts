@@ -2,7 +2,14 @@ import { describe, expect, it } from "vitest";
 import type { IterationEvent, Job, JobMessage, StageEvent } from "../src/api/client";
 import { addMessages, emptyRun } from "../src/api/jobstream";
 import { parametersOf, unwrap } from "../src/features/solve/parameters";
-import { secondsLeft, stagesOfSolve, stageState, standingOf, wholeFraction } from "../src/features/jobs/timeleft";
+import {
+  secondsLeft,
+  stagesOf,
+  stagesOfSolve,
+  stageState,
+  standingOf,
+  wholeFraction,
+} from "../src/features/jobs/timeleft";
 
 const stage = (name: StageEvent["stage"], fraction: number): StageEvent => ({
   event: "stage",
@@ -104,5 +111,21 @@ describe("parameters", () => {
     unwrap([179.9, -179.9, -179.8, 179.9]).forEach((value, i) =>
       expect(value).toBeCloseTo([179.9, 180.1, 180.2, 179.9][i] ?? 0, 9),
     );
+  });
+});
+
+describe("the stages of a run", () => {
+  const seen = (stage: "planes" | "initialise", fraction: number) => ({ stage, fraction, text: "" });
+
+  // Fails when a stage that was passed over stays open for ever, and when one that is still ahead is left out.
+  it("leaves out what an earlier run made", () => {
+    expect(stagesOf([], ["read", "planes", "track"])).toEqual(["read", "planes", "track"]);
+    expect(stagesOf([seen("planes", 1)], ["read", "planes", "track"])).toEqual(["planes", "track"]);
+    expect(stagesOf([seen("planes", 1)], stagesOfSolve)).toEqual(stagesOfSolve);
+  });
+
+  // Fails when the time that it would have taken is still to come.
+  it("counts only what is there to be done", () => {
+    expect(wholeFraction([seen("initialise", 1)], ["track", "initialise"])).toBe(1);
   });
 });

@@ -7,7 +7,7 @@ import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./progress.module.css";
-import { secondsLeft, stageState, stalledS, wholeFraction } from "./timeleft";
+import { secondsLeft, stagesOf, stageState, stalledS, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -65,7 +65,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   const stalled = running && !queued ? stalledS(run.heardAtMs, now) : null;
   const left = running && stalled === null ? secondsLeft(fraction, elapsedS) : null;
   const active = stages.at(-1);
-  const names = [...new Set([...(running ? expected : []), ...stages.map((stage) => stage.stage)])];
+  const names = [...new Set([...(running ? stagesOf(stages, expected) : []), ...stages.map((stage) => stage.stage)])];
   const percent = Math.round(fraction * 100);
   return (
     <div className={css.progress}>

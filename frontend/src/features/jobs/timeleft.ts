@@ -20,10 +20,16 @@ const weights: Record<Stage, number> = {
 export const stagesOfPlanes: readonly Stage[] = ["read", "planes"];
 export const stagesOfSolve: readonly Stage[] = ["track", "initialise", "solve", "deskew"];
 
+/** The stages of a run: one that was passed over is none, since what it makes was kept from an earlier run. */
+export function stagesOf(seen: readonly StageProgress[], expected: readonly Stage[]): Stage[] {
+  const latest = Math.max(-1, ...seen.map((stage) => expected.indexOf(stage.stage)));
+  return expected.filter((stage, i) => i > latest || seen.some((other) => other.stage === stage));
+}
+
 /** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
 export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {
   const done = seen.reduce((sum, stage) => sum + weights[stage.stage] * Math.min(1, Math.max(0, stage.fraction)), 0);
-  const all = [...new Set([...expected, ...seen.map((stage) => stage.stage)])];
+  const all = [...new Set([...stagesOf(seen, expected), ...seen.map((stage) => stage.stage)])];
   return done / all.reduce((sum, stage) => sum + weights[stage], 0);
 }
 

@@ -11,8 +11,8 @@ type Choice =
   "point_time_unit" | "point_time_reference" | "accelerometer_unit" | "gyroscope_unit" | "stamps" | "imu_bundles";
 
 const units: Record<Choice, readonly string[]> = {
-  point_time_unit: ["s", "ms", "us", "ns"],
   point_time_reference: ["header-first", "header-last", "absolute"],
+  point_time_unit: ["s", "ms", "us", "ns"],
   accelerometer_unit: ["m_s2", "g"],
   gyroscope_unit: ["rad_s", "deg_s"],
   stamps: ["header", "receive"],
@@ -39,6 +39,7 @@ export function Reading({ recording }: { recording: Recording }) {
             <NativeSelect
               key={key}
               size="xs"
+              className={key === "point_time_reference" ? (css.wide ?? "") : ""}
               label={label(key)}
               disabled={change.isPending}
               value={settings[key] ?? ""}
