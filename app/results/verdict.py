@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from app.schemas.jobs import SolveOutcome, Tone
 from calib_core.result import CalibrationResult
 
@@ -31,9 +33,9 @@ def verdict(result: CalibrationResult) -> str:
         reasons = [message.text for message in result.messages if message.level == "error"]
         return "Refused: " + (reasons[0] if reasons else "this recording does not determine the answer.")
     known = (
-        f"one standard deviation is {max(result.uncertainty.rotation_std_deg):.2g} deg, "
-        f"{max(result.uncertainty.translation_std_m) * 1e3:.2g} mm and "
-        f"{result.uncertainty.time_offset_std_s * 1e3:.2g} ms at most."
+        f"one standard deviation is {two_digits(max(result.uncertainty.rotation_std_deg))} deg, "
+        f"{two_digits(max(result.uncertainty.translation_std_m) * 1e3)} mm and "
+        f"{two_digits(result.uncertainty.time_offset_std_s * 1e3)} ms at most."
     )
     but = (
         "its parts disagree by more than noise explains, which the error bars allow for; " if disagrees(result) else ""
@@ -42,6 +44,15 @@ def verdict(result: CalibrationResult) -> str:
         weak = result.observability.weak_directions
         return f"Weak: {but}{weak[0].text}" if weak else f"Weak: {but}{known}"
     return f"Calibrated, but {but}{known}" if but else f"Calibrated: {known}"
+
+
+def two_digits(value: float) -> str:
+    """With its last zero, as the tables beside the sentence have it: 0.020 and not 0.02."""
+    if value <= 0.0:
+        return "0"
+    # Rounded first: 0.0996 has its two digits one place further left than it seems.
+    rounded = float(f"{value:.1e}")
+    return f"{rounded:.{max(0, 1 - math.floor(math.log10(rounded)))}f}"
 
 
 def solve_outcome(result: CalibrationResult) -> SolveOutcome:

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from app.results.report import report_page
-from app.results.verdict import verdict
+from app.results.verdict import two_digits, verdict
 from calib_core.result import WeakDirection
 from tests.app.support import world
 
 
 def test_the_verdict_says_how_well_the_worst_axis_is_known():
     """Oracle: the world's sigmas. Mutation: min instead of max flatters."""
-    assert verdict(world.make_result()) == ("Calibrated: one standard deviation is 0.03 deg, 3 mm and 0.4 ms at most.")
+    assert verdict(world.make_result()) == ("Calibrated: one standard deviation is 0.030 deg, 3.0 mm and 0.40 ms at most.")
     assert verdict(world.make_result("refused")) == "Refused: Nothing moves; record motion."
     weak = world.make_result("weak")
     weak.observability.weak_directions.append(
         WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=4.0, text="Turn more.")
     )
     assert verdict(weak) == "Weak: Turn more."
+
+
+def test_sigmas_keep_their_last_zero():
+    """As the tables beside the sentence have them. Mutations: the zero dropped; digits counted before rounding."""
+    shown = {0.02: "0.020", 3.0: "3.0", 0.0996: "0.10", 0.0994: "0.099", 12.3: "12", 0.0: "0"}
+    assert {value: two_digits(value) for value in shown} == shown
 
 
 def test_the_page_stands_alone_and_escapes_what_files_say():
