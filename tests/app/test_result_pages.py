@@ -10,7 +10,9 @@ from tests.app.support import world
 
 def test_the_verdict_says_how_well_the_worst_axis_is_known():
     """Oracle: the world's sigmas. Mutation: min instead of max flatters."""
-    assert verdict(world.make_result()) == ("Calibrated: one standard deviation is 0.030 deg, 3.0 mm and 0.40 ms at most.")
+    assert verdict(world.make_result()) == (
+        "Calibrated: one standard deviation is 0.030 deg, 3.0 mm and 0.40 ms at most."
+    )
     assert verdict(world.make_result("refused")) == "Refused: Nothing moves; record motion."
     weak = world.make_result("weak")
     weak.observability.weak_directions.append(
