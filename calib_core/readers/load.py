@@ -18,6 +18,7 @@ from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording
+from calib_core.readers.gather import Gathering, gathered_finding, parts_of_a_scan
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.one_clock import on_one_clock
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
@@ -82,7 +83,13 @@ def _load_open(
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
     del sample  # tens of megabytes that the pass below does not need
-    reading = Reading(recording, settings, decoder, timing, on_event, should_cancel)
+    parts, cloud_s = parts_of_a_scan(info.period_s), info.period_s
+    gathering = None
+    if parts > 1:
+        gathering = Gathering(round((parts - 0.5) * cloud_s * 1e9))
+        findings = (*findings, gathered_finding(lidar_topic.name, parts, cloud_s))
+        info = replace(info, period_s=parts * cloud_s)
+    reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering)
     reading.run(lidar_topic, imu_topic, span)
     raw_imu, set_findings = on_one_clock(
         reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s
@@ -95,7 +102,7 @@ def _load_open(
         offset_ns, clock_findings = examine_clocks(
             HeaderTimes(np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)),
             HeaderTimes(raw_imu.header_ns, raw_imu.receive_ns),
-            period_s=info.period_s,
+            period_s=cloud_s,
             last_point_s=last_point_after_header_s(findings),
             topic=lidar_topic.name,
         )
@@ -108,7 +115,7 @@ def _load_open(
         lidar=info,
         duration_s=recording.duration_s,
         coarse_offset_ns=offset_ns,
-        scans_total=len(reading.header_ns) - reading.n_twice,
+        scans_total=len(reading.header_ns) - reading.n_twice if gathering is None else len(scans),
         findings=(
             *findings,
             *reading.findings(lidar_topic.name),

@@ -43,8 +43,9 @@ def on_one_clock(
         )
         findings.append(reset_finding(found, used, start_ns))
     n_moved, reading.n_twice = reading.scans.put_in_order()
+    reading.n_twice += 0 if reading.gathering is None else reading.gathering.n_twice
     if reading.n_twice:
-        text = f"{reading.n_twice} scans on {topics[0]} bear the stamp of another; the first of each was kept."
+        text = f"{reading.n_twice} clouds on {topics[0]} bear the stamp of another; the first of each was kept."
         findings.append(Finding("points.sent_twice", "warning", text, (Evidence("scans sent twice", reading.n_twice),)))
     if n_moved:
         text = f"{n_moved} scans on {topics[0]} came after later ones; they were sorted by stamp."

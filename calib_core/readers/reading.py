@@ -17,6 +17,7 @@ from calib_core.readers.clouds.decoders import CloudDecoder
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
+from calib_core.readers.gather import Gathering
 from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
 from calib_core.readers.timing.clocks import HeaderTimes
@@ -91,6 +92,7 @@ class Reading:
     timing: PointTiming
     on_event: OnEvent
     should_cancel: ShouldCancel
+    gathering: Gathering | None = None
     imu: ImuCollector = field(default_factory=lambda: ImuCollector("cdr"))
     scans: StoredScans = field(default_factory=StoredScans)
     indices: list[int] = field(default_factory=list)
@@ -120,6 +122,9 @@ class Reading:
                     self._report(n_seen, lidar.count)
             while pending:
                 self._take(*pending.popleft())
+        rest = None if self.gathering is None else self.gathering.rest()
+        if rest is not None:
+            self._keep(rest)
         self._drop_impossible_stamps()
         if not len(self.scans):
             raise InputError(
@@ -175,15 +180,19 @@ class Reading:
         self.header_ns.append(cloud.header_ns)
         self.receive_ns.append(cloud.receive_ns)
         self.counts.append(counts)
-        if scan is None:
-            return
+        if scan is not None and self.gathering is not None:
+            scan = self.gathering.add(scan)
+        if scan is not None:
+            self._keep(scan)
+
+    def _keep(self, scan: Scan) -> None:
         try:
             self.scans.append(scan)
         except OSError as error:
             if error.errno != errno.ENOSPC:
                 raise
             raise InputError(
-                f"The disk that holds temporary files is full after {index} scans of {self.recording.name};"
+                f"The disk that holds temporary files is full after {scan.index} scans of {self.recording.name};"
                 " point TMPDIR at a disk with room for the recording.",
                 code="disk.full",
             ) from error

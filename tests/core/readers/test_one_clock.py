@@ -140,7 +140,7 @@ def test_scans_sent_twice_count_once_and_late_ones_in_their_place(tmp_path: Path
 
     read = _spoilt(tmp_path, change)
     said = _said(read)
-    assert said["points.sent_twice"].startswith("12 scans on /velodyne_points bear the stamp of another")
+    assert said["points.sent_twice"].startswith("12 clouds on /velodyne_points bear the stamp of another")
     assert said["points.out_of_order"].startswith("1 scans")
     assert [scan.stamp_ns for scan in read.scans] == [build.EPOCH_NS + k * PERIOD_NS for k in range(60)]
     assert read.scans_total == 60

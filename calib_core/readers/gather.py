@@ -1,0 +1,69 @@
+"""Clouds that are a part of a sweep each, as drivers send them packet by packet: gathered into scans that show enough at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib_core.types import Evidence, Finding, Scan
+
+#: The usual turn of a lidar, and the usual frame of one that does not turn: a scan is gathered to this length.
+_SCAN_S = 0.1
+#: Clouds that come less often are scans: the quickest rotors turn 20 times a second.
+_SHORTEST_S = 0.04
+
+
+def parts_of_a_scan(period_s: float) -> int:
+    """How many clouds make a scan, 1 where each is one. period_s: usual, between clouds."""
+    return max(1, round(_SCAN_S / period_s)) if 0.0 < period_s < _SHORTEST_S else 1
+
+
+def gathered_finding(topic: str, parts: int, period_s: float) -> Finding:
+    """What is said of it."""
+    return Finding(
+        "points.gathered",
+        "info",
+        f"Clouds on {topic} come every {1e3 * period_s:.3g} ms, each a part of a sweep: {parts} at a time are taken as one scan.",
+        (Evidence("clouds a scan", parts), Evidence("period of clouds", round(period_s, 6), "s")),
+    )
+
+
+@dataclass(slots=True)
+class Gathering:
+    """Parts of the scan that is being gathered. lasting_ns: of a whole one.
+
+    A part belongs to it if it begins within that time of the first part; one that comes late begins a scan of its own, which is
+    put in order later; one that comes twice is left out. n_twice: how many those were.
+    """
+
+    lasting_ns: int
+    n_twice: int = 0
+    _parts: list[Scan] = field(default_factory=list)
+
+    def add(self, part: Scan) -> Scan | None:
+        """The scan before, where the part begins another."""
+        if self._parts:
+            since_first_ns = part.stamp_ns - self._parts[0].stamp_ns
+            if part.stamp_ns == self._parts[-1].stamp_ns:
+                self.n_twice += 1
+                return None
+            if part.stamp_ns > self._parts[-1].stamp_ns and since_first_ns < self.lasting_ns:
+                self._parts.append(part)
+                return None
+        done = self.rest()
+        self._parts = [part]
+        return done
+
+    def rest(self) -> Scan | None:
+        """What is gathered by now."""
+        if not self._parts:
+            return None
+        first = self._parts[0]
+        points = np.concatenate([part.points for part in self._parts])
+        sizes = [part.points.size for part in self._parts]
+        points["offset_ns"] += np.repeat([part.stamp_ns - first.stamp_ns for part in self._parts], sizes).astype(
+            np.int32
+        )
+        self._parts = []
+        return Scan(first.index, first.stamp_ns, points)
