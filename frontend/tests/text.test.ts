@@ -5,6 +5,7 @@ import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
 import { bytes, fixed, withSigma } from "../src/ui/format";
+import { controlName } from "../src/ui/words";
 
 describe("numbers for people", () => {
   // Fails when decimals are counted from the value instead of from the standard deviation.
@@ -36,12 +37,14 @@ describe("fixes", () => {
     expect(fixOf("")).toBeNull();
   });
 
-  // Fails when an option's name or value reaches the button as the command line has it; when IMU loses its capitals.
+  // Fails when an option's name or value reaches the button as the command line has it; when a switch is set to nothing.
   it("names the control that a fix sets, and its value, in the page's words", () => {
-    expect(fixText("--gyroscope-unit deg_s")).toBe("gyroscope unit to °/s");
-    expect(fixText("--imu-bundles as-stamped")).toBe("IMU stamps in bundles to as stamped");
-    expect(fixText("--point-time-field t --point-time-unit ns")).toBe("point time field to t, point time unit to ns");
-    expect(fixText("--synthesise-point-time")).toBe("make up point times");
+    expect(fixText("--gyroscope-unit deg_s")).toBe("Set “Gyroscope unit” to °/s");
+    expect(fixText("--imu-bundles as-stamped")).toBe(`Set “${controlName("imu-bundles")}” to as stamped`);
+    expect(fixText("--point-time-field t --point-time-unit ns")).toBe(
+      "Set “Point time field” to t, set “Point time unit” to ns",
+    );
+    expect(fixText("--synthesise-point-time")).toBe("Switch on “Make up point times”");
   });
 });
 

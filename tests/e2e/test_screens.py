@@ -90,3 +90,6 @@ def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     page.get_by_role("textbox", name="New name").fill(f"wall {scheme}")
     page.keyboard.press("Enter")
     until(lambda: any(patch["name"] == f"wall {scheme}" for patch in api.planes(solved[0])["patches"]))
+    # As it was, for the picture that the other scheme makes.
+    page.keyboard.press("Control+z")
+    until(lambda: all(patch["name"] != f"wall {scheme}" for patch in api.planes(solved[0])["patches"]))

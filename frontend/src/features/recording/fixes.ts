@@ -48,18 +48,17 @@ export function fixOf(override: string): ChangeRecording | null {
   return Object.keys(change).length > 0 ? change : null;
 }
 
-/** The override in the words of the control that it sets: `gyroscope unit to °/s`. */
+/** The override in the words of the control that it sets: `Set “Gyroscope unit” to °/s`. */
 export function fixText(override: string): string {
-  return override
+  const text = override
     .trim()
     .split(/\s*--/)
     .filter((part) => part !== "")
     .map((part) => {
       const [name = "", ...value] = part.split(/\s+/);
-      const control = controlName(name);
-      // "IMU" and the like keep their capitals inside a sentence.
-      const called = /^[A-Z][a-z]/.test(control) ? control.charAt(0).toLowerCase() + control.slice(1) : control;
-      return value.length === 0 ? called : `${called} to ${value.map(valueName).join(" ")}`;
+      const control = `“${controlName(name)}”`;
+      return value.length === 0 ? `switch on ${control}` : `set ${control} to ${value.map(valueName).join(" ")}`;
     })
     .join(", ");
+  return text.charAt(0).toUpperCase() + text.slice(1);
 }

@@ -19,6 +19,9 @@ const units: Record<Choice, readonly string[]> = {
   imu_bundles: ["spread", "as-stamped"],
 };
 
+/** Those with more words than half of the panel has room for. */
+const wide: ReadonlySet<Choice> = new Set(["point_time_reference", "imu_bundles"]);
+
 /** Always one of its values: nothing is detected. */
 const isGiven = (key: Choice) => key === "stamps" || key === "imu_bundles";
 
@@ -39,7 +42,7 @@ export function Reading({ recording }: { recording: Recording }) {
             <NativeSelect
               key={key}
               size="xs"
-              className={key === "point_time_reference" ? (css.wide ?? "") : ""}
+              className={wide.has(key) ? (css.wide ?? "") : ""}
               label={label(key)}
               disabled={change.isPending}
               value={settings[key] ?? ""}

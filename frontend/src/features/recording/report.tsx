@@ -162,7 +162,7 @@ function FindingCard({
             disabled={pending}
             onClick={() => onFix(override)}
           >
-            Set {fixText(override)}
+            {fixText(override)}
           </Button>
         )}
       </div>
