@@ -77,7 +77,8 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         told.append(("sensor.laser_range", f"{_lasers(lasers)}; {ranges}"))
     if lasers := by["laser_elevation"]:
         most_deg = np.degrees(max(abs(p.value) for p in lasers))
-        text = f"{len(lasers)} lasers point up to {most_deg:.2f} deg above or below where they should; {taken}"
+        who = f"laser {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
+        text = f"{who} {most_deg:.2f} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
         told.append(("sensor.laser_elevation", text))
     for kind in ("gyroscope", "accelerometer"):
         if off := by[f"{kind}_scale"]:
