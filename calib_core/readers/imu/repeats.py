@@ -16,6 +16,8 @@ _STRETCH = 128
 #: A driver repeats all the time: even where fewest are, so many of a stretch are repeats. Steps of 0.06 deg/s, coarse ones,
 #: read the same on all three axes in 1 of 50 pairs at a noise of 0.1 deg/s.
 _LEAST_SHARE = 0.15
+#: Where more of them are, no driver repeats but a sensor is stuck, or never moved and has no noise.
+_MOST_SHARE = 0.96
 #: Stretches that may have fewer: where messages were lost.
 _SPARED = 0.05
 
@@ -29,4 +31,5 @@ def first_of_each(gyro: FloatArray) -> BoolArray | None:
         return None
     fresh = np.concatenate([[True], (gyro[1:] != gyro[:-1]).any(axis=1)])
     shares = sliding_window_view(~fresh, _STRETCH)[:: _STRETCH // 2].mean(axis=1)
-    return fresh if np.quantile(shares, _SPARED) >= _LEAST_SHARE else None
+    fewest, usual = np.quantile(shares, [_SPARED, 0.5])
+    return fresh if fewest >= _LEAST_SHARE and usual <= _MOST_SHARE else None

@@ -64,11 +64,12 @@ def test_repeats_are_left_where_asked() -> None:
     assert "imu.repeats" not in {finding.code for finding in left.findings}
 
 
-@pytest.mark.parametrize("case", ["fine", "coarse steps", "half of it at rest", "a stuck second", "few"])
+@pytest.mark.parametrize("case", ["fine", "coarse steps", "half of it at rest", "a stuck second", "stuck", "few"])
 def test_what_a_sensor_reads_twice_by_itself_is_kept(case: str) -> None:
     """Coarse: 16 bits over 2000 deg/s. At rest: with noise of a tenth of the step, so that nearly all repeat.
 
-    Mutations: the mean share of all stretches is asked; no least share.
+    Mutations: the mean share of all stretches is asked; no least share; no largest one (one
+    reading was left of a sensor that was stuck).
     """
     match case:
         case "coarse steps":
@@ -78,6 +79,9 @@ def test_what_a_sensor_reads_twice_by_itself_is_kept(case: str) -> None:
         case "a stuck second":
             gyro, accel = _moved(COUNT)
             gyro[1000:1200] = gyro[1000]
+        case "stuck":
+            gyro, accel = _moved(COUNT)
+            gyro[:] = gyro[0]
         case "few":
             gyro, accel = (each[:200].repeat(1, axis=0) for each in _moved(COUNT))
             gyro = gyro[::2].repeat(2, axis=0)
