@@ -142,7 +142,7 @@ def _look_ahead(
     sampled = state.sampled
     if sampled is None or not header_ns.size:
         return None, None, None
-    sampled.drop(np.flatnonzero(~plausible_stamps(header_ns, receive_ns)))
+    sampled.drop(np.array(state.positions, np.int64)[~plausible_stamps(header_ns, receive_ns)])
     if not sampled.scans:
         return None, None, None
     imu = state.cleaned.imu if state.cleaned is not None else None

@@ -55,6 +55,13 @@ class SampledScans:
         kept = [k for k, scan in enumerate(self.scans) if scan.index not in dropped]
         self.scans, self.points = [self.scans[k] for k in kept], [self.points[k] for k in kept]
 
+    def put_in_order(self) -> None:
+        """Sort by stamp; of one stamp the first counts."""
+        stamps_ns = [scan.stamp_ns for scan in self.scans]
+        order = sorted(range(len(stamps_ns)), key=stamps_ns.__getitem__)
+        kept = [k for at, k in enumerate(order) if at == 0 or stamps_ns[k] != stamps_ns[order[at - 1]]]
+        self.scans, self.points = [self.scans[k] for k in kept], [self.points[k] for k in kept]
+
     @property
     def share(self) -> float:
         """The part of the recording that is looked at, 0 to 1."""

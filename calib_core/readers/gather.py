@@ -19,6 +19,11 @@ def parts_of_a_scan(period_s: float) -> int:
     return max(1, round(_SCAN_S / period_s)) if 0.0 < period_s < _SHORTEST_S else 1
 
 
+def lasting_ns(parts: int, period_s: float) -> int:
+    """How long after the first part of a scan its last one may begin."""
+    return round((parts - 0.5) * period_s * 1e9)
+
+
 def gathered_finding(topic: str, parts: int, period_s: float) -> Finding:
     """What is said of it."""
     return Finding(

@@ -18,7 +18,7 @@ from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording
-from calib_core.readers.gather import Gathering, gathered_finding, parts_of_a_scan
+from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.one_clock import on_one_clock
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
@@ -86,13 +86,13 @@ def _load_open(
     parts, cloud_s = parts_of_a_scan(info.period_s), info.period_s
     gathering = None
     if parts > 1:
-        gathering = Gathering(round((parts - 0.5) * cloud_s * 1e9))
+        gathering = Gathering(lasting_ns(parts, cloud_s))
         findings = (*findings, gathered_finding(lidar_topic.name, parts, cloud_s))
         info = replace(info, period_s=parts * cloud_s)
     reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering)
     reading.run(lidar_topic, imu_topic, span)
     raw_imu, set_findings = on_one_clock(
-        reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s
+        reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s, settings
     )
     cleaned = clean_imu(raw_imu, settings, imu_topic.name)
     scans = reading.scans.finish()

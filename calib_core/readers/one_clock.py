@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,44 +10,72 @@ from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.reading import Reading
 from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
 from calib_core.readers.timing.resets import reset_finding, resets, sides
-from calib_core.types import Evidence, Finding
+from calib_core.settings import ReadSettings
+from calib_core.types import BoolArray, Evidence, Finding
 
 #: A scan that is received so many periods after a clock was set may have begun before.
 _BEGUN_BEFORE = 2.0
 
 
-def on_one_clock(
-    reading: Reading, imu: RawImu, topics: tuple[str, str], period_s: float
-) -> tuple[RawImu, tuple[Finding, ...]]:
-    """The IMU's messages of the longest stretch on which neither clock was set, the scans beside them cut to it, and what was
-    found. topics: the lidar's and the IMU's.
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """The longest stretch of a recording on which neither clock was set.
+
+    scans: (M,) which of them lie on it.   imu: its messages alone.   findings: what was set, if anything.
     """
-    lidar = reading.stamped()
-    imu_stamps = HeaderTimes(imu.header_ns, imu.receive_ns)
-    found = sorted([*resets(lidar, topics[0]), *resets(imu_stamps, topics[1])], key=lambda reset: reset.at_ns)
-    findings: list[Finding] = []
-    if found:
-        received_ns = np.concatenate([lidar.receive_ns, imu.receive_ns])
-        begin_ns, end_ns = int(received_ns.min()), int(received_ns.max()) + 1
-        used = sides(found, begin_ns, end_ns)
-        (since_ns, until_ns), start_ns = used[0], reading.recording.start_ns
-        settled_ns = since_ns if since_ns == begin_ns else since_ns + round(_BEGUN_BEFORE * period_s * NS_PER_S)
-        reading.keep((lidar.receive_ns >= settled_ns) & (lidar.receive_ns < until_ns))
-        kept = (imu.receive_ns >= since_ns) & (imu.receive_ns < until_ns)
-        imu = replace(
-            imu,
-            header_ns=imu.header_ns[kept],
-            receive_ns=imu.receive_ns[kept],
-            gyro=imu.gyro[kept],
-            accel=imu.accel[kept],
-        )
-        findings.append(reset_finding(found, used, start_ns))
+
+    scans: BoolArray
+    imu: RawImu
+    findings: tuple[Finding, ...]
+
+
+def longest_stretch(
+    lidar: HeaderTimes, imu: RawImu, topics: tuple[str, str], period_s: float, start_ns: int
+) -> Stretch:
+    """Of these messages. topics: the lidar's and the IMU's.   start_ns: the recording's start, receive time."""
+    stamps = HeaderTimes(imu.header_ns, imu.receive_ns)
+    found = sorted([*resets(lidar, topics[0]), *resets(stamps, topics[1])], key=lambda reset: reset.at_ns)
+    if not found:
+        return Stretch(np.ones(lidar.receive_ns.size, dtype=np.bool_), imu, ())
+    received_ns = np.concatenate([lidar.receive_ns, imu.receive_ns])
+    begin_ns, end_ns = int(received_ns.min()), int(received_ns.max()) + 1
+    used = sides(found, begin_ns, end_ns)
+    since_ns, until_ns = used[0]
+    settled_ns = since_ns if since_ns == begin_ns else since_ns + round(_BEGUN_BEFORE * period_s * NS_PER_S)
+    kept = (imu.receive_ns >= since_ns) & (imu.receive_ns < until_ns)
+    cut = replace(
+        imu,
+        header_ns=imu.header_ns[kept],
+        receive_ns=imu.receive_ns[kept],
+        gyro=imu.gyro[kept],
+        accel=imu.accel[kept],
+    )
+    scans = (lidar.receive_ns >= settled_ns) & (lidar.receive_ns < until_ns)
+    return Stretch(scans, cut, (reset_finding(found, used, start_ns),))
+
+
+def order_findings(n_moved: int, n_twice: int, topic: str) -> tuple[Finding, ...]:
+    """What is said of clouds that came late, or twice."""
+    found: list[Finding] = []
+    if n_twice:
+        text = f"{n_twice} clouds on {topic} bear the stamp of another; the first of each was kept."
+        found.append(Finding("points.sent_twice", "warning", text, (Evidence("clouds sent twice", n_twice),)))
+    if n_moved:
+        text = f"{n_moved} clouds on {topic} came after later ones; they were sorted by stamp."
+        found.append(Finding("points.out_of_order", "warning", text, (Evidence("clouds moved", n_moved),)))
+    return tuple(found)
+
+
+def on_one_clock(
+    reading: Reading, imu: RawImu, topics: tuple[str, str], period_s: float, settings: ReadSettings
+) -> tuple[RawImu, tuple[Finding, ...]]:
+    """The IMU's messages of the longest stretch, the scans beside them cut to it and put in order, and what was found."""
+    findings: tuple[Finding, ...] = ()
+    if settings.stamps == "header":
+        stretch = longest_stretch(reading.stamped(), imu, topics, period_s, reading.recording.start_ns)
+        if not stretch.scans.all():
+            reading.keep(stretch.scans)
+        imu, findings = stretch.imu, stretch.findings
     n_moved, reading.n_twice = reading.scans.put_in_order()
     reading.n_twice += 0 if reading.gathering is None else reading.gathering.n_twice
-    if reading.n_twice:
-        text = f"{reading.n_twice} clouds on {topics[0]} bear the stamp of another; the first of each was kept."
-        findings.append(Finding("points.sent_twice", "warning", text, (Evidence("scans sent twice", reading.n_twice),)))
-    if n_moved:
-        text = f"{n_moved} scans on {topics[0]} came after later ones; they were sorted by stamp."
-        findings.append(Finding("points.out_of_order", "warning", text, (Evidence("scans moved", n_moved),)))
-    return imu, tuple(findings)
+    return imu, (*findings, *order_findings(n_moved, reading.n_twice, topics[0]))

@@ -78,9 +78,11 @@ def test_the_longest_side_comes_first() -> None:
     ]
 
 
-def _spoilt(folder: Path, change: Callable[[list[build.Message]], list[build.Message]]) -> Recording:
+def _spoilt(
+    folder: Path, change: Callable[[list[build.Message]], list[build.Message]], settings: ReadSettings | None = None
+) -> Recording:
     messages = build.in_order(build.velodyne_messages(60, cdr=True), build.still_imu(6.0, cdr=True))
-    return load(build.write_ros2(folder / "spoilt", change(messages)), ReadSettings())
+    return load(build.write_ros2(folder / "spoilt", change(messages)), settings or ReadSettings())
 
 
 def _said(recording: Recording) -> dict[str, str]:
@@ -119,6 +121,14 @@ def test_of_a_clock_that_was_set_the_longer_side_is_read(tmp_path: Path) -> None
     assert len(stamps_ns) == read.scans_total == 45 - round((stamps_ns[0] - begin_ns) / PERIOD_NS)
 
 
+def test_where_receive_times_are_believed_no_header_matters(tmp_path: Path) -> None:
+    """Nothing is cut: both sides of 3.5 and 4.5 s are read. Mutation: the setting is not looked at."""
+    read = _spoilt(tmp_path, _set_back, ReadSettings(stamps="receive"))
+    assert "clock.set" not in _said(read)
+    assert len(read.scans) == 80
+    assert len(read.imu.stamps_ns) == 800
+
+
 def test_a_playback_that_began_anew_counts_once(tmp_path: Path) -> None:
     """Mutation: no side is left out (all scans and readings are there twice, and every sigma is 0.7 of what it is)."""
     read = _spoilt(tmp_path, lambda m: [*m, *((t, kind, at + 61 * PERIOD_NS, raw) for t, kind, at, raw in m)])
@@ -141,7 +151,7 @@ def test_scans_sent_twice_count_once_and_late_ones_in_their_place(tmp_path: Path
     read = _spoilt(tmp_path, change)
     said = _said(read)
     assert said["points.sent_twice"].startswith("12 clouds on /velodyne_points bear the stamp of another")
-    assert said["points.out_of_order"].startswith("1 scans")
+    assert said["points.out_of_order"].startswith("1 clouds")
     assert [scan.stamp_ns for scan in read.scans] == [build.EPOCH_NS + k * PERIOD_NS for k in range(60)]
     assert read.scans_total == 60
     plain = _spoilt(tmp_path / "plain", lambda m: m)
