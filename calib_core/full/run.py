@@ -63,11 +63,15 @@ class Clocks:
 
 @dataclass(frozen=True, slots=True)
 class ImuNoiseLevel:
-    """density: continuous-time white noise. sample_std: (6,) of one reading, gyro first. source: in words."""
+    """density: continuous-time white noise. sample_std: (6,) of one reading, gyro first. source: in words.
+
+    shaken: whether a reading scatters by more than that noise makes, as where an engine runs; True where nobody has looked.
+    """
 
     density: NoiseDensity
     sample_std: FloatArray
     source: str
+    shaken: bool = True
 
 
 @dataclass(frozen=True)

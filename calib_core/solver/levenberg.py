@@ -17,8 +17,9 @@ import numpy as np
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem, NotPositiveDefinite, solve_arrow
 
 E = TypeVar("E")
-#: Of a cost: what summing hundreds of thousands of squares in double precision cannot tell apart.
-COST_ROUND_OFF = 1e-12
+#: Of a cost: what summing hundreds of thousands of squares in double precision cannot tell apart. Measured: where the cost
+#: itself no longer changes, stiff equations (a tone's frequency beside the motion) go on predicting 1.2e-12 of it.
+COST_ROUND_OFF = 4e-12
 #: The least damping beside none, a share of each unknown's own curvature. A sensor's parameters that trade with the rotation
 #: are held by a billionth of it: a larger damping leaves nothing of a step along such a valley (seen: 1e-6, a hundred steps).
 _LEAST_DAMPING = 1e-9
@@ -70,13 +71,15 @@ def minimise(
     *,
     max_iterations: int = 30,
     tolerance: float = 1e-6,
+    relative: float = 0.0,
     on_step: Callable[[E, float, ArrowSolution], None] | None = None,
 ) -> Minimum[E]:
     """The least-squares estimate from a start.
 
-    tolerance: it has converged where an undamped step would lower the cost by less than this, or than its round-off.
+    tolerance: it has converged where an undamped step would lower the cost by less than this, or than its round-off,
+    relative: or than this part of what the first step would have.
     """
-    end, system, damping = _descend(problem, estimate, max_iterations, tolerance, on_step)
+    end, system, damping = _descend(problem, estimate, max_iterations, (tolerance, relative), on_step)
     if damping == 0.0 or system is None or end.solution is None:
         return end
     # The damped equations are no information: with them, what is hardly known would pass for known.
@@ -90,7 +93,7 @@ def _descend(
     problem: Problem[E],
     estimate: E,
     max_iterations: int,
-    tolerance: float,
+    tolerances: tuple[float, float],
     on_step: Callable[[E, float, ArrowSolution], None] | None,
 ) -> tuple[Minimum[E], ArrowSystem | None, float]:
     """Where it ended, the last linearisation and the damping of its solution."""
@@ -99,6 +102,7 @@ def _descend(
     solution: ArrowSolution | None = None
     system: ArrowSystem | None = None
     first = np.inf
+    tolerance, relative = tolerances
     for iteration in range(max_iterations):
         system = problem.linearise(estimate)
         solution, used = None, 0.0  # an earlier linearisation's says nothing of this one
@@ -112,7 +116,8 @@ def _descend(
                 continue
             if iteration == 0 and not np.isfinite(first):
                 first = solution.predicted_decrease
-            negligible = solution.predicted_decrease < max(tolerance, COST_ROUND_OFF * cost)
+            least = max(tolerance, COST_ROUND_OFF * cost, relative * first if used == 0.0 else 0.0)
+            negligible = solution.predicted_decrease < least
             candidate = problem.moved(estimate, solution)
             new_cost = problem.cost(candidate)
             accepted = bool(np.isfinite(new_cost) and new_cost <= cost + COST_ROUND_OFF * abs(cost))

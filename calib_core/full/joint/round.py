@@ -120,9 +120,17 @@ def measure(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) 
 
 
 def descend(
-    data: JointData, state: Estimation, *, iterations: int, tolerance: float, also_frozen: tuple[int, ...] = ()
+    data: JointData,
+    state: Estimation,
+    *,
+    iterations: int,
+    tolerance: float,
+    relative: float = 0.0,
+    also_frozen: tuple[int, ...] = (),
 ) -> tuple[Estimation, JointProblem]:
     """Preintegrate and gather about the present estimate, then descend. also_frozen: more shared columns to hold.
+
+    tolerance, relative: as `minimise` has them.
 
     Raises Refused where the answer has left its bounds, and Cancelled.
     """
@@ -140,7 +148,9 @@ def descend(
             raise Cancelled("the calibration was cancelled")
         run.on_event(iteration_event(run, problem, estimate, cost, solution, (count, number), names))
 
-    minimum = minimise(problem, state.estimate, max_iterations=iterations, tolerance=tolerance, on_step=report)
+    minimum = minimise(
+        problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report
+    )
     after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
     require_bounds(data, state, after)
     return after, problem

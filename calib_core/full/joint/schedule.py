@@ -197,11 +197,19 @@ class Settling:
     #: sqrt(0.002), a twentieth of a sigma.
     iterations: int = 15
     fixed_point: float = 1e-3
-    #: derived: the descent's own end: a step of a seven-hundredth of a sigma.
+    #: derived: the descent's own end: a step of a seven-hundredth of a sigma,
     least_decrease: float = 1e-6
+    #: derived: or of a thousandth of the first one: what the links were linearised about was off by that one, and what a
+    #: thousandth more would find is not the minimum of the next.
+    least_share: float = 1e-6
     #: judged: what still moves by more than this part of its own standard deviation after the last round has not settled:
     #: it could be wrong by as much again as is stated.
     unsettled_sigmas: float = 1.0
+    #: measured: rounds that come to rest move points less and less, or to and fro by a little more and less; one that ran
+    #: off along the heights of patches doubled its moves each time. So many in a row that each move points farther, to so
+    #: many times the least of them all, go away from rest.
+    farther: int = 3
+    times_farther: float = 4.0
 
     def descents(self, most_fixed_point: int) -> int:
         """Most descents with all points. most_fixed_point: under one association."""

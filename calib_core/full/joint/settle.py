@@ -23,12 +23,19 @@ from calib_core.types import BoolArray
 
 
 def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
-    """With a part of the points, as near to rest as they come.
+    """With a part of the points, as near to rest as they come."""
+    return near_rest(data, state, settling, sampling)[0]
+
+
+def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> tuple[Estimation, bool]:
+    """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
     stays out.
     """
     cells: list[BoolArray] = []
+    moves: list[float] = []
+    stillest = state
     for k in range(settling.rounds):
         if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
             state = anchored(data, state)
@@ -45,9 +52,21 @@ def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sam
         before = state.estimate
         # A single step: what another one would add, the next round's first step does.
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
-        if moved_in_gate(problem, before, state.estimate) < settling.unmoved:
+        moves.append(moved_in_gate(problem, before, state.estimate))
+        if moves[-1] < settling.unmoved:
             break
-    return state
+        if moves[-1] == min(moves):
+            stillest = state
+        if goes_away(moves, settling):
+            return replace(stillest, rounds=state.rounds, iterations=state.iterations), False
+    return state, True
+
+
+def goes_away(moves: Sequence[float], settling: Settling) -> bool:
+    """Whether rounds that moved points by so much, one after the other, are leaving the place where they would rest."""
+    last = moves[-settling.farther - 1 :]
+    growing = len(last) > settling.farther and bool(np.all(np.diff(last) > 0.0))
+    return growing and last[-1] > settling.times_farther * min(moves)
 
 
 def alternate(
@@ -79,7 +98,13 @@ def to_fixed_point(
     """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many."""
     last = state.rounds + most
     while True:
-        state, problem = descend(data, state, iterations=settling.iterations, tolerance=settling.least_decrease)
+        state, problem = descend(
+            data,
+            state,
+            iterations=settling.iterations,
+            tolerance=settling.least_decrease,
+            relative=settling.least_share,
+        )
         assert state.minimum is not None
         small = state.minimum.first_decrease < settling.fixed_point
         if (small and state.minimum.outcome is not Outcome.SINGULAR) or state.rounds >= last:

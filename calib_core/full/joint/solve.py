@@ -17,9 +17,10 @@ from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import map_time_s, one_round, outlined_cells, watched_round
 from calib_core.full.joint.schedule import PlaneSet, Round, Sampling, Schedule, Settling
 from calib_core.full.joint.settings import WATCHING
-from calib_core.full.joint.settle import alternate, settle
+from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
-from calib_core.full.joint.tones import admit_rest, admit_tones, say_tones
+from calib_core.full.joint.tones import admit_rest, admit_tones, loudest, say_tones
+from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 
 
@@ -121,14 +122,34 @@ def with_new_planes(data: JointData, state: Estimation, schedule: Schedule) -> E
 
 def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """The sensors' own parameters, and without the planes that are none once these are known."""
-    state, moved = admit_sensors(data, state), 0.0
-    if data.sensors.blocks:
-        state, moved = moving_round(data, state, schedule.sensors, schedule.sampling)
+    state, moved = first_with_sensors(data, state, schedule)
     least = schedule.tones.stands_out_at_once
     state = admit_tones(data, state, schedule.tones, schedule.sensors, schedule.sampling, least=least)
     if schedule.planes is not None:
         state = drop_planes(data, state, schedule.planes)
     return until_steady(data, state, schedule, schedule.sensors, moved)
+
+
+def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> tuple[Estimation, float]:
+    """The first round with the sensors' parameters, and how far it has moved points.
+
+    They take from the readings what seemed a tone, the motion itself by a wrong scale. Where the IMU is shaken and more stands
+    out with them than without, they have taken a tone upon themselves: it comes before them then.
+    """
+    if not data.sensors.blocks:
+        return state, 0.0
+    tones, sampling = schedule.tones, schedule.sampling
+    after, moved = moving_round(data, admit_sensors(data, state), schedule.sensors, sampling)
+    if not data.run.noise.shaken:
+        return after, moved
+    louder = loudest(data, after, tones)
+    if louder < tones.stands_out_at_once or louder < loudest(data, state, tones):
+        return after, moved
+    held, round_ = replace(data, sensors=Nuisance()), schedule.coarse[-1]
+    toned = admit_tones(held, state, tones, round_, sampling, least=tones.stands_out_at_once)
+    if toned is state:
+        return after, moved
+    return moving_round(data, admit_sensors(data, toned), schedule.sensors, sampling)
 
 
 def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
@@ -143,8 +164,8 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
     if uneven is state:
         return state
-    bent = settle(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
-    if not is_bent_wall(bent, schedule.surfaces):
+    bent, rests = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
+    if not (rests and is_bent_wall(bent, schedule.surfaces)):
         return replace(state, rounds=bent.rounds, iterations=bent.iterations)
     say_uneven(data, bent)
     return bent

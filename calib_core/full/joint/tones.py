@@ -30,6 +30,23 @@ class Periodogram:
     hz: FloatArray
     power: FloatArray
 
+    def of_tones(self, rules: Tones) -> FloatArray:
+        """The louder channel's (F,), 0 where no tone can be told: with too few turns, or integrated to nothing."""
+        power = self.power.max(axis=1)
+        power[(self.hz < rules.fewest_turns * self.turn_hz(rules)) | (self.hz > rules.highest * self.hz[-1])] = 0.0
+        return power
+
+    def turn_hz(self, rules: Tones) -> float:
+        """One turn in the recording."""
+        return float(rules.padded * self.hz[1])
+
+
+def admitted_from(data: JointData, rules: Tones, least: float) -> float:
+    """How far a tone has to stand out: by `least`; where the sensors are held at what they are meant to be, and nothing
+    shakes the IMU, by what no sensor makes of the motion itself."""
+    held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
+    return max(least, rules.shouts) if held and not data.run.noise.shaken else least
+
 
 def admit_tones(
     data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, *, least: float
@@ -38,7 +55,7 @@ def admit_tones(
 
     What is louder with a tone than without it was none.
     """
-    heard = listen(data, state, rules)
+    heard, least = listen(data, state, rules), admitted_from(data, rules, least)
     while found := beside_known(data, state, heard, rules, least):
         after = told(data, with_tone(data, state, found[0], rules), round_, sampling)
         left = listen(data, after, rules)
@@ -50,7 +67,8 @@ def admit_tones(
 
 def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
     """With all that stand out now: for a state at rest with all points, from which the way back is long."""
-    found = beside_known(data, state, listen(data, state, rules), rules, rules.stands_out)
+    least = admitted_from(data, rules, rules.stands_out)
+    found = beside_known(data, state, listen(data, state, rules), rules, least)
     if not found:
         return state
     for hz in found:
@@ -61,6 +79,11 @@ def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, 
 def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:
     """The score's periodogram where the state is now."""
     return score_periodogram(problem_of(data, state), state.estimate, rules)
+
+
+def loudest(data: JointData, state: Estimation, rules: Tones) -> float:
+    """How far the loudest stands out of those that a tone could be."""
+    return float(listen(data, state, rules).of_tones(rules).max())
 
 
 def beside_known(data: JointData, state: Estimation, of: Periodogram, rules: Tones, least: float) -> list[float]:
@@ -112,9 +135,7 @@ def standing_out(
     known_hz: of tones that are in play already. Near them nothing new can be told, nor at their images: the lidar's view comes
     round sweep_hz times a second.
     """
-    turn_hz = rules.padded * (of.hz[1] - of.hz[0])
-    power = of.power.max(axis=1)
-    power[(of.hz < rules.fewest_turns * turn_hz) | (of.hz > rules.highest * of.hz[-1])] = 0.0
+    turn_hz, power = of.turn_hz(rules), of.of_tones(rules)
     sweeps_hz = np.arange(0.0, of.hz[-1] + sweep_hz, sweep_hz)
 
     def silence(tone_hz: float) -> None:

@@ -60,7 +60,12 @@ def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray,
     if not np.allclose(density, white, rtol=1e-9, atol=0.0):
         source = "their spectrum at low frequencies, between the motion and what else shakes the sensor"
     gyro_density, accel_density = np.repeat(density, 3).reshape(2, 3)
-    return ImuNoiseLevel(NoiseDensity(gyro_density, accel_density), np.repeat(white, 3) / np.sqrt(period), source)
+    return ImuNoiseLevel(
+        NoiseDensity(gyro_density, accel_density),
+        np.repeat(white, 3) / np.sqrt(period),
+        source,
+        shaken=bool(np.max(white / density) > NOISE.shaken),
+    )
 
 
 def _of_triads(channels: FloatArray) -> FloatArray:

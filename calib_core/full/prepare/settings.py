@@ -37,6 +37,10 @@ class Noise:
     #: derived: of a normal law one in 370 is beyond. Noise of all frequencies and of low ones agree within so many standard
     #: deviations of the latter: then it is white.
     white_sigmas: float = 3.0
+    #: measured: a reading scatters as noise makes it, 1.0 times, in twelve calm recordings by cheap sensors, walking persons
+    #: about or not; 2.3 to 20 times (gyroscope) and 27 and more (accelerometer) where 18 lines of 25 to 120 Hz shake it by
+    #: 0.5 to 3 m/s2.
+    shaken: float = 2.0
     #: judged: standing still is told by blocks of this length, of so many readings at least, shorter than the pauses of a
     #: hand. A standstill begins and ends that much later or earlier.
     block_s: float = 0.25

@@ -196,6 +196,31 @@ class Trade(Valley):
         return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
 
 
+class Timid(Bowl):
+    """Claims one and a half times the curvature: every step goes two thirds of the way, and promises a ninth of the one before."""
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        system = super().linearise(estimate)
+        for part in (system.diagonal, system.border, system.corner):
+            part *= 15.0
+        return system
+
+
+def test_it_ends_at_a_part_of_the_first_step() -> None:
+    """A ninth of a ninth of a ninth of a ninth is below a thousandth, one less is not: the fifth step ends it. Where steps are
+    damped they are small wherever they are, and count for nothing.
+
+    Mutations: `relative` ignored; of the step before instead of the first; of damped steps too: STALLED, far from the minimum.
+    """
+    start = np.array([5.0, 3.0])
+    end = minimise(Timid(), start, max_iterations=60, relative=1e-3)
+    assert (end.iterations, end.outcome) == (5, Outcome.CONVERGED)
+    np.testing.assert_allclose(end.estimate - 1.0, (start - 1.0) / 3**5)
+    end = minimise(Valley(), np.array([-1.2, 1.0]), max_iterations=60, relative=1e-2)
+    assert end.outcome is Outcome.CONVERGED
+    np.testing.assert_allclose(end.estimate, [1.0, 1.0], atol=1e-4)
+
+
 def test_what_two_unknowns_trade_is_found_in_a_few_steps() -> None:
     """As a sensor's axes trade with the rotation: the full step bends off, and what is damped for it must not be all of the way.
 

@@ -77,6 +77,25 @@ def test_only_twice_there_and_back_is_a_swing() -> None:
         assert not settling.swings(quiet)
 
 
+@pytest.mark.parametrize(
+    ("moves", "away"),
+    [
+        (
+            [0.088, 0.029, 0.014, 0.0091, 0.0076, 0.013, 0.027, 0.054],
+            True,
+        ),  # seen: patches that took up an engine's shaking
+        ([0.088, 0.029, 0.014, 0.0091, 0.0076, 0.013, 0.027], False),  # farther but twice
+        ([2.0e-4, 1.93e-4, 1.94e-4, 2.0e-4, 2.1e-4, 3.2e-4], False),  # at rest but for a few points
+        ([7e-6, 2e-5, 6e-6, 4e-5, 3e-5, 5e-5], False),  # to and fro
+        ([0.01, 0.03, 0.09], False),  # two in a row
+        ([1.0], False),
+    ],
+)
+def test_rounds_that_move_points_farther_and_farther_go_away(moves: list[float], away: bool) -> None:
+    """Mutations: two in a row are enough; a little farther is; each has to be farther than the first alone."""
+    assert settling.goes_away(moves, Settling()) == away
+
+
 @dataclass(frozen=True)
 class _Swinging:
     """What `settle` knows of a motion that a cell's points put out of the cell, and in again without them.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from calib_core.factors.imu import LinkFactors
 from calib_core.full.joint import tones
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.tones import Periodogram, score_periodogram, standing_out, with_tone
-from calib_core.full.prepare.nuisance import TONE
+from calib_core.full.prepare.nuisance import TONE, Nuisance
 from calib_core.geometry import log
 from calib_core.imu.tones import PARAMETERS
 from calib_core.settings import CalibrateSettings
@@ -64,6 +64,28 @@ def test_chance_has_a_mean_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tones, "link_factors", by_chance)
     mean = np.mean([score_periodogram(problem, estimate, RULES).power.mean(axis=0) for _ in range(400)], axis=0)
     np.testing.assert_allclose(mean, 1.0, atol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "shaken", "least"),
+    [
+        ("auto", False, 20.0),
+        ("auto", True, 20.0),
+        ("consider", False, RULES.shouts),
+        ("off", False, RULES.shouts),
+        ("off", True, 20.0),
+    ],
+)
+def test_what_held_sensors_make_of_the_motion_is_no_tone(
+    half: Half, intrinsics: Literal["auto", "consider", "off"], shaken: bool, least: float
+) -> None:
+    """Seen: a calm industrial IMU taken for ideal by request was said to be shaken faster than it samples, in five tones of the
+    hand's own motion. Mutations: `shaken` ignored; held by "off" alone."""
+    run = half.data.run
+    settings = run.settings.model_copy(update={"intrinsics": intrinsics})
+    run = replace(run, settings=settings, noise=replace(run.noise, shaken=shaken))
+    sensors = Nuisance() if intrinsics == "off" else half.data.sensors
+    assert tones.admitted_from(replace(half.data, run=run, sensors=sensors), RULES, 20.0) == least
 
 
 def test_a_tone_comes_before_what_is_the_rooms(half: Half) -> None:

@@ -53,6 +53,14 @@ def test_noise_is_what_was_drawn_moving_or_still(rate_hz: float) -> None:
         np.testing.assert_allclose(level.density.accel_m_s2_sqrt_hz, level.sample_std[3:] / np.sqrt(rate_hz))
 
 
+def test_an_engine_shakes_the_readings_and_a_brisk_hand_does_not() -> None:
+    """Three lines of 30 to 47 Hz, 0.2 m/s2 and 0.02 rad/s each. Mutations: always shaken; the density compared with itself."""
+    t, gyro, accel = _recorded(30.0, 100.0, seed=6)
+    lines = sum(np.sin(2 * np.pi * hz * t + hz)[:, None] for hz in (30.3, 37.7, 46.9))
+    assert not measure_imu_noise(t, gyro, accel, None).shaken
+    assert measure_imu_noise(t, gyro + 0.02 * lines, accel + 0.2 * lines, None).shaken
+
+
 def test_a_slow_drift_in_a_standstill_is_not_noise() -> None:
     """Fails when the standstill's standard deviation is taken instead of its differences'."""
     rng = np.random.default_rng(3)
