@@ -197,13 +197,12 @@ class Trade(Valley):
 
 
 class Timid(Bowl):
-    """Claims one and a half times the curvature: every step goes two thirds of the way, and promises a ninth of the one before."""
+    """Claims one and a half times the curvature: steps go two thirds of the way, and promise a ninth of the one before."""
 
     def linearise(self, estimate: FloatArray) -> ArrowSystem:
         system = super().linearise(estimate)
-        for part in (system.diagonal, system.border, system.corner):
-            part *= 15.0
-        return system
+        more = (15.0 * part for part in (system.diagonal, system.lower, system.border, system.corner))
+        return ArrowSystem(*more, system.gradient, system.gradient_shared)
 
 
 def test_it_ends_at_a_part_of_the_first_step() -> None:
