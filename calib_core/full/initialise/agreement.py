@@ -42,6 +42,25 @@ def agreement(lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> A
     return max(found, key=lambda a: a.correlation)
 
 
+def agreeing_part(lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> tuple[LidarTrack | None, Agreement]:
+    """The stretch of a track, half of it or a third, whose rates agree best with the gyroscope's; None where none is trusted.
+
+    A track that goes astray where somebody comes close was right before, and often again after.
+    """
+    best, part = NO_AGREEMENT, None
+    scans = len(lidar.start_s)
+    for share in AGREEING.parts:
+        length = round(share * scans)
+        if lidar.sweep_s[:length].sum() < AGREEING.shortest_part_s:
+            continue
+        for first in np.linspace(0, scans - length, round(2.0 / share) - 1).astype(int):
+            one = lidar.part(slice(first, first + length))
+            agreed = agreement(one, imu_s, gyro_rad_s)
+            if agreed.correlation > max(best.correlation, AGREEING.trusted):
+                best, part = agreed, one
+    return part, best
+
+
 def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agreement:
     """Of turns over spans of time, in order of time."""
     if len(turns.start_s) < AGREEING.fewest_spans or len(imu_s) < 2:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.errors import Refused
-from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreement, agreement_of
+from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreeing_part, agreement, agreement_of
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -122,7 +122,10 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     else:
         starts, agreed = _pairs_start(ctx)
         if agreed.correlation < max(own.correlation, AGREEING.believed):
-            return first, max(own, agreed, key=lambda a: a.correlation)
+            part, of_part = agreeing_part(lidar, imu_s, gyro_rad_s)
+            if part is None:
+                return first, max(own, agreed, key=lambda a: a.correlation)
+            starts, agreed = rotation_start(part, imu_s, gyro_rad_s), of_part
     if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
         return first, agreed
     again = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))

@@ -92,6 +92,10 @@ class Agreeing:
     #: by 0.6 at the most; with the former nothing is looked into, below the latter nothing is believed.
     trusted: float = 0.9
     believed: float = 0.6
+    #: judged: of a track that is lost in between, such shares are looked at by themselves, overlapping by half, and none that
+    #: is shorter: three or four swings of a hand, which at one lag of many are not alike to 0.9 by chance.
+    parts: tuple[float, ...] = (0.5, 1.0 / 3.0)
+    shortest_part_s: float = 3.0
     #: judged: of a rotation between two streams of turns: what it leaves over what there is. Noise alone leaves one.
     #: Whether another way to follow the lidar is tried depends on it.
     fits: float = 0.6

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class LidarTrack:
             np.array([m.omega_rad_s for m in motions]),
             np.array([m.v_m_s for m in motions]),
         )
+
+    def part(self, which: slice) -> LidarTrack:
+        """Some of its scans."""
+        return LidarTrack(*(getattr(self, each.name)[which] for each in fields(self)))
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Lidar poses at instants of the lidar clock: R (N, 3, 3), p (N, 3). Constant rates from each scan's start."""

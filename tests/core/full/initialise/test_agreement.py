@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.full.initialise.agreement import agreement_of
+from calib_core.full.initialise.agreement import agreeing_part, agreement, agreement_of
 from calib_core.full.initialise.begin import GyroTurning
 from calib_core.full.initialise.settings import AGREEING
-from calib_core.full.initialise.start import RotationStart
+from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray
@@ -64,6 +64,39 @@ def test_a_few_leaps_leave_the_agreement() -> None:
     rate = _rate(t + 0.05)
     rate[::30] += 60.0
     assert agreement_of(_turns(rate, t), *_gyro(1.0)).correlation > 0.75
+
+
+def _track(t_s: FloatArray, lost: FloatArray, *, seed: int) -> LidarTrack:
+    """A scan each 0.1 s whose rates and turns are the lidar's, but for those that are lost, (N,) bool, which leap about."""
+    rate = _rate(t_s + 0.05)
+    rate[lost] = np.random.default_rng(seed).normal(0.0, 3.0, (int(lost.sum()), 3))
+    R = [np.eye(3)]
+    for each in rate[:-1]:
+        R.append(R[-1] @ exp(0.1 * each))
+    nowhere = np.zeros((len(t_s), 3))
+    return LidarTrack(t_s, np.full(len(t_s), 0.1), np.array(R), nowhere, rate, nowhere)
+
+
+def test_the_part_that_agrees_is_found_where_a_track_is_lost_elsewhere() -> None:
+    """Somebody stood before the lidar from 12 to 30 s of a half minute; and where nothing agrees, nothing is found.
+
+    Mutations: the first part instead of the best; parts below what is trusted; only the first of the halves and thirds.
+    """
+    t = np.arange(0.0, 30.0, 0.1)
+    late, early = _track(t, t > 12.0, seed=1), _track(t, t < 16.0, seed=2)
+    for track, within in ((late, (0.0, 10.0)), (early, (15.0, 30.0))):
+        assert agreement(track, *_gyro(1.0)).correlation < AGREEING.trusted
+        part, agreed = agreeing_part(track, *_gyro(1.0))
+        assert part is not None
+        assert within[0] <= part.start_s[0] + 1.1
+        assert part.start_s[-1] <= within[1] + 1.1
+        assert agreed.correlation > AGREEING.trusted
+        assert agreed.lag_s == pytest.approx(LAG_S, abs=0.02)
+        assert len(part.R) == len(part.sweep_s) == len(part.start_s)
+    nowhere, _ = agreeing_part(_track(t, np.ones(len(t), np.bool_), seed=3), *_gyro(1.0))
+    assert nowhere is None
+    short = LidarTrack(*(getattr(late, name)[:50] for name in ("start_s", "sweep_s", "R", "p", "omega_rad_s", "v_m_s")))
+    assert agreeing_part(short, *_gyro(1.0))[0] is None
 
 
 def test_the_gyroscope_turns_the_lidar() -> None:
