@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,11 +68,14 @@ def begin(
     every: knots that are left out to go faster, one of so many stays.   most_s: beyond what was tracked; None for all.
     beyond: knots after the tracked sweeps' end.   Raises Refused where the lidar and the IMU share too little.
     """
-    clocks, imu, planes = run.clocks, run.recording.imu, followed.planes
+    clocks, imu = run.clocks, run.recording.imu
     offset_s = start.rotation.time_offset_s
     tracked_from, tracked_to = float(lidar.start_s[0]), float(lidar.start_s[-1] + lidar.sweep_s[-1])
     whole = knots_over(clocks.imu_s, tracked_from, float(clocks.scan_s[-1] + clocks.sweep_s[-1]), offset_s)[::every]
     overhang_s = beyond * knot_spacing_s(clocks.imu_s)
+    reference = first_covered(run, followed, whole, offset_s)
+    if reference != followed.reference:
+        followed, lidar, start = in_frame_of(reference, followed, lidar, start)
     inside = int(np.searchsorted(whole, tracked_to - offset_s + overhang_s))
     if inside < BEGINNING.fewest_knots:
         raise Refused(
@@ -86,13 +89,13 @@ def begin(
     run.stage("solve", 0.0, "interpolating the IMU")
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
-    estimate = first_estimate(lidar, start, whole[:inside], planes, len(nodes.times_s))
+    estimate = first_estimate(lidar, start, whole[:inside], followed.planes, len(nodes.times_s))
     covered = (clocks.scan_s > whole[0] + offset_s - 0.5) & (clocks.scan_s < whole[-1] + offset_s)
     gauge = int(np.argmin(np.abs(whole[:inside] + offset_s - clocks.scan_s[followed.reference])))
     state = Estimation(
         estimate=estimate,
         priors=standing_priors(run, estimate, guess),
-        planes=tuple(MapPlane(plane.name, plane.outline_m) for plane in planes),
+        planes=tuple(MapPlane(plane.name, plane.outline_m) for plane in followed.planes),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m),
     )
@@ -101,6 +104,29 @@ def begin(
     sensors = nuisance_of(run.recording, run.settings)
     data = JointData(run, readings, nodes, gauge, followed.reference, estimate, schedule.limits, most_rounds, sensors)
     return data, state, len(whole) / total
+
+
+def first_covered(run: Run, followed: Followed, knots_s: FloatArray, offset_s: float) -> int:
+    """The scan whose frame is the map's: the one that the planes are of, or the nearest that is followed where the IMU was not
+    yet recorded then, or no longer. knots_s: (K,).
+    """
+    starts_s = run.clocks.scan_s - offset_s
+    covered = [m.position for m in followed.motions if knots_s[0] <= starts_s[m.position] <= knots_s[-1]]
+    if not covered:
+        return followed.reference
+    return min(covered, key=lambda position: abs(position - followed.reference))
+
+
+def in_frame_of(
+    position: int, followed: Followed, lidar: LidarTrack, start: Start
+) -> tuple[Followed, LidarTrack, Start]:
+    """What is known before the joint estimation, told in the frame of another of the scans that were followed."""
+    origin = next(m for m in followed.motions if m.position == position)
+    moved = followed.seen_from(position)
+    assert moved is not None
+    R, p = origin.R, origin.p
+    track = replace(lidar, R=R.T @ lidar.R, p=(lidar.p - p) @ R, v_m_s=lidar.v_m_s @ R)
+    return moved, track, replace(start, linear=replace(start.linear, gravity=R.T @ start.linear.gravity))
 
 
 def first_estimate(

@@ -46,7 +46,15 @@ class Followed:
             return None
         R, p = origin.R, origin.p
         moved = [replace(m, R=R.T @ m.R, p=R.T @ (m.p - p), v_m_s=R.T @ m.v_m_s) for m in self.motions]
-        planes = [Plane(q.name, R.T @ q.normal, float(q.offset_m + q.normal @ p)) for q in self.planes]
+        planes = [
+            replace(
+                q,
+                normal=R.T @ q.normal,
+                offset_m=float(q.offset_m + q.normal @ p),
+                outline_m=None if q.outline_m is None else (q.outline_m - p) @ R,
+            )
+            for q in self.planes
+        ]
         return Followed(position, planes, moved)
 
     def worth(self, ctx: Run) -> float:

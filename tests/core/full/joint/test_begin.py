@@ -1,0 +1,73 @@
+"""Where the joint estimation begins when the IMU was not recorded yet while the lidar was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.events import ignore_event, never_cancel
+from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
+from calib_core.full.joint.begin import begin
+from calib_core.full.joint.estimation import lidar_pose
+from calib_core.full.joint.round import map_time_s, motion_of
+from calib_core.full.odometry.reference import Followed
+from calib_core.full.prepare.prepare import prepare
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import FloatArray, ImuData, Plane, Recording
+from tests.core.full.joint.conftest import PLANES_GIVEN, true_motions
+
+
+def _late(imu: ImuData, by_s: float) -> ImuData:
+    kept = imu.stamps_ns > imu.stamps_ns[0] + round(by_s * 1e9)
+    return replace(imu, stamps_ns=imu.stamps_ns[kept], gyro_rad_s=imu.gyro_rad_s[kept], accel_m_s2=imu.accel_m_s2[kept])
+
+
+def _outlined(plane: Plane) -> Plane:
+    across = np.linalg.svd(plane.normal[None])[2][1:]
+    corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) @ across
+    return replace(plane, outline_m=corners - plane.offset_m * plane.normal)
+
+
+def _off_plane_m(plane: Plane, points: FloatArray) -> FloatArray:
+    return points @ plane.normal + plane.offset_m
+
+
+@pytest.mark.parametrize("late_s", [0.0, 2.0])
+def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recording, Truth], late_s: float) -> None:
+    """The planes are of the first scan; an IMU recorded from 2 s on knows nothing of where the lidar was then. Seen: five seconds
+    were guessed backwards, the map laid hundreds of metres away, and the equations were singular.
+
+    The lidar's pose at the map's instant is no turn and no way; planes, outlines and gravity are told from there.
+    Mutations: keep the reference; move the planes and not the track, or not gravity; outlines left where they were.
+    """
+    recording, truth = clean
+    recording = replace(recording, imu=_late(recording.imu, late_s))
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    clocks = run.clocks
+    motions = true_motions(truth, clocks.lidar_epoch_ns, clocks.scan_s)
+    to_map = truth.lidar(np.array([(truth.map_time_ns - truth.epoch_ns) * 1e-9])).R_world[0].T
+    rotation = RotationStart(clocks.offset_s(truth.time_offset_ns), truth.R_imu_lidar, np.zeros(3), 0.0, 1.0, None)
+    linear = LinearStart(to_map @ truth.gravity_world_m_s2, truth.p_imu_lidar, np.zeros(3), 0.0)
+    followed = Followed(0, [_outlined(plane) for plane in truth.planes], motions)
+    lidar = LidarTrack.of(motions, clocks.scan_s, clocks.sweep_s)
+    data, state, _ = begin(run, followed, lidar, Start(rotation, linear), None, PLANES_GIVEN)
+    first = state.positions[0] if late_s == 0.0 else data.reference
+    assert data.reference == first
+    assert (clocks.scan_s[first] > clocks.scan_s[0] + 1.5) == (late_s > 0.0)
+    R, p = lidar_pose(motion_of(data, state), state.estimate, map_time_s(data, state))
+    np.testing.assert_allclose(R, np.eye(3), atol=2e-3)
+    np.testing.assert_allclose(p, 0.0, atol=5e-3)
+    lidar_s = np.array([clocks.scan_s[first]]) + (clocks.lidar_epoch_ns - truth.epoch_ns) * 1e-9
+    np.testing.assert_allclose(
+        state.estimate.gravity, truth.lidar(lidar_s).R_world[0].T @ truth.gravity_world_m_s2, atol=1e-6
+    )
+    for plane, name, normal, offset_m in zip(
+        followed.planes, state.planes, state.estimate.normals, state.estimate.offsets_m, strict=True
+    ):
+        assert name.outline_m is not None
+        np.testing.assert_allclose(_off_plane_m(Plane("", normal, float(offset_m)), name.outline_m), 0.0, atol=1e-9)
+        origin_m = -motions[first].R.T @ motions[first].p  # where the first scan's origin is seen from there
+        assert normal @ origin_m + offset_m == pytest.approx(plane.offset_m, abs=1e-9)
