@@ -112,10 +112,12 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     rates = gyro_rad_s - np.median(gyro_rad_s, axis=0)
     if float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) < AGREEING.least_turning_rad_s:
         return first, NO_AGREEMENT
+    whole = first.seen >= AGREEING.whole * len(ctx.recording.scans)
+    _refuse_standing_clouds(ctx, first, rates)
     lidar = lidar_track(ctx, first)
     own = agreement(lidar, imu_s, gyro_rad_s)
     trusted = own.correlation > AGREEING.trusted
-    if trusted and first.seen >= AGREEING.whole * len(ctx.recording.scans):
+    if trusted and whole:
         return first, own
     if trusted:
         starts, agreed = rotation_start(lidar, imu_s, gyro_rad_s), own
@@ -164,13 +166,36 @@ def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     return starts, agreed
 
 
+def _refuse_standing_clouds(ctx: Run, followed: Followed, gyro_rad_s: FloatArray) -> None:
+    """Raise Refused where the surroundings stand still in clouds that were followed throughout, and the gyroscope turns.
+
+    gyro_rad_s: (Q, 3) without bias.
+    """
+    scans = len(ctx.recording.scans)
+    if followed.seen < AGREEING.whole * scans or _ways(followed.planes) < 3:
+        return
+    positions = np.array([m.position for m in followed.motions])
+    R = np.array([m.R for m in followed.motions])
+    period_s = np.maximum(np.diff(ctx.clocks.scan_s[positions]), AGREEING.shortest_span_s)
+    shown = float(np.median(np.linalg.norm(log(np.swapaxes(R[:-1], 1, 2) @ R[1:]), axis=1) / period_s))
+    turned = float(np.median(np.linalg.norm(gyro_rad_s, axis=1)))
+    if turned < AGREEING.surely_turning_rad_s or shown > AGREEING.standing * turned:
+        return
+    raise Refused(
+        "points.standing",
+        f"the lidar's surroundings stand still in its clouds, {followed.seen} of {scans} scans, while the gyroscope turns by "
+        f"{np.degrees(turned):.0f} deg/s: the clouds are told in a frame that does not move (a map's or an odometry's), or the "
+        "lidar is not fixed to this IMU; record the lidar driver's own clouds",
+    )
+
+
 def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
     """Raise Refused where the track is no motion of this gyroscope's: nothing may be concluded from it."""
     scans, clocks = len(ctx.recording.scans), ctx.clocks
     gyro = GyroTurns(clocks.imu_s, ctx.recording.imu.gyro_rad_s - np.median(ctx.recording.imu.gyro_rad_s, axis=0))
     turned = gyro.at(clocks.imu_s[:: max(1, len(clocks.imu_s) // AGREEING.orientations)])
-    most_rad = float(np.linalg.norm(log(turned[0].T @ turned), axis=1).max())
-    if np.degrees(most_rad) < AGREEING.surely_turned_deg:
+    turned_deg = float(np.degrees(np.linalg.norm(log(turned[0].T @ turned), axis=1).max()))
+    if turned_deg < AGREEING.surely_turned_deg:
         return
     stood = travelled(followed.motions).stood
     unlike = agreed is not NO_AGREEMENT and agreed.correlation < AGREEING.believed
@@ -178,7 +203,7 @@ def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
         raise Refused(
             "planes.lost",
             f"the lidar could not be followed: its planes face {_directions(followed.planes)}, and over the {followed.seen} of "
-            f"{scans} scans that they hold it hardly moved, while the gyroscope turns by {np.degrees(most_rad):.0f} deg in the "
+            f"{scans} scans that they hold it hardly moved, while the gyroscope turns by {turned_deg:.0f} deg in the "
             "recording; record where three planes that face different ways stay in view",
         )
     if unlike:
@@ -190,8 +215,12 @@ def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
         )
 
 
-def _directions(planes: Sequence[Plane]) -> str:
-    """In how many independent ways planes face, in words."""
+def _ways(planes: Sequence[Plane]) -> int:
+    """In how many independent ways planes face: 1 to 3."""
     spread = np.linalg.svd(np.array([plane.normal for plane in planes]), compute_uv=False)
-    count = int(np.count_nonzero(spread[:3] > AGREEING.another_way * spread[0]))
-    return ("one way only", "two ways only", "three ways")[count - 1]
+    return int(np.count_nonzero(spread[:3] > AGREEING.another_way * spread[0]))
+
+
+def _directions(planes: Sequence[Plane]) -> str:
+    """The same in words."""
+    return ("one way only", "two ways only", "three ways")[_ways(planes) - 1]

@@ -15,6 +15,7 @@ from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
 
@@ -28,6 +29,7 @@ def initialise(
     and level.
     """
     run.stage("initialise", 0.0, "time offset and rotation")
+    require_measured_sweeps(run, motions)
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])
     imu = run.recording.imu

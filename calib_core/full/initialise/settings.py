@@ -92,6 +92,10 @@ class Agreeing:
     #: by 0.6 at the most; with the former nothing is looked into, below the latter nothing is believed.
     trusted: float = 0.9
     believed: float = 0.6
+    #: measured on clouds laid in the world's frame: persons who walk about turn a track by 2 deg/s where the gyroscope turns
+    #: by 25. Less than this part of its rate, where that is no bias, is none of the lidar's: medians over the recording.
+    standing: float = 0.2
+    surely_turning_rad_s: float = 0.1
     #: judged: of a track that is lost in between, such shares are looked at by themselves, overlapping by half, and none that
     #: is shorter: three or four swings of a hand, which at one lag of many are not alike to 0.9 by chance.
     parts: tuple[float, ...] = (0.5, 1.0 / 3.0)

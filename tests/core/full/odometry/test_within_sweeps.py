@@ -1,0 +1,111 @@
+"""Clouds that another program has straightened, and times that are not those of the measurement: the true motion, and what a
+registration finds within such sweeps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.errors import Refused
+from calib_core.events import Event, LogEvent, ignore_event, never_cancel
+from calib_core.full.initialise.begin import begin
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.within_sweeps import require_measured_sweeps, turning_within
+from calib_core.full.prepare.prepare import prepare
+from calib_core.full.run import Run
+from calib_core.geometry import log
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import FloatArray, Recording, Scan
+from tests.core.full.joint.conftest import true_motions
+
+
+@pytest.fixture(scope="module")
+def tracked(noisy: tuple[Recording, Truth]) -> tuple[Run, list[ScanMotion]]:
+    """The true motion; each sweep turns as from its beginning to its end, a hundredth of a radian a second off on each axis."""
+    recording, truth = noisy
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    drawn = np.random.default_rng(8)
+    epoch_ns, starts_s, sweep_s = run.clocks.lidar_epoch_ns, run.clocks.scan_s, run.clocks.sweep_s
+    ends = true_motions(truth, epoch_ns, starts_s + sweep_s)
+    motions = []
+    for start, end, length_s in zip(true_motions(truth, epoch_ns, starts_s), ends, sweep_s, strict=True):
+        rate = log(start.R.T @ end.R) / length_s + drawn.normal(0.0, 0.01, 3)
+        motions.append(replace(start, omega_rad_s=rate, share=0.9))
+    return run, motions
+
+
+def _with_rates(motions: list[ScanMotion], times: float) -> list[ScanMotion]:
+    return [replace(m, omega_rad_s=times * m.omega_rad_s) for m in motions]
+
+
+@pytest.mark.parametrize(
+    ("times", "code"), [(0.05, "points.straightened"), (0.3, "points.straightened"), (-0.8, "points.times_backwards")]
+)
+def test_sweeps_that_do_not_show_the_motion_are_refused(
+    tracked: tuple[Run, list[ScanMotion]], times: float, code: str
+) -> None:
+    """Mutations: the share's size instead of the share; one code for both."""
+    run, motions = tracked
+    with pytest.raises(Refused, match=f"turn by {times:.2f}") as refusal:
+        require_measured_sweeps(run, _with_rates(motions, times))
+    assert refusal.value.code == code
+
+
+@pytest.mark.parametrize(("times", "warned"), [(1.0, False), (1.05, False), (1.25, True), (0.8, True)])
+def test_times_in_a_wrong_unit_are_named(tracked: tuple[Run, list[ScanMotion]], times: float, warned: bool) -> None:
+    """Mutations: no warning above one, or below it; the inverse told."""
+    run, motions = tracked
+    said: list[str] = []
+
+    def listen(event: Event) -> None:
+        assert isinstance(event, LogEvent)
+        said.append(f"{event.code}: {event.text}")
+
+    require_measured_sweeps(replace(run, on_event=listen), _with_rates(motions, times))
+    assert len(said) == warned
+    assert all(text.startswith(f"points.times_off: the points' times seem to be {1 / times:.2f} of") for text in said)
+
+
+def test_what_tells_nothing_is_not_asked(tracked: tuple[Run, list[ScanMotion]]) -> None:
+    """A lidar that hardly turns, scans that were bridged, sweeps of no length: clouds as they may well be.
+
+    Mutations: each of the three conditions left out; gaps counted as spans.
+    """
+    run, motions = tracked
+    whole = turning_within(run, motions)
+    assert whole is not None
+    assert whole.share == pytest.approx(1.0, abs=0.05)
+    assert whole.std < 0.02
+    still = [replace(m, R=np.eye(3)) for m in motions]
+    bridged = [replace(m, share=0.0) for m in motions]
+    flash = replace(run, clocks=replace(run.clocks, sweep_s=np.zeros_like(run.clocks.sweep_s)))
+    assert turning_within(run, still) is None
+    assert turning_within(run, bridged) is None
+    assert turning_within(run, motions[::2]) is None
+    assert turning_within(flash, motions) is None
+
+
+def _straightened(scan: Scan, truth: Truth) -> Scan:
+    """As another program would: every point where the lidar would have seen it from where the sweep began."""
+    since_s: FloatArray = (scan.stamp_ns - truth.epoch_ns + scan.points["offset_ns"].astype(np.float64)) * 1e-9
+    at, first = truth.lidar(since_s), truth.lidar(since_s[:1] - scan.points["offset_ns"][0] * 1e-9)
+    world: FloatArray = np.einsum("nij,nj->ni", at.R_world, scan.points["xyz"].astype(np.float64)) + at.p_m
+    points = scan.points.copy()
+    points["xyz"] = (world - first.p_m[0]) @ first.R_world[0]
+    return replace(scan, points=points)
+
+
+def test_straightened_clouds_are_told_from_raw_ones(noisy: tuple[Recording, Truth]) -> None:
+    """Through planes and track, as a recording goes. Mutation: the sweep's own turning held by the turn between sweeps."""
+    recording, truth = noisy
+    shares = []
+    for scans in (recording.scans, [_straightened(scan, truth) for scan in recording.scans]):
+        run = prepare(replace(recording, scans=scans), CalibrateSettings(), ignore_event, never_cancel)
+        found = turning_within(run, begin(run, None).motions)
+        assert found is not None
+        shares.append(found.share)
+    assert shares[0] == pytest.approx(1.0, abs=0.05)
+    assert shares[1] == pytest.approx(0.0, abs=0.2)
