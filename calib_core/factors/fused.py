@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from calib_core.factors.kernels import Grids, SeenPlanes, Weighing, add_moments, lies_within, looked_at, meet, weight_of
+from calib_core.factors.cell_kernels import Grids, lies_within
+from calib_core.factors.kernels import SeenPlanes, Weighing, add_moments, looked_at, meet, weight_of
 from calib_core.factors.laser_features import LaserErrors, LaserSums, steps_to_middles
 from calib_core.factors.laser_kernels import FEATURES, LaserTable, add_features, correct_point
 from calib_core.factors.lidar_plane import Gate, LidarNoise, MicroBins, SlicePoses, grids, seen_planes, weighing_of

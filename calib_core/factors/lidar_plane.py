@@ -23,16 +23,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.factors.cell_kernels import Grids, cells_kernel, within_kernel
 from calib_core.factors.kernels import (
-    Grids,
     SeenPlanes,
     Weighing,
-    cells_kernel,
     collapse_kernel,
     hits_kernel,
     move_and_sum_kernel,
     select_kernel,
-    within_kernel,
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
