@@ -28,6 +28,7 @@ from calib_core.audit.run import report_of
 from calib_core.calibrate import calibrate
 from calib_core.full.known_extrinsic import held
 from calib_core.maps.crispness import crispness_of
+from calib_core.result import COVARIANCE_ORDER
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, Truth, generate
 from calib_core.simulate.motions import PAPER_FAST
@@ -45,7 +46,6 @@ OFF_DEG, OFF_M = 0.5, 0.020
 SEEDS = range(1, 21)
 #: As tight as a careful owner's, so that of some axes three sigmas are beyond them.
 TIGHT = Limits(rotation_deg=0.02, translation_mm=1.0, time_offset_ms=0.05)
-AXES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 _SETTINGS = CalibrateSettings(crispness=False)
 
 
@@ -100,7 +100,7 @@ def told_by_room(slug: str, seed: int = 1) -> Iterator[Told]:
         report = report_of(GivenExtrinsic(T, truth.time_offset_ns, "a matrix"), found, Limits())
         told = report.axes[axis] if report.axes else None
         sigmas = float("nan") if told is None or told.difference is None else told.difference / told.difference_std
-        yield Told(slug, AXES[axis], more, sigmas)
+        yield Told(slug, COVARIANCE_ORDER[axis], more, sigmas)
 
 
 def _judged(recording: Recording, T: FloatArray, time_offset_ns: int) -> Judged | None:
@@ -130,7 +130,11 @@ def passes_and_fails(seed: int) -> tuple[str, bool, bool]:
     T = off(truth, k, by / 1e3 if k >= 3 else float(np.radians(by))) if k < 6 else right.T_imu_lidar
     late_ns = round(by * 1e6) if k == 6 else 0
     report = report_of(GivenExtrinsic(T, truth.time_offset_ns + late_ns, "a matrix"), found, TIGHT)
-    return AXES[k], report_of(right, found, Limits()).verdict == "passed", report.axes[k].verdict == "failed"
+    return (
+        COVARIANCE_ORDER[k],
+        report_of(right, found, Limits()).verdict == "passed",
+        report.axes[k].verdict == "failed",
+    )
 
 
 def cost_of_a_minute() -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.result import CalibrationResult
+from calib_core.result import COVARIANCE_ORDER, CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 
@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 #: The calibration's parameters in the contract's order: turns about the lidar's axes [rad], shifts along the IMU's [m],
 #: time offset [s].
-PARAMETERS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
+PARAMETERS = COVARIANCE_ORDER
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ import threading
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from calib_core.documents import initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from calib_core.maps.room import Room
     from calib_core.maps.surface import Mesh
     from calib_core.readers.write.rewrite import CloudFormat
-    from calib_core.simulate import Mounting
-    from calib_core.simulate.sensors import HeaderAt
+    from calib_core.simulate.wishes import Take
 
 __all__ = [
     "audit",
@@ -360,19 +359,14 @@ def simulate(
     scenario: str,
     out: Path,
     *,
-    seed: int = 0,
-    mounting: Mounting | None = None,
-    time_offset_s: float | None = None,
-    duration_s: float | None = None,
-    noise: bool = True,
-    header_at: HeaderAt | None = None,
     faults: str = "",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
+    **wishes: Unpack[Take],
 ) -> Path:
     """Write a recording with known truth to `out`; the path of the truth beside it.
 
-    mounting, time_offset_s, duration_s, header_at (the packet that stamps a cloud): None for the scenario's own.
+    wishes: seed, mounting, time_offset_s, duration_s and the like; see `calib_core.simulate.wishes`.
     faults: names with commas between them, each with a size if wanted, such as `industrial` or `laser-offsets=0.008`.
     """
     from calib_core import simulate as simulator
@@ -380,13 +374,8 @@ def simulate(
     return simulator.simulate(
         scenario,
         out,
-        seed=seed,
-        mounting=mounting,
-        time_offset_s=time_offset_s,
-        duration_s=duration_s,
-        noise=noise,
-        header_at=header_at,
         faults=simulator.parse_faults(faults),
         on_event=on_event,
         should_cancel=should_cancel,
+        **wishes,
     )

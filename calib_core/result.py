@@ -7,13 +7,13 @@ to express it in the lidar clock. Covariance: R_imu_lidar Exp(r) on the right [r
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.settings import ImuNoise
+from calib_core.settings import Axis, ImuNoise
 
-COVARIANCE_ORDER: tuple[str, ...] = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
+COVARIANCE_ORDER: tuple[Axis, ...] = get_args(Axis)
 Status = Literal["calibrated", "weak", "refused"]
 
 
@@ -39,7 +39,7 @@ class Uncertainty(_Model):
     translation_std_m: list[float]
     time_offset_std_s: float
     gravity_std_m_s2: float
-    covariance_order: list[str] = Field(default_factory=lambda: list(COVARIANCE_ORDER))
+    covariance_order: list[str] = Field(default_factory=lambda: list[str](COVARIANCE_ORDER))
     covariance: list[list[float]]
 
 

@@ -9,6 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calib_core.intrinsics import Block
 
+#: Of the calibration: rotation about the lidar's axes, position along the IMU's, time offset; in this order everywhere.
+Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+
 #: The published algorithm's own choices, used with `method="paper"` where nothing else is asked for.
 PAPER_POINTS_PER_PLANE_PER_SCAN = 100
 PAPER_FIELD_OF_VIEW_DEG = 45.0
@@ -73,7 +76,7 @@ class Prior(_Settings):
     Rotation axes (rx ry rz) are small turns about the lidar's axes away from the initial guess's rotation.
     """
 
-    axis: Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+    axis: Axis
     value: float
     std: float = Field(gt=0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -45,13 +46,21 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadSco
 
 
 class _InARow(LoadScopeScheduling):
-    """One scope for the browser tests, which disturb each other, one for what shares a costly solve, one for every other test."""
+    """One scope for the browser tests, which disturb each other, one for a file whose tests share recordings or solves of its
+    own, so that these are made once, and one for every other test.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
         path = nodeid.split("::", maxsplit=1)[0]
-        return next(
-            (group for group in ("tests/e2e/", "tests/core/readers/test_traps.py") if path.startswith(group)), nodeid
-        )
+        if path.startswith("tests/e2e/"):
+            return "tests/e2e/"
+        return path if _shares(path) else nodeid
+
+
+@cache
+def _shares(path: str) -> bool:
+    """Whether a file of tests has fixtures that all of its tests share."""
+    return 'scope="module"' in (ROOT / path).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,7 @@ from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
     PAPER_FIELD_OF_VIEW_DEG,
     PAPER_POINTS_PER_PLANE_PER_SCAN,
+    Axis,
     Gravity,
     ImuNoise,
     Prior,
@@ -24,7 +25,6 @@ from calib_core.settings import (
 
 Method = Literal["full", "paper"]
 Intrinsics = Literal["auto", "consider", "off"] | tuple[Block, ...]
-Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
 _INTRINSICS: dict[str, Literal["auto", "consider", "off"]] = {"auto": "auto", "consider": "consider", "off": "off"}
 _AXIS_UNITS: dict[str, dict[str, float]] = {
     "r": {"": 1.0, "rad": 1.0, "deg": math.radians(1.0)},

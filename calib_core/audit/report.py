@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.result import CalibrationResult, RoomCrispness
+from calib_core.settings import Axis
 
 Verdict = Literal["passed", "failed", "unknown"]
 
@@ -18,7 +19,7 @@ class _Model(BaseModel):
 class AxisAudit(_Model):
     """One axis. All numbers in `unit`: degrees about a lidar's axis, millimetres along an IMU's axis, milliseconds."""
 
-    axis: Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+    axis: Axis
     unit: Literal["deg", "mm", "ms"]
     difference: float | None = Field(description="given minus found; null where the file has no such number")
     difference_std: float

@@ -15,11 +15,11 @@ from calib_core.full.assess.observability import Knowledge
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
 from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.planes.segment import determinacy
+from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import Finding, FloatArray, ImuData, PlaneProposals, Recording
 
-_NAMES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 _UNITS = ("deg", "deg", "deg", "m", "m", "m", "s")
-_TURNS = _NAMES[:3]
+_TURNS = COVARIANCE_ORDER[:3]
 #: As the search for a reference scan has it: below this, some direction is seen by hardly any plane.
 _LEAST_DETERMINACY = 0.02
 _LEVEL_DEG = 25.0
@@ -141,7 +141,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
     std = np.sqrt(np.diag(knowledge.covariance))
     parameters = tuple(
         ParameterForecast(
-            name=_NAMES[i],
+            name=COVARIANCE_ORDER[i],
             std=float(np.degrees(std[i]) if i < 3 else std[i]),
             unit=_UNITS[i],
             weak=bool(weak),

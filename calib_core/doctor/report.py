@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.settings import ImuNoise
+from calib_core.settings import Axis, ImuNoise
 
 Verdict = Literal["good", "limited", "unusable"]
 Axes = tuple[float, float, float]
@@ -205,7 +205,7 @@ class Timeline(_Model):
 class ParameterForecast(_Model):
     """Standard deviation to expect of one parameter of the calibration; units as in the result document."""
 
-    name: Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+    name: Axis
     std: float
     unit: Literal["deg", "m", "s"]
     weak: bool

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from calib_core.factors.kernels import add_moments, lies_within, looked_at, meet, weight_of
+from calib_core.factors.cell_kernels import Grids, lies_within
+from calib_core.factors.kernels import SeenPlanes, Weighing, add_moments, looked_at, meet, weight_of
 from calib_core.factors.laser_features import LaserErrors, LaserSums, steps_to_middles
-from calib_core.factors.laser_kernels import FEATURES, add_features, correct_point
-from calib_core.factors.lidar_plane import GATE_STDS, SLICE_S, Gate, LidarNoise, MicroBins, SlicePoses, grids
+from calib_core.factors.laser_kernels import FEATURES, LaserTable, add_features, correct_point
+from calib_core.factors.lidar_plane import Gate, LidarNoise, MicroBins, SlicePoses, grids, seen_planes, weighing_of
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray
 
@@ -48,11 +49,14 @@ def scan_moments(
     """
     normals, offsets_m, n_planes = planes
     slices, none = len(poses.p), np.zeros(0)
-    n_lidar, w_lidar = normals @ poses.R, poses.p @ normals.T + offsets_m
+    seen = seen_planes(poses, normals, offsets_m, gate, field_of_view_deg)
     extra = np.full(n_planes, gate.extra_m) if gate.extra_of_plane_m is None else gate.extra_of_plane_m
-    u, origin, inside = np.zeros((0, 0, 2, 3)), np.zeros((0, 0, 2)), np.zeros((0, 0, 0), np.bool_)
+    cells, inside = (
+        Grids(np.zeros((0, 0, 2, 3)), np.zeros((0, 0, 2)), CELL_M, HALF_CELLS),
+        np.zeros((0, 0, 0), np.bool_),
+    )
     if extents is not None:
-        (u, origin), inside = grids(poses, extents.normals), extents.inside
+        cells, inside = grids(poses, extents.normals), extents.inside
     off = LaserErrors(none, none, none, none, 0.0) if errors is None or not errors.any() else errors
     group, R, p, clusters = np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)), 0
     if groups is not None:
@@ -62,12 +66,8 @@ def scan_moments(
     cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((clusters, FEATURES, FEATURES))
     of_cluster = np.zeros(clusters, np.int64)
     moments_kernel(
-        points["xyz"], points["offset_ns"], points["ring"], off.range_offset_m, off.range_scale, off.elevation_rad,
-        off.azimuth_rad, off.eccentricity_rad, 0.0 if errors is None else errors.incidence_m, SLICE_S, n_lidar, w_lidar,
-        poses.omega_rad_s, poses.v_m_s, poses.usable, gate.min_cosine,
-        -2.0 if field_of_view_deg is None else float(np.cos(np.radians(field_of_view_deg))),
-        extra, noise.range_std_m, noise.surface_std_m, gate.sigmas, gate.margin_m, gate.robust_sigmas, GATE_STDS, u, origin,
-        CELL_M, HALF_CELLS, inside, scatter, count, told_apart, group, R, p, cross, gram, of_cluster,
+        points["xyz"], points["offset_ns"], points["ring"], off.table(), 0.0 if errors is None else errors.incidence_m, seen,
+        extra, weighing_of(noise, gate), cells, inside, scatter, count, told_apart, group, R, p, cross, gram, of_cluster,
     )  # fmt: skip
     filled = np.flatnonzero(count)
     bins = MicroBins(filled // n_planes, filled % n_planes, scatter[filled], count[filled])
@@ -81,31 +81,12 @@ def moments_kernel(
     xyz: Float32Array,
     offset_ns: CountArray,
     laser: LaserArray,
-    range_offset_m: FloatArray,
-    range_scale: FloatArray,
-    elevation_rad: FloatArray,
-    azimuth_rad: FloatArray,
-    eccentricity_rad: FloatArray,
+    off: LaserTable,
     incidence_m: float,
-    slice_s: float,
-    n_lidar: FloatArray,
-    w_lidar: FloatArray,
-    omega: FloatArray,
-    v: FloatArray,
-    usable: BoolArray,
-    min_cosine: float,
-    min_azimuth_cosine: float,
+    seen: SeenPlanes,
     extra_of_plane_m: FloatArray,
-    range_std_m: float,
-    surface_std_m: float,
-    sigmas: float,
-    margin_m: float,
-    robust_sigmas: float,
-    extra_stds: float,
-    u: FloatArray,
-    origin: FloatArray,
-    cell_m: float,
-    half: int,
+    weighing: Weighing,
+    cells: Grids,
     inside: BoolArray,
     scatter: FloatArray,
     count: IntArray,
@@ -119,10 +100,13 @@ def moments_kernel(
 ) -> None:
     """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 7, 5), gram (G Q L, 7, 7), of_cluster (G Q L,).
 
-    n_lidar (S, P, 3), w_lidar (S, P): of them the first Q = len(extra_of_plane_m) take points.   range_offset_m ..: (L,), (0,)
-    where nothing is to be corrected.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
+    Of the seen planes the first Q = len(extra_of_plane_m) take points.   off: of no laser where nothing is to be corrected.
+    inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
     else all are laser 0.   group: (S,), (0,) where the lidar is taken for ideal; R, p as in collapse_features_kernel.
     """
+    range_offset_m, range_scale, elevation_rad, azimuth_rad, eccentricity_rad = off
+    slice_s, n_lidar, w_lidar, omega, v, usable, min_cosine, min_azimuth_cosine = seen
+    u, origin, cell_m, half = cells
     n_planes = extra_of_plane_m.shape[0]
     D, along, hit = np.empty(n_lidar.shape[1]), np.empty(n_lidar.shape[1]), np.empty(6)
     f, y = np.empty(FEATURES), np.empty(5)
@@ -149,9 +133,7 @@ def moments_kernel(
         if j < 0 or j >= n_planes:
             continue
         d = hit[3] + incidence_m * (1.0 + hit[4])
-        weight = weight_of(
-            d, hit[4], hit[5], extra_of_plane_m[j], range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds
-        )  # fmt: skip
+        weight = weight_of(d, hit[4], hit[5], extra_of_plane_m[j], weighing)
         if weight < 0.0 or (
             inside.shape[0] > 0 and not lies_within(hit, u[k, j], origin[k, j], cell_m, half, inside[j])
         ):

@@ -6,16 +6,49 @@ is to do. Compiled code is kept beside this file, so that only a machine's first
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
-from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 #: A plane seen at a smaller cosine is taken to be seen at this one, where it is asked how far a hit is from it.
 GRAZING = 0.25
 #: Over the last quarter of a standard deviation before the gate, and of the margin, weights fall to zero: with a step
 #: there, a point that comes or goes moves the answer, which lets another one go, and so on for ever.
 RAMP = 0.25
+
+
+class SeenPlanes(NamedTuple):
+    """The planes as the lidar sees them from the middles of slices, its rates there, and which rays are looked at.
+
+    slice_s: how long a slice is.   n_lidar (S, P, 3), w_lidar (S, P).   omega, v: (S, 3), lidar axes.   usable: (S,).
+    min_cosine: of the incidence.   min_azimuth_cosine: of the azimuth's cosine, -2 for all.
+    """
+
+    slice_s: float
+    n_lidar: FloatArray
+    w_lidar: FloatArray
+    omega: FloatArray
+    v: FloatArray
+    usable: BoolArray
+    min_cosine: float
+    min_azimuth_cosine: float
+
+
+class Weighing(NamedTuple):
+    """What a hit's weight depends on beside itself: lidar_plane.LidarNoise and Gate.
+
+    extra_stds: the extra width of a gate in standard deviations of what it makes room for.
+    """
+
+    range_std_m: float
+    surface_std_m: float
+    sigmas: float
+    margin_m: float
+    robust_sigmas: float
+    extra_stds: float
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -81,14 +114,7 @@ def hits_kernel(
     xyz: Float32Array,
     offset_s: FloatArray,
     first_slice: IntArray,
-    slice_s: float,
-    n_lidar: FloatArray,
-    w_lidar: FloatArray,
-    omega: FloatArray,
-    v: FloatArray,
-    usable: BoolArray,
-    min_cosine: float,
-    min_azimuth_cosine: float,
+    seen: SeenPlanes,
     plane: IntArray,
     slice_index: IntArray,
     x_hit: FloatArray,
@@ -99,10 +125,9 @@ def hits_kernel(
     """Fills plane (-1: none), slice_index, x_hit (N, 3), d, cosine, beside (N,) for points xyz (N, 3) at offset_s (N,).
 
     beside: distance along the ray to the nearest other plane, as seen at a cosine of GRAZING at least.   first_slice: (N,)
-    that of each point's scan; offset_s counts from its beginning.   n_lidar: (S, P, 3), w_lidar: (S, P): the planes as
-    seen by the lidar at each slice's centre.   omega, v: (S, 3), lidar axes.   min_azimuth_cosine: of the azimuth's
-    cosine, -2 for all.
+    that of each point's scan; offset_s counts from its beginning.
     """
+    slice_s, n_lidar, w_lidar, omega, v, usable, min_cosine, min_azimuth_cosine = seen
     n_planes = n_lidar.shape[1]
     D, along, hit = np.empty(n_planes), np.empty(n_planes), np.empty(6)
     for i in range(xyz.shape[0]):
@@ -122,114 +147,16 @@ def hits_kernel(
         d[i], cosine[i], beside[i] = hit[3], hit[4], hit[5]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def cell_of(value_m: float, cell_m: float, width: int) -> int:
-    """Row or column of an in-plane coordinate in a grid `width` cells wide about the origin; the rim takes what is beyond."""
-    return min(max(int(np.floor(value_m / cell_m)) + width // 2, 0), width - 1)
-
-
-@numba.njit(cache=True, nogil=True)
-def cells_kernel(
-    plane: IntArray,
-    slice_index: IntArray,
-    x_hit: FloatArray,
-    u: FloatArray,
-    origin: FloatArray,
-    cell_m: float,
-    half: int,
-    cell: IntArray,
-) -> None:
-    """Fills cell (N, 2): row and column of each hit in its plane's grid, -1 where plane is -1.
-
-    u: (S, P, 2, 3) the planes' in-plane axes seen from the lidar; origin: (S, P, 2) the lidar's in-plane coordinates.
-    """
-    for i in range(plane.shape[0]):
-        j, k = plane[i], slice_index[i]
-        cell[i, 0] = -1
-        cell[i, 1] = -1
-        if j < 0:
-            continue
-        for a in range(2):
-            value = origin[k, j, a]
-            for b in range(3):
-                value += u[k, j, a, b] * x_hit[i, b]
-            cell[i, a] = cell_of(value, cell_m, 2 * half)
-
-
-@numba.njit(cache=True, nogil=True)
-def count_kernel(
-    plane: IntArray,
-    cell: IntArray,
-    on_plane: BoolArray,
-    off: FloatArray,
-    on: CountArray,
-    beside: CountArray,
-    total: Float32Array,
-    box: IntArray,
-) -> None:
-    """Counts hits in cells (N, 2) of their planes (N,): in `on` or in `beside` (P, rows, columns).
-
-    total: (P, rows, columns), the sum of `off` (N,) over those on the plane.
-
-    box: (P, 4) lowest row and column, highest row and column of those on the plane, widened as they come.
-    """
-    for i in range(plane.shape[0]):
-        j, r, c = plane[i], cell[i, 0], cell[i, 1]
-        if not on_plane[i]:
-            beside[j, r, c] += 1
-            continue
-        on[j, r, c] += 1
-        total[j, r, c] += off[i]
-        box[j, 0], box[j, 1] = min(box[j, 0], r), min(box[j, 1], c)
-        box[j, 2], box[j, 3] = max(box[j, 2], r), max(box[j, 3], c)
-
-
-@numba.njit(cache=True, nogil=True)
-def lies_within(
-    x_hit: FloatArray, u: FloatArray, origin: FloatArray, cell_m: float, half: int, inside: BoolArray
-) -> bool:
-    """Whether a hit lies in one of its plane's cells (rows, columns). u: (2, 3), origin: (2,) as in cells_kernel."""
-    row, column = origin[0], origin[1]
-    for b in range(3):
-        row += u[0, b] * x_hit[b]
-        column += u[1, b] * x_hit[b]
-    return inside[cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
-
-
-@numba.njit(cache=True, nogil=True)
-def within_kernel(
-    plane: IntArray,
-    slice_index: IntArray,
-    x_hit: FloatArray,
-    u: FloatArray,
-    origin: FloatArray,
-    cell_m: float,
-    half: int,
-    inside: BoolArray,
-    keep: BoolArray,
-) -> None:
-    """Takes hits outside of their plane's cells out of keep (N,). inside: (P, rows, columns); the others as in cells_kernel."""
-    for i in range(plane.shape[0]):
-        if not keep[i]:
-            continue
-        j, k = plane[i], slice_index[i]
-        keep[i] = lies_within(x_hit[i], u[k, j], origin[k, j], cell_m, half, inside[j])
-
-
 @numba.njit(cache=True, nogil=True)
 def weight_of(
     d: float,
     cosine: float,
     ambiguous_m: float,
     extra_m: float,
-    range_std_m: float,
-    surface_std_m: float,
-    sigmas: float,
-    margin_m: float,
-    robust_sigmas: float,
-    extra_stds: float,
+    weighing: Weighing,
 ) -> float:
     """Weight [1/m^2] of a hit, below zero where it does not count. extra_m: room in its plane's gate, below zero for none."""
+    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds = weighing
     variance = (range_std_m * cosine) ** 2 + surface_std_m**2
     std = np.sqrt(variance)
     room = sigmas * std + extra_m - abs(d)
@@ -250,12 +177,7 @@ def select_kernel(
     cosine: FloatArray,
     ambiguous_m: FloatArray,
     extra_of_plane_m: FloatArray,
-    range_std_m: float,
-    surface_std_m: float,
-    sigmas: float,
-    margin_m: float,
-    robust_sigmas: float,
-    extra_stds: float,
+    weighing: Weighing,
     keep: BoolArray,
     weight: FloatArray,
 ) -> None:
@@ -266,10 +188,7 @@ def select_kernel(
         weight[i] = 0.0
         if j < 0:
             continue
-        worth = weight_of(
-            d[i], cosine[i], ambiguous_m[i], extra_of_plane_m[j], range_std_m, surface_std_m, sigmas, margin_m,
-            robust_sigmas, extra_stds,
-        )  # fmt: skip
+        worth = weight_of(d[i], cosine[i], ambiguous_m[i], extra_of_plane_m[j], weighing)
         if worth >= 0.0:
             keep[i] = True
             weight[i] = worth

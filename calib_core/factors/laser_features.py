@@ -23,6 +23,7 @@ from calib_core.factors.laser_kernels import (
     FEATURES,
     HEIGHT,
     OF_COLUMN,
+    LaserTable,
     collapse_features_kernel,
     correct_kernel,
     features_squares_kernel,
@@ -45,15 +46,18 @@ class LaserErrors:
 
     def any(self) -> bool:
         """Whether there is anything to correct."""
-        parts = (self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, self.eccentricity_rad)
-        return bool(any(part.any() for part in parts))
+        return bool(any(part.any() for part in self.table()))
+
+    def table(self) -> LaserTable:
+        """All but the incidence's, as the kernels take them."""
+        return LaserTable(
+            self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, self.eccentricity_rad
+        )
 
     def corrected(self, xyz: Float32Array, laser: LaserArray) -> Float32Array:
         """(N, 3) points as they would be without their laser's errors."""
         out = np.empty_like(xyz)
-        correct_kernel(
-            xyz, laser, self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, self.eccentricity_rad, out
-        )  # fmt: skip
+        correct_kernel(xyz, laser, self.table(), out)
         return out
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -16,6 +18,16 @@ FEATURES = 7
 COLUMNS = 9
 HEIGHT = COLUMNS - 1
 OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6])
+
+
+class LaserTable(NamedTuple):
+    """Errors of lasers: laser_features.LaserErrors. Each (L,), but for eccentricity_rad (2,): sine and cosine, of all."""
+
+    range_offset_m: FloatArray
+    range_scale: FloatArray
+    elevation_rad: FloatArray
+    azimuth_rad: FloatArray
+    eccentricity_rad: FloatArray
 
 
 @numba.njit(cache=True, nogil=True)
@@ -53,17 +65,11 @@ def correct_point(
 def correct_kernel(
     xyz: Float32Array,
     laser: LaserArray,
-    range_offset_m: FloatArray,
-    range_scale: FloatArray,
-    elevation_rad: FloatArray,
-    azimuth_rad: FloatArray,
-    eccentricity_rad: FloatArray,
+    errors: LaserTable,
     out: Float32Array,
 ) -> None:
-    """Fills out (N, 3) with points as they would be without their laser's errors. Per laser: (L,); others stay as they are.
-
-    eccentricity_rad: (2,) of sine and cosine of the published azimuth, of every laser.
-    """
+    """Fills out (N, 3) with points as they would be without their laser's errors; of other lasers they stay as they are."""
+    range_offset_m, range_scale, elevation_rad, azimuth_rad, eccentricity_rad = errors
     lasers = range_offset_m.shape[0]
     sine, cosine = np.sin(elevation_rad), np.cos(elevation_rad)
     for i in range(xyz.shape[0]):

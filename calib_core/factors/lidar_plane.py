@@ -23,13 +23,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.factors.cell_kernels import Grids, cells_kernel, within_kernel
 from calib_core.factors.kernels import (
-    cells_kernel,
+    SeenPlanes,
+    Weighing,
     collapse_kernel,
     hits_kernel,
     move_and_sum_kernel,
     select_kernel,
-    within_kernel,
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
@@ -155,33 +156,46 @@ def find_hits(
     scan in the poses, where they are of several.   field_of_view_deg: keep azimuths within +-.
     """
     n = len(points_m)
-    n_lidar = normals @ poses.R
-    w_lidar = poses.p @ normals.T + offsets_m
+    seen = seen_planes(poses, normals, offsets_m, gate, field_of_view_deg)
     plane, index = np.empty(n, np.int64), np.empty(n, np.int64)
     x_hit = np.zeros((n, 3))
     d, cosine, beside = np.zeros(n), np.zeros(n), np.zeros(n)
     first = np.zeros(n, np.int64) if first_slice is None else first_slice
-    azimuth = -2.0 if field_of_view_deg is None else float(np.cos(np.radians(field_of_view_deg)))
-    hits_kernel(
-        points_m, offset_s, first, SLICE_S, n_lidar, w_lidar, poses.omega_rad_s, poses.v_m_s, poses.usable, gate.min_cosine,
-        azimuth, plane, index, x_hit, d, cosine, beside,
-    )  # fmt: skip
+    hits_kernel(points_m, offset_s, first, seen, plane, index, x_hit, d, cosine, beside)
     return Hits(plane, index, x_hit, d, cosine, beside, poses)
+
+
+def seen_planes(
+    poses: SlicePoses, normals: FloatArray, offsets_m: FloatArray, gate: Gate, field_of_view_deg: float | None
+) -> SeenPlanes:
+    """The planes (P, 3), (P,) of the map frame from the lidar's poses."""
+    azimuth = -2.0 if field_of_view_deg is None else float(np.cos(np.radians(field_of_view_deg)))
+    n_lidar, w_lidar = normals @ poses.R, poses.p @ normals.T + offsets_m
+    return SeenPlanes(SLICE_S, n_lidar, w_lidar, poses.omega_rad_s, poses.v_m_s, poses.usable, gate.min_cosine, azimuth)
 
 
 def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
     """Row and column of every hit in its plane's grid, (N, 2), -1 where there is no plane. extents_normals: (P, 3)."""
-    u, origin = grids(hits.poses, extents_normals)
     cell = np.empty((len(hits.plane), 2), np.int64)
-    cells_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, cell)
+    cells_kernel(hits.plane, hits.slice_index, hits.x_hit, grids(hits.poses, extents_normals), cell)
     return cell
 
 
-def grids(poses: SlicePoses, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The planes' in-plane axes seen from the lidar (S, P, 2, 3), and its in-plane coordinates (S, P, 2)."""
+def grids(poses: SlicePoses, normals: FloatArray) -> Grids:
+    """The planes' cells from the lidar's poses. normals: (P, 3)."""
     planes, slices = len(normals), len(poses.p)
     axes = plane_axes(normals).reshape(2 * planes, 3)
-    return (axes @ poses.R).reshape(slices, planes, 2, 3), (poses.p @ axes.T).reshape(slices, planes, 2)
+    u, origin = (axes @ poses.R).reshape(slices, planes, 2, 3), (poses.p @ axes.T).reshape(slices, planes, 2)
+    return Grids(u, origin, CELL_M, HALF_CELLS)
+
+
+def weighing_of(noise: LidarNoise, gate: Gate) -> Weighing:
+    """What weights depend on.
+
+    What widens the gate is an error of the motion, and counts as noise: a clutter point at grazing incidence, let in by it,
+    would otherwise outweigh a wall.
+    """
+    return Weighing(noise.range_std_m, noise.surface_std_m, gate.sigmas, gate.margin_m, gate.robust_sigmas, GATE_STDS)
 
 
 def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> tuple[BoolArray, FloatArray]:
@@ -191,15 +205,10 @@ def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | No
     extra = gate.extra_of_plane_m
     if extra is None:
         extra = np.full(int(hits.plane.max(initial=0)) + 1, gate.extra_m)
-    # What widens the gate is an error of the motion, and counts as noise: a clutter point at grazing incidence, let in by
-    # it, would otherwise outweigh a wall.
-    select_kernel(
-        hits.plane, hits.d, hits.cosine, hits.ambiguous_m, extra, noise.range_std_m, noise.surface_std_m,
-        gate.sigmas, gate.margin_m, gate.robust_sigmas, GATE_STDS, keep, weight,
-    )  # fmt: skip
+    select_kernel(hits.plane, hits.d, hits.cosine, hits.ambiguous_m, extra, weighing_of(noise, gate), keep, weight)
     if extents is not None:
-        u, origin = grids(hits.poses, extents.normals)
-        within_kernel(hits.plane, hits.slice_index, hits.x_hit, u, origin, CELL_M, HALF_CELLS, extents.inside, keep)
+        cells = grids(hits.poses, extents.normals)
+        within_kernel(hits.plane, hits.slice_index, hits.x_hit, cells, extents.inside, keep)
     return keep, weight
 
 

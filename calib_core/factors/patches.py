@@ -59,7 +59,7 @@ class SurfacePatches:
         """
         seen = np.flatnonzero(hits.plane >= 0)
         plane, index = hits.plane[seen], hits.slice_index[seen]
-        axes, origin = grids(hits.poses, self.normals)
+        axes, origin, _, _ = grids(hits.poses, self.normals)
         place = origin[index, plane] + (axes[index, plane] @ hits.x_hit[seen][..., None])[..., 0]
         place = (place / CELL_M + HALF_CELLS) / self.width - 0.5
         first = np.floor(place).astype(np.int64)

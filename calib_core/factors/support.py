@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from calib_core.factors.kernels import count_kernel
+from calib_core.factors.cell_kernels import count_kernel
 from calib_core.geometry import plane_axes
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray
 

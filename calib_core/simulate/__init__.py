@@ -7,19 +7,18 @@ integration or projection code with the estimator.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from calib_core.errors import SettingsError
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.simulate.faults import Fault, parse_faults
 from calib_core.simulate.generate import generate, run
-from calib_core.simulate.scenario import Mounting, Scenario
+from calib_core.simulate.scenario import Scenario
 from calib_core.simulate.scenarios import SCENARIOS
-from calib_core.simulate.sensors import HeaderAt
 from calib_core.simulate.simulation import Simulation, prepare
 from calib_core.simulate.truth import Truth, TruthFile
+from calib_core.simulate.wishes import Mounting, Wishes
 
 if TYPE_CHECKING:
     from calib_core.simulate.bags import Container
@@ -49,34 +48,18 @@ def simulate(
     scenario: str | Scenario,
     out: Path,
     *,
-    seed: int = 0,
-    mounting: Mounting | None = None,
-    time_offset_s: float | None = None,
-    duration_s: float | None = None,
-    noise: bool = True,
-    header_at: HeaderAt | None = None,
-    faults: Sequence[Fault] = (),
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
+    **wishes: Unpack[Wishes],
 ) -> Path:
     """Write a recording to `out` (.bag: ROS 1; .mcap; no suffix: a ROS 2 folder) and its truth beside it.
 
-    mounting: T_imu_lidar as x, y, z, qx, qy, qz, qw.   header_at: which packet stamps a Velodyne cloud.   None: the
-    scenario's own.   faults: of sensors, clocks and room.   Returns the truth's path. Raises SettingsError and Cancelled.
+    wishes: see there.   Returns the truth's path. Raises SettingsError and Cancelled.
     """
     from calib_core.simulate import bags
 
     container = bags.container_of(out)
-    simulation = prepare(
-        scenario,
-        seed=seed,
-        mounting=mounting,
-        time_offset_s=time_offset_s,
-        duration_s=duration_s,
-        noise=noise,
-        header_at=header_at,
-        faults=faults,
-    )
+    simulation = prepare(scenario, **wishes)
     truth_file = truth_path(out)
     if out.exists() and not truth_file.exists():
         raise SettingsError(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Unpack
 
 import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.simulate.faults import Fault
 from calib_core.simulate.faults.clock import unbundled_ns
 from calib_core.simulate.layouts import Cloud, scan_of
-from calib_core.simulate.scenario import Mounting, Scenario
-from calib_core.simulate.sensors import HeaderAt
+from calib_core.simulate.scenario import Scenario
 from calib_core.simulate.simulation import STANDARD_GRAVITY_M_S2, Simulation, prepare
 from calib_core.simulate.truth import Truth
+from calib_core.simulate.wishes import Wishes
 from calib_core.types import ImuData, LidarInfo, Recording, Scan
 
 #: Clocks further apart than this have different epochs, and a reader has to compare receive times.
@@ -28,33 +28,16 @@ _N_THREADS = min(4, os.cpu_count() or 1)
 def generate(
     scenario: str | Scenario,
     *,
-    seed: int = 0,
-    mounting: Mounting | None = None,
-    time_offset_s: float | None = None,
-    duration_s: float | None = None,
-    noise: bool = True,
-    header_at: HeaderAt | None = None,
-    faults: Sequence[Fault] = (),
-    salt: str = "",
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
+    **wishes: Unpack[Wishes],
 ) -> tuple[Recording, Truth]:
     """The recording exactly as reading its bag gives it, and its truth, without a file.
 
     But for bundles of stamps, which a reader spreads by a period that it has to find, and readings that were sent again, of which
     a reader has to find out that they were.
     """
-    simulation = prepare(
-        scenario,
-        seed=seed,
-        mounting=mounting,
-        time_offset_s=time_offset_s,
-        duration_s=duration_s,
-        noise=noise,
-        header_at=header_at,
-        faults=faults,
-        salt=salt,
-    )
+    simulation = prepare(scenario, **wishes)
     clouds = [
         (scan_of(cloud), simulation.received_ns(cloud) - cloud.stamp_ns)
         for cloud in run(simulation, on_event=on_event, should_cancel=should_cancel)

@@ -13,10 +13,8 @@ from calib_core.simulate.lidar import Outliers
 from calib_core.simulate.motion import Motion, Pose, Vector
 from calib_core.simulate.scene import Scene
 from calib_core.simulate.sensors import NO_FAULTS, HeaderAt, Imu, ImuFaults, Lidar
+from calib_core.simulate.wishes import Mounting
 from calib_core.types import FloatArray
-
-#: x, y, z [m], then the quaternion x, y, z, w: T_imu_lidar.
-Mounting = tuple[float, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class Scenario:
         noise: bool = True,
         header_at: HeaderAt | None = None,
     ) -> Scenario:
-        """The scenario with a caller's wishes; None leaves its own. Raises SettingsError for the impossible."""
+        """The scenario with a caller's `Changes`. Raises SettingsError for the impossible."""
         changed = self
         if mounting is not None:
             changed = replace(changed, mounting=checked_mounting(mounting))

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Unpack
 
 import numpy as np
 
@@ -28,9 +29,10 @@ from calib_core.simulate.layouts import Cloud, encode, scan_of
 from calib_core.simulate.lidar import Sweep
 from calib_core.simulate.motion import seconds
 from calib_core.simulate.patterns import Spinning
-from calib_core.simulate.scenario import Mounting, Scenario
-from calib_core.simulate.sensors import HeaderAt, Imu
+from calib_core.simulate.scenario import Scenario
+from calib_core.simulate.sensors import Imu
 from calib_core.simulate.truth import Truth
+from calib_core.simulate.wishes import Changes
 from calib_core.types import FloatArray, IntArray
 
 #: Lidar clock at simulated time 0.
@@ -198,19 +200,13 @@ def prepare(
     scenario: str | Scenario,
     *,
     seed: int = 0,
-    mounting: Mounting | None = None,
-    time_offset_s: float | None = None,
-    duration_s: float | None = None,
-    noise: bool = True,
-    header_at: HeaderAt | None = None,
     faults: Sequence[Fault] = (),
     salt: str = "",
+    **changes: Unpack[Changes],
 ) -> Simulation:
     """A simulation ready to be run. Raises SettingsError for an unknown name or an impossible wish."""
     chosen = scenarios.named(scenario) if isinstance(scenario, str) else scenario
-    changed = chosen.changed(
-        mounting=mounting, time_offset_s=time_offset_s, duration_s=duration_s, noise=noise, header_at=header_at
-    )
+    changed = chosen.changed(**changes)
     plain = Simulation(changed, seed, salt=salt)
     if not faults:
         return plain

@@ -25,13 +25,13 @@ def test_the_quickest_turn_counts_and_a_broken_limit_is_said() -> None:
 def test_a_turn_is_a_whole_run_of_the_command_line(tmp_path: Path) -> None:
     """Fails when a refused recording is timed as if it were solved, or the process's own memory is not what is told."""
     bag = tmp_path / "room.bag"
-    api.simulate("paper-normal", bag, seed=0)
+    api.simulate("paper-normal", bag, seed=0, duration_s=8.0)
     turn = timed(bag, tmp_path / "result.json")
     assert (tmp_path / "result.json").is_file()
     assert [name for name, _ in turn.stages][:2] == ["read", "planes"]
     assert 0.0 < turn.stages[0][1] < turn.stages[-1][1] < turn.wall_s
     assert turn.memory_mb > 100.0
     still = tmp_path / "still.bag"
-    api.simulate("static", still, seed=0)
+    api.simulate("static", still, seed=0, duration_s=4.0)
     with pytest.raises(SystemExit, match="exit code"):
         timed(still, tmp_path / "none.json")

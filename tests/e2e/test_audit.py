@@ -11,6 +11,9 @@ from playwright.sync_api import Page, expect
 from calib_core.simulate import truth_path
 from tests.e2e.support import JOB_WAIT_S, Api, keep_screenshot, serious_faults
 
+#: How many marks turn for ever.
+TURNING = "document.getAnimations().filter(one => one.effect.getTiming().iterations === Infinity).length"
+
 
 def test_an_extrinsic_in_use_is_judged_axis_by_axis(
     page: Page, api: Api, bag: Path, solved: tuple[str, str], tmp_path: Path
@@ -18,7 +21,7 @@ def test_an_extrinsic_in_use_is_judged_axis_by_axis(
     """The truth, 40 mm off along x and z, fails along x, where 20 mm are allowed, and passes along z, where 60 mm are.
 
     Oracle: the simulator's truth. Mutation: limits not sent (z fails too); the direction of bare numbers not sent (all fail);
-    an audit put before the solve in the list of recordings.
+    an audit put before the solve in the list of recordings; marks that turn for ever before a person who wants no motion.
     """
     truth = np.array(json.loads(truth_path(bag).read_text())["T_imu_lidar"]["matrix"])
     truth[[0, 2], 3] += 0.040
@@ -37,6 +40,8 @@ def test_an_extrinsic_in_use_is_judged_axis_by_axis(
     page.get_by_role("textbox", name="Position, mm").fill("20 20 60")
     audit.click()
     expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
+    expect(page.locator("[data-state=active], [data-state=busy]").first).to_be_visible()
+    assert page.evaluate(TURNING) == 0
     expect(page.get_by_role("heading", name="Failed", exact=True)).to_be_visible(timeout=JOB_WAIT_S * 1000)
 
     table = page.get_by_role("table", name="Given minus found on each axis")

@@ -50,9 +50,9 @@ def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
 
 @pytest.fixture
 def long_recording(api: Api, tmp_path: Path) -> str:
-    """A recording whose solve lasts: two browsers that draw in software need longer than the short one's to look at it."""
+    """A recording whose solve lasts: two browsers that draw in software need a while until they look at it."""
     path = tmp_path / "long.bag"
-    simulate("paper-normal", path, seed=5, duration_s=45.0)
+    simulate("paper-normal", path, seed=5, duration_s=25.0)
     recording = api.upload(path)
     api.wait_for_planes(recording)
     return recording

@@ -15,11 +15,10 @@ from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
-from calib_core.result import WeakDirection
+from calib_core.result import COVARIANCE_ORDER, WeakDirection
 from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
-_LABELS = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 _SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
 
 
@@ -100,7 +99,10 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
         amount = _amount(vector, spread, largest)
         text = f"The recording determines {what} only to {amount} (1 sigma)."
     return WeakDirection(
-        label=_LABELS[largest] if alone else None, vector=[float(v) for v in vector], std_scaled=spread, text=text
+        label=COVARIANCE_ORDER[largest] if alone else None,
+        vector=[float(v) for v in vector],
+        std_scaled=spread,
+        text=text,
     )
 
 

@@ -15,6 +15,7 @@ from calib_core.full.joint.round import present_view, problem_of
 from calib_core.full.joint.schedule import PlaneSet
 from calib_core.full.joint.state import Estimate
 from calib_core.full.planes.settings import JUDGEMENT
+from calib_core.planes.same import same_place, same_surface
 from calib_core.planes.segment import PlaneFit, SegmentSettings, segment_planes
 from calib_core.types import BoolArray, FloatArray
 
@@ -47,9 +48,11 @@ def new_ones(estimate: Estimate, fits: Sequence[PlaneFit], cloud_m: FloatArray, 
     found = []
     for fit in fits:
         centre = cloud_m[fit.inliers].mean(axis=0)
-        alike = estimate.normals @ fit.normal > np.cos(np.radians(rules.same_normal_deg))
-        near = np.abs(estimate.normals @ centre + estimate.offsets_m) < rules.same_place_m
-        if not (alike & near).any():
+        known = same_place(
+            estimate.normals, estimate.offsets_m, fit.normal, centre,
+            within_deg=rules.same_normal_deg, within_m=rules.same_place_m,
+        )  # fmt: skip
+        if not known.any():
             found.append(fit)
     return found
 
@@ -102,9 +105,11 @@ def only_planes(state: Estimation, keep: BoolArray, single: BoolArray, rules: Pl
     """
     planes = tuple(plane for plane, kept in zip(state.planes, keep, strict=True) if kept)
     e = state.estimate
-    alike = e.normals[~keep] @ e.normals[keep].T > np.cos(np.radians(rules.same_normal_deg))
-    near = np.abs(e.offsets_m[~keep][:, None] - e.offsets_m[keep]) < rules.same_surface_m
-    aside = np.flatnonzero(~keep)[~(alike & near).any(axis=1) & single[~keep]]
+    twice = same_surface(
+        e.normals[~keep], e.offsets_m[~keep], of=(e.normals[keep], e.offsets_m[keep]),
+        within_deg=rules.same_normal_deg, within_m=rules.same_surface_m,
+    )  # fmt: skip
+    aside = np.flatnonzero(~keep)[~twice.any(axis=1) & single[~keep]]
     estimate = replace(
         e,
         normals=e.normals[keep],

@@ -26,9 +26,10 @@ from calib_core.full.joint.state import (
     Bins,
     Estimate,
     Layout,
+    no_bins,
 )
 from calib_core.geometry import hat
-from calib_core.imu.preintegration import Links, UpsampledImu
+from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.threads import workers
 from calib_core.types import FloatArray
@@ -54,6 +55,22 @@ class JointProblem:
     hold_velocity: bool = False
     planes_hold_frame: bool = False
     sensors: SensorColumns = field(default_factory=SensorColumns)
+
+    @staticmethod
+    def linked(
+        readings: UpsampledImu,
+        nodes: BiasNodes,
+        estimate: Estimate,
+        priors: Priors,
+        density: NoiseDensity,
+        *,
+        gauge_knot: int,
+    ) -> JointProblem:
+        """The readings' links about the estimate's biases, and no points yet."""
+        bg, ba = nodes.at_links(estimate.gyro_bias), nodes.at_links(estimate.accel_bias)
+        links = preintegrate(readings, bg, ba, density)
+        bins = replace(no_bins(estimate.time_offset_s), nuisance=estimate.nuisance)
+        return JointProblem(readings, nodes, links, bg, ba, bins, priors, gauge_knot)
 
     def layout(self, estimate: Estimate) -> Layout:
         """The shared columns for this number of nodes, planes and parameters of the sensors."""

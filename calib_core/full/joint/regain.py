@@ -20,6 +20,7 @@ from calib_core.full.joint.settings import REGAINING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View
 from calib_core.full.joint.window import Window
+from calib_core.planes.same import same_place
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -69,12 +70,14 @@ def same_lost_plane(
     policy: Propagation,
 ) -> int | None:
     """Which lost plane a fit is: it faces the same way and lies where that may have strayed to; the nearest of them."""
-    alike = lost & (estimate.normals @ fit.normal > np.cos(np.radians(policy.same_normal_deg)))
     centre = cloud_m[fit.inliers].mean(axis=0)
-    off = np.abs(estimate.normals @ centre + estimate.offsets_m)
-    alike &= off < 3.0 * straying_m + policy.same_place_m
+    alike = lost & same_place(
+        estimate.normals, estimate.offsets_m, fit.normal, centre,
+        within_deg=policy.same_normal_deg, within_m=3.0 * straying_m + policy.same_place_m,
+    )  # fmt: skip
     if not alike.any():
         return None
+    off = np.abs(estimate.normals @ centre + estimate.offsets_m)
     return int(np.flatnonzero(alike)[np.argmin(off[alike])])
 
 

@@ -26,10 +26,10 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import Round, Sampling
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, seen_from, sensor_columns, true_readings
 from calib_core.full.joint.settings import HOLDING, WATCHING
-from calib_core.full.joint.state import CALIBRATION, TRANSLATION, Estimate, Layout, no_bins
+from calib_core.full.joint.state import CALIBRATION, TRANSLATION, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
 from calib_core.full.joint.view import View
-from calib_core.imu.preintegration import UpsampledImu, preintegrate
+from calib_core.imu.preintegration import UpsampledImu
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import minimise
 from calib_core.types import BoolArray, FloatArray
@@ -245,18 +245,9 @@ def problem_of(data: JointData, state: Estimation) -> JointProblem:
     """The joint problem over the knots estimated so far, linked about the present biases and sensors."""
     e = state.estimate
     nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
-    bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
-    links = preintegrate(readings, bg, ba, data.run.noise.density)
-    problem = JointProblem(
-        readings=readings,
-        nodes=nodes,
-        links=links,
-        links_gyro_bias=bg,
-        links_accel_bias=ba,
-        bins=replace(no_bins(e.time_offset_s), nuisance=e.nuisance),
-        priors=state.priors,
+    problem = replace(
+        JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=data.gauge),
         sensors=sensor_columns(state.nuisance, e.nuisance, readings, e.states.R, data.run.clocks.middle_s),
-        gauge_knot=data.gauge,
         planes_hold_frame=not data.run.settings.estimate_planes,
     )
     return replace(problem, frozen=_frozen(data, problem, e))

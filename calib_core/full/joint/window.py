@@ -14,11 +14,11 @@ from calib_core.factors.imu import KnotStates
 from calib_core.full.joint.estimation import Estimation, JointData, view_of
 from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.state import Estimate, no_bins
+from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import exp
-from calib_core.imu.preintegration import Links, UpsampledImu, preintegrate
+from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
 
@@ -60,21 +60,9 @@ def predict(data: JointData, state: Estimation, start: int, end: int) -> Window:
     start = max(0, start)
     e = state.estimate
     nodes, readings = data.nodes.part(start, end), data.readings.part(start, end)
-    bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
-    links = preintegrate(readings, bg, ba, data.run.noise.density)
-    states = predicted(e.states.part(start, state.knots), links, readings, state.knots - start, e.gravity)
-    problem = JointProblem(
-        readings=readings,
-        nodes=nodes,
-        links=links,
-        links_gyro_bias=bg,
-        links_accel_bias=ba,
-        bins=no_bins(e.time_offset_s),
-        priors=state.priors,
-        gauge_knot=0,
-        hold_velocity=True,
-    )
-    problem = replace(problem, frozen=tuple(range(problem.layout(e).size)))
+    problem = JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=0)
+    problem = replace(problem, hold_velocity=True, frozen=tuple(range(problem.layout(e).size)))
+    states = predicted(e.states.part(start, state.knots), problem.links, readings, state.knots - start, e.gravity)
     return Window(replace(e, states=states), problem, start)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from calib_core.factors.kernels import cell_of
+from calib_core.factors.cell_kernels import cell_of
 from calib_core.geometry.compiled import exp_into, log_of
 from calib_core.types import BoolArray, FloatArray, IntArray
 

@@ -6,7 +6,8 @@
 - greedy: asks for 64 GB of memory; filling: writes a file of 8 MB
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
-Planes are proposed for `room` only.
+Planes are proposed for `room` only. What one kind alone needs it loads itself: the estimator takes a process a second, and
+hundreds of jobs run in the tests.
 """
 
 from __future__ import annotations
@@ -15,20 +16,9 @@ import os
 import signal
 import time
 
-from app.arrays.proposals import proposal_arrays, write_proposals
-from app.arrays.recording import recording_arrays, write_recording
-from app.arrays.trajectory import write_trajectory
-from app.results.scans import measure_scans
-from app.results.thickness import measure_thickness
-from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, PlanesOutcome, SimulateOutcome
-from app.work.functions import run_surface
-from calib_core import api
-from calib_core.audit.run import report_of
-from calib_core.calibrate import Calibration
 from calib_core.errors import Cancelled, UnreadableRecording
 from calib_core.events import IterationEvent, LogEvent, StageEvent
-from tests.app.support import world
 from tests.app.support.report import report_json
 
 
@@ -47,18 +37,38 @@ def run(order, on_event, should_cancel):
     if order.kind == "planes":
         if not order.recording_name.startswith("room"):
             return PlanesOutcome(patches=0, points=0, static=False)
-        write_recording(recording_arrays(order.cache), world.make_recording())
-        write_proposals(proposal_arrays(order.cache), world.make_proposals())
-        return PlanesOutcome(patches=6, points=6200, static=True)
+        return propose(order)
     if order.kind == "audit":
-        # The library's part is tested with it; here it is answered by hand, from the order's own words.
-        given = api.parse_extrinsic(order.request.audit.extrinsic, frames=("imu", "lidar"))
-        report = report_of(given, Calibration(world.make_result(), None), order.request.audit.limits)
-        (order.folder / "audit.json").write_text(report.to_json())
-        return AuditOutcome(verdict=report.verdict, text=report.text)
+        return audit(order)
     if order.kind == "surface":
+        from app.work.functions import run_surface
+
         return run_surface(order, on_event, should_cancel)
     return solve(order, on_event, should_cancel)
+
+
+def propose(order):
+    """The planes of world.py."""
+    from app.arrays.proposals import proposal_arrays, write_proposals
+    from app.arrays.recording import recording_arrays, write_recording
+    from tests.app.support import world
+
+    write_recording(recording_arrays(order.cache), world.make_recording())
+    write_proposals(proposal_arrays(order.cache), world.make_proposals())
+    return PlanesOutcome(patches=6, points=6200, static=True)
+
+
+def audit(order):
+    """The library's part is tested with it; here it is answered by hand, from the order's own words."""
+    from calib_core import api
+    from calib_core.audit.run import report_of
+    from calib_core.calibrate import Calibration
+    from tests.app.support import world
+
+    given = api.parse_extrinsic(order.request.audit.extrinsic, frames=("imu", "lidar"))
+    report = report_of(given, Calibration(world.make_result(), None), order.request.audit.limits)
+    (order.folder / "audit.json").write_text(report.to_json())
+    return AuditOutcome(verdict=report.verdict, text=report.text)
 
 
 def solve(order, on_event, should_cancel):
@@ -85,6 +95,17 @@ def solve(order, on_event, should_cancel):
         time.sleep(0.02)
         if name.startswith("slow") and should_cancel():
             raise Cancelled("Stopped as asked.")
+    return answer(order, name)
+
+
+def answer(order, name):
+    """What a solve of the world of world.py leaves behind."""
+    from app.arrays.trajectory import write_trajectory
+    from app.results.scans import measure_scans
+    from app.results.thickness import measure_thickness
+    from app.results.verdict import solve_outcome
+    from tests.app.support import world
+
     result = world.make_result("refused" if name.startswith("refused") else "calibrated", name)
     asked = {plane.name: plane.outline_m for plane in order.request.planes or ()}
     for plane in result.quality.planes:
@@ -111,6 +132,8 @@ def take_too_much(name, folder):
 
 def iteration(step):
     """A step of a solve."""
+    from tests.app.support import world
+
     return IterationEvent(
         iteration=step,
         round=0,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from calib_core.factors.kernels import cells_kernel, collapse_kernel, hits_kernel
+from calib_core.factors.cell_kernels import Grids, cells_kernel
+from calib_core.factors.kernels import SeenPlanes, collapse_kernel, hits_kernel
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
@@ -29,10 +30,8 @@ class Sweep:
         n = len(self.xyz)
         plane, index = np.full(n, 77, np.int64), np.full(n, 77, np.int64)
         x_hit, d, cosine, beside = np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
-        hits_kernel(
-            self.xyz, self.offset_s, np.zeros(n, np.int64), SLICE_S, self.n_lidar, self.w_lidar, self.omega, self.v,
-            self.usable, min_cosine, min_azimuth, plane, index, x_hit, d, cosine, beside,
-        )  # fmt: skip
+        seen = SeenPlanes(SLICE_S, self.n_lidar, self.w_lidar, self.omega, self.v, self.usable, min_cosine, min_azimuth)
+        hits_kernel(self.xyz, self.offset_s, np.zeros(n, np.int64), seen, plane, index, x_hit, d, cosine, beside)
         return {"plane": plane, "index": index, "x_hit": x_hit, "d": d, "cosine": cosine, "beside": beside}
 
     def twin(self, min_cosine: float, min_azimuth: float) -> dict[str, FloatArray | IntArray]:
@@ -115,7 +114,7 @@ def test_cells_are_floors_of_the_planes_own_coordinates() -> None:
     x_hit[:4] *= 100
     u, origin = rng.normal(size=(slices, planes, 2, 3)), rng.normal(size=(slices, planes, 2))
     cell = np.empty((n, 2), np.int64)
-    cells_kernel(plane, index, x_hit, u, origin, 0.25, half, cell)
+    cells_kernel(plane, index, x_hit, Grids(u, origin, 0.25, half), cell)
     value = np.einsum("nai,ni->na", u[index, plane], x_hit) + origin[index, plane]
     expected = np.clip(np.floor(value / 0.25).astype(int) + half, 0, 2 * half - 1)
     np.testing.assert_array_equal(cell, np.where(plane[:, None] < 0, -1, expected))

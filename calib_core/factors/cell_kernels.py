@@ -1,0 +1,109 @@
+"""Loops over hits in the cells of their planes, compiled. Each has a plain NumPy twin in the tests."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray
+
+
+class Grids(NamedTuple):
+    """The planes' cells as the lidar sees them from the middles of slices.
+
+    u: (S, P, 2, 3) the planes' in-plane axes; origin: (S, P, 2) the lidar's in-plane coordinates.   half: cells on each side.
+    """
+
+    u: FloatArray
+    origin: FloatArray
+    cell_m: float
+    half: int
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def cell_of(value_m: float, cell_m: float, width: int) -> int:
+    """Row or column of an in-plane coordinate in a grid `width` cells wide about the origin; the rim takes what is beyond."""
+    return min(max(int(np.floor(value_m / cell_m)) + width // 2, 0), width - 1)
+
+
+@numba.njit(cache=True, nogil=True)
+def cells_kernel(
+    plane: IntArray,
+    slice_index: IntArray,
+    x_hit: FloatArray,
+    grids: Grids,
+    cell: IntArray,
+) -> None:
+    """Fills cell (N, 2): row and column of each hit in its plane's grid, -1 where plane is -1."""
+    u, origin, cell_m, half = grids
+    for i in range(plane.shape[0]):
+        j, k = plane[i], slice_index[i]
+        cell[i, 0] = -1
+        cell[i, 1] = -1
+        if j < 0:
+            continue
+        for a in range(2):
+            value = origin[k, j, a]
+            for b in range(3):
+                value += u[k, j, a, b] * x_hit[i, b]
+            cell[i, a] = cell_of(value, cell_m, 2 * half)
+
+
+@numba.njit(cache=True, nogil=True)
+def count_kernel(
+    plane: IntArray,
+    cell: IntArray,
+    on_plane: BoolArray,
+    off: FloatArray,
+    on: CountArray,
+    beside: CountArray,
+    total: Float32Array,
+    box: IntArray,
+) -> None:
+    """Counts hits in cells (N, 2) of their planes (N,): in `on` or in `beside` (P, rows, columns).
+
+    total: (P, rows, columns), the sum of `off` (N,) over those on the plane.
+
+    box: (P, 4) lowest row and column, highest row and column of those on the plane, widened as they come.
+    """
+    for i in range(plane.shape[0]):
+        j, r, c = plane[i], cell[i, 0], cell[i, 1]
+        if not on_plane[i]:
+            beside[j, r, c] += 1
+            continue
+        on[j, r, c] += 1
+        total[j, r, c] += off[i]
+        box[j, 0], box[j, 1] = min(box[j, 0], r), min(box[j, 1], c)
+        box[j, 2], box[j, 3] = max(box[j, 2], r), max(box[j, 3], c)
+
+
+@numba.njit(cache=True, nogil=True)
+def lies_within(
+    x_hit: FloatArray, u: FloatArray, origin: FloatArray, cell_m: float, half: int, inside: BoolArray
+) -> bool:
+    """Whether a hit lies in one of its plane's cells (rows, columns). u: (2, 3), origin: (2,) as in Grids."""
+    row, column = origin[0], origin[1]
+    for b in range(3):
+        row += u[0, b] * x_hit[b]
+        column += u[1, b] * x_hit[b]
+    return inside[cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
+
+
+@numba.njit(cache=True, nogil=True)
+def within_kernel(
+    plane: IntArray,
+    slice_index: IntArray,
+    x_hit: FloatArray,
+    grids: Grids,
+    inside: BoolArray,
+    keep: BoolArray,
+) -> None:
+    """Takes hits outside of their plane's cells out of keep (N,). inside: (P, rows, columns)."""
+    u, origin, cell_m, half = grids
+    for i in range(plane.shape[0]):
+        if not keep[i]:
+            continue
+        j, k = plane[i], slice_index[i]
+        keep[i] = lies_within(x_hit[i], u[k, j], origin[k, j], cell_m, half, inside[j])
