@@ -61,7 +61,9 @@ def test_what_is_not_drawn_yet_is_not_shown(page: Page, solved: tuple[str, str])
     page.goto(f"/r/{recording}/planes")
     opening = page.get_by_text("Opening the 3D scene")
     expect(opening).to_be_visible()
-    page.wait_for_function("document.querySelector('iframe').contentDocument.documentElement.style.background === 'white'")
+    page.wait_for_function(
+        "document.querySelector('iframe').contentDocument.documentElement.style.background === 'white'"
+    )
     page.wait_for_timeout(1000)  # what is about to come into sight has come
     assert (other := off_background(page)) < FLASH, f"{other:.0%} of the scene is not its background before it is drawn"
     page.evaluate(PICTURE)

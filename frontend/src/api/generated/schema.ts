@@ -1562,10 +1562,21 @@ export interface components {
             /** Std */
             std: number;
             /**
+             * Text
+             * @description of a weak axis: what is the matter, and what to do; for a person
+             * @default
+             */
+            text: string;
+            /**
              * Unit
              * @enum {string}
              */
             unit: "deg" | "m" | "s";
+            /**
+             * Weak
+             * @description whether it is beyond the limit: a solve would not know this axis
+             */
+            weak: boolean;
         };
         /**
          * Gravity

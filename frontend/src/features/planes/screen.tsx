@@ -14,7 +14,7 @@ import { JobProgress } from "../jobs/progress";
 import { stagesOfPlanes } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
-import { DeterminacyMeter } from "./determinacy";
+import { determines, DeterminacyMeter } from "./determinacy";
 import { PatchList } from "./list";
 import css from "./planes.module.css";
 
@@ -88,10 +88,10 @@ export function PlanesScreen() {
               onClick={solve}
               loading={start.isPending}
               disabled={confirmed === 0}
-              variant={planes.determinacy.ok ? "filled" : "default"}
+              variant={determines(planes) ? "filled" : "default"}
               rightSection={<Icon name="next" />}
             >
-              {planes.determinacy.ok ? `Solve with ${confirmed} planes` : `Solve with ${confirmed} anyway`}
+              {determines(planes) ? `Solve with ${confirmed} planes` : `Solve with ${confirmed} anyway`}
             </Button>
           )
         }
@@ -99,7 +99,7 @@ export function PlanesScreen() {
         {start.isError && <Fault error={start.error} />}
         {planes !== undefined ? (
           <>
-            <DeterminacyMeter determinacy={planes.determinacy} foreseen={planes.foreseen} />
+            <DeterminacyMeter {...planes} />
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">
