@@ -75,7 +75,12 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
             />
           </tbody>
         </table>
-        <Frames matrix={pose.matrix} base={to} other={from} />
+        <Frames
+          matrix={pose.matrix}
+          base={to}
+          other={from}
+          placed={pose.translationStdM.every((std) => std <= limits.translation_m)}
+        />
       </div>
       <p className="dim small">
         The bar is one standard deviation against {own === null ? "the limit of a weak answer" : "your own limit"} (
