@@ -149,7 +149,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         on_event(StageEvent(stage="deskew", fraction=0.4, text="holding each scan against the walls"))
         scans = measure_scans(recording, trajectory, result.quality.planes)
         _write(order.folder / "scans.json", scans.model_dump_json())
-    on_event(StageEvent(stage="deskew", fraction=0.7, text="measuring what the plots show"))
+        on_event(StageEvent(stage="deskew", fraction=0.7, text="measuring what the plots show"))
     evidence = measure_evidence(recording, result, trajectory, steps.steps)
     _write(order.folder / "evidence.json", evidence.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())

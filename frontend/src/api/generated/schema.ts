@@ -3110,6 +3110,8 @@ export interface components {
             recordings_folder: boolean;
             /** Samples */
             samples: components["schemas"]["Sample"][];
+            /** @description of a solve that is told nothing */
+            solve_settings: components["schemas"]["CalibrateSettings"];
             /** Upload Suffixes */
             upload_suffixes: string[];
             usual: components["schemas"]["UsualNumbers"];

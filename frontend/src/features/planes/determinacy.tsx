@@ -6,19 +6,24 @@ import css from "./planes.module.css";
 /** The gauge is full where the weakest axis is a thousand times better known than it has to be. */
 const decades = 3;
 
-type MeterProps = Pick<Planes, "determinacy" | "foreseen">;
+type Known = Pick<Planes, "determinacy" | "foreseen">;
+
+interface MeterProps extends Known {
+  /** Why no planes at all would help; empty where they may. */
+  hopeless: string;
+}
 
 /** Whether the confirmed planes hold the answer in all three directions, and how well the least known axis is foreseen. */
-export function DeterminacyMeter({ determinacy, foreseen }: MeterProps) {
+export function DeterminacyMeter({ determinacy, foreseen, hopeless }: MeterProps) {
   const known = foreseen ?? null;
-  const ok = determines({ determinacy, foreseen });
+  const ok = hopeless === "" && determines({ determinacy, foreseen });
   const fraction = strength(known);
   const text = known === null ? "" : `±${NARROW}${stdText(known.std, known.unit)}`;
   return (
     <div className={css.determinacy} data-ok={ok} role="status" aria-label="Do these planes determine the answer">
       <LevelIcon level={ok ? "good" : "warning"} />
       <p>
-        {determinacy.text} {known?.text}
+        {determinacy.text} {hopeless === "" ? known?.text : hopeless}
       </p>
       {known !== null && (
         <>
@@ -36,7 +41,7 @@ export function DeterminacyMeter({ determinacy, foreseen }: MeterProps) {
 }
 
 /** Whether a solve with the confirmed planes would know all seven axes. */
-export function determines({ determinacy, foreseen }: MeterProps): boolean {
+export function determines({ determinacy, foreseen }: Known): boolean {
   return determinacy.ok && foreseen?.weak !== true;
 }
 

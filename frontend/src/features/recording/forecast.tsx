@@ -41,16 +41,14 @@ export function planesText(report: DoctorReport["planes"], found: Planes | undef
 export function Forecast({ forecast, planes, said }: ForecastProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
   const weak = forecast.weak.filter((sentence) => !said.some((other) => same(other, sentence)));
-  const headline = forecast.parameters.length === 0 ? forecast.reason : forecast.text;
+  const nothing = forecast.parameters.length === 0;
+  const headline = nothing ? forecast.reason : forecast.text;
+  const repeated = headline === "" || said.some((sentence) => same(sentence, headline));
   return (
-    <section
-      aria-label="Forecast"
-      className={css.forecastCard}
-      data-weak={forecast.parameters.length === 0 || forecast.weak.length > 0}
-    >
+    <section aria-label="Forecast" className={css.forecastCard} data-weak={nothing || forecast.weak.length > 0}>
       <h2>What a solve would know</h2>
-      {headline !== "" && !said.some((sentence) => same(sentence, headline)) && <p>{sentenceOf(headline)}</p>}
-      {planes !== "" && !said.some((sentence) => same(sentence, planes)) && <p className="dim">{planes}</p>}
+      {nothing && repeated ? <p>Nothing, for the reason above.</p> : !repeated && <p>{sentenceOf(headline)}</p>}
+      {!nothing && planes !== "" && !said.some((sentence) => same(sentence, planes)) && <p className="dim">{planes}</p>}
       {forecast.parameters.length > 0 && (
         <ul className={css.forecast}>
           {forecast.parameters.map((parameter) => (

@@ -14,8 +14,11 @@ import css from "./solve.module.css";
 type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "lidarSampling" | "intrinsics";
 
 interface SolveOptionsProps {
-  /** Of the run that is shown; what it chose stays chosen. */
-  before: Job["settings"];
+  title: string;
+  /** What is written on the button. */
+  action: string;
+  /** Of the run that is shown, whose choices stay chosen; nothing before the first. */
+  before: Job["settings"] | null;
   onSolve: (wish: Pick<NewJob, "settings"> & Partial<Pick<NewJob, "initial_guess">>) => void;
   pending: boolean;
   error: unknown;
@@ -24,10 +27,17 @@ interface SolveOptionsProps {
 /** Everything that a solve can be told, as controls; all of it is found from the recording where it is left alone. */
 export function SolveOptions(props: SolveOptionsProps) {
   const facts = useQuery(factsQuery).data;
-  return facts === undefined ? null : <Controls facts={facts} {...props} />;
+  return facts === undefined ? null : (
+    <Controls {...props} facts={facts} before={props.before ?? facts.solve_settings} />
+  );
 }
 
-function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps & { facts: ServerFacts }) {
+interface ControlsProps extends SolveOptionsProps {
+  facts: ServerFacts;
+  before: Job["settings"];
+}
+
+function Controls({ facts, title, action, before, onSolve, pending, error }: ControlsProps) {
   const { usual, imu_presets: presets } = facts;
   const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual));
   const [guess, setGuess] = useState<OldExtrinsic | null>(null);
@@ -45,7 +55,7 @@ function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps 
     />
   );
   return (
-    <Section title="Solve again, differently">
+    <Section title={title}>
       <div className={css.options}>
         <div className={css.option}>
           <span id="method-label">Method</span>
@@ -170,7 +180,7 @@ function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps 
             onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) })
           }
         >
-          Solve again
+          {action}
         </Button>
         {error !== null && <Fault error={error} />}
       </div>

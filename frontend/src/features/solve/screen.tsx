@@ -62,7 +62,14 @@ export function SolveScreen() {
         <StateBox title="Nothing has been solved yet">
           <p>The planes you confirmed are used; no start value is needed.</p>
         </StateBox>
-        {start.isError && <Fault error={start.error} />}
+        <SolveOptions
+          title="Or differently"
+          action="Solve so"
+          before={null}
+          onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })}
+          pending={start.isPending}
+          error={start.error}
+        />
       </Panel>
     );
   }
@@ -106,9 +113,6 @@ export function SolveScreen() {
       {refused ? (
         <Section title="Next step">
           <div className={css.next}>
-            <Button size="compact-md" onClick={goOn}>
-              See why
-            </Button>
             <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/planes`)}>
               Back to the planes
             </Button>
@@ -134,6 +138,8 @@ export function SolveScreen() {
       {ended && (
         <SolveOptions
           key={job.id}
+          title="Solve again, differently"
+          action="Solve again"
           before={job.settings}
           onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })}
           pending={start.isPending}
