@@ -66,6 +66,10 @@ class Api:
         """The recording's planes."""
         return self.ask("GET", f"/api/recordings/{recording}/planes")
 
+    def as_detected(self, recording: str) -> None:
+        """Have the planes as they were detected, by their own names."""
+        self.ask("POST", f"/api/recordings/{recording}/planes/operations", body=b'{"op": "use-suggestion"}')
+
     def view(self, recording: str):
         """What the scene shows."""
         return self.ask("GET", f"/api/recordings/{recording}/view")
