@@ -15,8 +15,9 @@ type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "
 
 interface SolveOptionsProps {
   title: string;
-  /** What is written on the button. */
-  action: string;
+  /** What is written on the button; null where the form of this id has its button elsewhere. */
+  action: string | null;
+  formId: string;
   /** Of the run that is shown, whose choices stay chosen; nothing before the first. */
   before: Job["settings"] | null;
   onSolve: (wish: Pick<NewJob, "settings"> & Partial<Pick<NewJob, "initial_guess">>) => void;
@@ -37,7 +38,7 @@ interface ControlsProps extends SolveOptionsProps {
   before: Job["settings"];
 }
 
-function Controls({ facts, title, action, before, onSolve, pending, error }: ControlsProps) {
+function Controls({ facts, title, action, formId, before, onSolve, pending, error }: ControlsProps) {
   const { usual, imu_presets: presets } = facts;
   const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual));
   const [guess, setGuess] = useState<OldExtrinsic | null>(null);
@@ -54,9 +55,20 @@ function Controls({ facts, title, action, before, onSolve, pending, error }: Con
       onChange={(event) => set({ [name]: event.currentTarget.value })}
     />
   );
+  const solve = () => {
+    if (settings !== null)
+      onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) });
+  };
   return (
     <Section title={title}>
-      <div className={css.options}>
+      <form
+        id={formId}
+        className={css.options}
+        onSubmit={(event) => {
+          event.preventDefault();
+          solve();
+        }}
+      >
         <div className={css.option}>
           <span id="method-label">Method</span>
           <SegmentedControl
@@ -170,20 +182,13 @@ function Controls({ facts, title, action, before, onSolve, pending, error }: Con
           </p>
         )}
         {settings === null && <p className="small dim">A number is missing or out of its range.</p>}
-        <Button
-          variant="default"
-          size="compact-md"
-          loading={pending}
-          disabled={settings === null}
-          onClick={() =>
-            settings !== null &&
-            onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) })
-          }
-        >
-          {action}
-        </Button>
+        {action !== null && (
+          <Button type="submit" variant="default" size="compact-md" loading={pending} disabled={settings === null}>
+            {action}
+          </Button>
+        )}
         {error !== null && <Fault error={error} />}
-      </div>
+      </form>
     </Section>
   );
 }
