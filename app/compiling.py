@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from numba.core import event as numba_events
-
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent
 
 COMPILING = "compiling the program's loops for this machine, which is done once"
@@ -15,12 +13,24 @@ COMPILING = "compiling the program's loops for this machine, which is done once"
 @contextmanager
 def compiling_told(on_event: OnEvent) -> Iterator[OnEvent]:
     """What a computation is to tell its events to: `on_event` hears them all, and when loops are compiled meanwhile."""
+    from numba.core import event as compiler  # a server that only answers does without
+
     told = _Told(on_event)
-    with numba_events.install_listener("numba:compile", told):
+
+    class Listener(compiler.Listener):
+        """Of the compiler's events, which loop it is about says nothing to a person."""
+
+        def on_start(self, event: compiler.Event) -> None:  # noqa: ARG002
+            told.begin()
+
+        def on_end(self, event: compiler.Event) -> None:  # noqa: ARG002
+            told.end()
+
+    with compiler.install_listener("numba:compile", Listener()):
         yield told
 
 
-class _Told(numba_events.Listener):
+class _Told:
     """Passes on what it hears, and repeats the latest stage in other words while a loop is compiled."""
 
     def __init__(self, on_event: OnEvent) -> None:
@@ -33,13 +43,13 @@ class _Told(numba_events.Listener):
             self._latest = event
         self._on_event(event)
 
-    def on_start(self, event: numba_events.Event) -> None:  # noqa: ARG002 - which loop it is says nothing to a person
+    def begin(self) -> None:
         """A loop begins to be compiled."""
         self._depth += 1
         if self._depth == 1 and self._latest is not None:
             self._on_event(self._latest.model_copy(update={"text": COMPILING}))
 
-    def on_end(self, event: numba_events.Event) -> None:  # noqa: ARG002
+    def end(self) -> None:
         """It is compiled."""
         self._depth -= 1
         if self._depth == 0 and self._latest is not None:
