@@ -200,8 +200,9 @@ def keep_screenshot(page: Page, name: str, scheme: str) -> None:
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.wait_for_timeout(1000)  # plots follow the window's size a moment later
     picture = Image.open(io.BytesIO(page.screenshot(timeout=PICTURE_WAIT_MS)))
-    # 256 colours: a fifth of the size, and no difference to the eye in an interface.
-    picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+    # 256 colours: a fifth of the size, and no difference to the eye in an interface. Few pixels are of a plane's colour, and
+    # the usual choice of colours would give it away to a grey.
+    picture.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
         SCREENSHOTS / f"{name}-{scheme}.png", optimize=True
     )
 
