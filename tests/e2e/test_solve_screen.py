@@ -51,8 +51,8 @@ def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
 def test_what_a_solve_can_be_told_is_there_before_the_first(page: Page, api: Api, bag: Path) -> None:
     """Nobody has to solve wrongly first. Oracle: the job's own settings.
 
-    Mutations: no controls before there is a run; the button beside the choices and not of them; a choice that is not sent; the run
-    not followed.
+    Mutations: no controls before there is a run; the button beside the choices and not of them; a choice that is not sent; the
+    run not followed.
     """
     recording = api.upload(bag)
     api.wait_for_planes(recording)
