@@ -202,7 +202,7 @@ def keep_screenshot(page: Page, name: str, scheme: str) -> None:
     picture = Image.open(io.BytesIO(page.screenshot(timeout=PICTURE_WAIT_MS)))
     # 256 colours: a fifth of the size, and no difference to the eye in an interface. Few pixels are of a plane's colour, and
     # the usual choice of colours would give it away to a grey.
-    picture.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+    picture.convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
         SCREENSHOTS / f"{name}-{scheme}.png", optimize=True
     )
 
