@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import LEVEL_STYLES, bullet
-from app.results.verdict import tone, verdict
+from app.results.verdict import sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
 
@@ -26,13 +26,15 @@ def result_summary(result: CalibrationResult) -> RenderableType:
     """The whole summary as one block."""
     parts: list[RenderableType] = [Text(verdict(result), style=_TONE_STYLES[tone(result)])]
     if result.T_imu_lidar is not None and result.uncertainty is not None and result.time_offset_s is not None:
-        parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s))
+        parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s, sigma_of_offset(result)))
     parts.append(_quality(result))
     parts += _remarks(result)
     return Panel(Group(*parts), title="unsweep", title_align="left", border_style="dim", padding=(0, 1))
 
 
-def _numbers(transform: Transform, uncertainty: Uncertainty, time_offset_s: float) -> RenderableType:
+def _numbers(
+    transform: Transform, uncertainty: Uncertainty, time_offset_s: float, offset_std_ms: str
+) -> RenderableType:
     table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
     table.add_column("T_imu_lidar: takes lidar coordinates to IMU coordinates")
     for axis in "xyz":
@@ -43,7 +45,7 @@ def _numbers(transform: Transform, uncertainty: Uncertainty, time_offset_s: floa
     table.add_row("translation (lidar seen from the IMU)", *_cells(_mm(transform.translation_m), 2), "mm")
     table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_cells(_mm(uncertainty.translation_std_m), 2), "mm")
     table.add_row("time offset (add to IMU stamps)", f"{1e3 * time_offset_s:.4f}", "", "", "ms")
-    table.add_row("  [dim]1 sigma[/]", f"{1e3 * uncertainty.time_offset_std_s:.4f}", "", "", "ms")
+    table.add_row("  [dim]1 sigma[/]", offset_std_ms, "", "", "ms")
     return Padding(table, (1, 0))
 
 

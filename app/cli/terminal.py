@@ -64,8 +64,10 @@ def stderr_console() -> Console:
 def listener(manner: Manner) -> Iterator[OnEvent]:
     """The event listener for `manner`, alive within the context."""
     if manner is Manner.live:
-        with LiveProgress(stderr_console()) as progress:
-            yield progress
+        from app.compiling import compiling_told  # Numba, which help and mistakes do not wait for
+
+        with LiveProgress(stderr_console()) as progress, compiling_told(progress) as told:
+            yield told
     elif manner is Manner.plain:
         yield PlainProgress(sys.stderr.write)
     elif manner is Manner.json:

@@ -26,15 +26,29 @@ NOTHING_LEFT = 1e-6
 
 
 def foreseen(forecast: Forecast | None, planes: PlaneSet, suggestion: PlaneSet) -> Foreseen | None:
-    """The least known axis over its limit; None without a forecast."""
+    """The least known axis against its limit; None without a forecast."""
     if forecast is None or not forecast.parameters:
         return None
     left = share_left(information(planes), information(suggestion))
     if left < NOTHING_LEFT:
         return None
-    worst = max(forecast.parameters, key=lambda parameter: parameter.std / WEAK_IN[parameter.unit])
+    # One that the data alone do not tell comes first: a prior may hide that.
+    worst = max(forecast.parameters, key=lambda parameter: (parameter.weak, parameter.std / WEAK_IN[parameter.unit]))
+    limit = WEAK_IN[worst.unit]
     std = worst.std / float(np.sqrt(left))
-    return Foreseen(name=AXIS_NAMES[worst.name], std=std, unit=worst.unit, limit=WEAK_IN[worst.unit])
+    name = AXIS_NAMES[worst.name]
+    by_motion = worst.weak or worst.std > limit
+    weak = by_motion or std > limit
+    text = _what_to_do(name, forecast, by_motion=by_motion) if weak else ""
+    return Foreseen(name=name, std=std, unit=worst.unit, limit=limit, weak=weak, text=text)
+
+
+def _what_to_do(name: str, forecast: Forecast, *, by_motion: bool) -> str:
+    """A sentence for an axis that would stay unknown. by_motion: all planes that were found would not tell it either."""
+    if not by_motion:
+        return f"{name} would stay unknown: too little is left of what fixes it. Confirm more planes."
+    cure = forecast.advice[0] if forecast.advice else "Record again, with turns about all three axes."
+    return f"{name} would stay unknown, whichever planes are confirmed: the motion does not tell it. {cure}"
 
 
 def information(planes: PlaneSet) -> FloatArray:

@@ -38,8 +38,8 @@ def thickness(walls: Thickness) -> str:
     before, after = 1e3 * walls.before_rms_m, 1e3 * walls.after_rms_m
     times = f", {before / after:.1f} times less" if 0 < after < before else ""
     return (
-        f"All points near a plane, by their distance from it. Narrow and centred on zero is good: {before:.1f} mm rms as "
-        f"published, {after:.1f} mm de-skewed{times}."
+        f"All points near a plane, by their distance from it. Narrow and centred on zero is good: {before:.1f} mm rms "
+        f"raw, {after:.1f} mm de-skewed{times}."
     )
 
 

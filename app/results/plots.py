@@ -86,7 +86,7 @@ def room(picture: Picture) -> str:
     """Before and after, side by side."""
     canvas = Canvas(FULL, 2.65)
     (row,) = canvas.axes(1, 2)
-    for axes, cells, title in zip(row, (picture.before, picture.after), ("as published", "de-skewed"), strict=True):
+    for axes, cells, title in zip(row, (picture.before, picture.after), ("raw", "de-skewed"), strict=True):
         _plan(axes, picture, cells)
         axes.set_title(title, fontsize=8)
     return canvas.svg()
@@ -166,7 +166,7 @@ def planes(found: Sequence[PlaneQuality], walls: Thickness | None) -> str:
     pairs = [(row, measured[plane.name]) for row, plane in enumerate(found) if plane.name in measured]
     if pairs:
         at = [row for row, _ in pairs]
-        axes.plot([1e3 * w.before_rms_m for _, w in pairs], at, "o", markersize=4, color=BEFORE, label="as published")
+        axes.plot([1e3 * w.before_rms_m for _, w in pairs], at, "o", markersize=4, color=BEFORE, label="raw")
         axes.plot([1e3 * w.after_rms_m for _, w in pairs], at, "o", markersize=4, color=AFTER, label="de-skewed")
     axes.set_yticks(rows, [plane.name[:28] for plane in found])
     axes.set_ylim(len(found) - 0.4, -0.6)
@@ -233,7 +233,7 @@ def thickness(walls: Thickness) -> str:
     ((axes,),) = canvas.axes(1, 1)
     edges_mm = 1e3 * np.array(walls.edges_m)
     for color, name, rows in (
-        (BEFORE, "as published", [wall.before_histogram for wall in walls.walls]),
+        (BEFORE, "raw", [wall.before_histogram for wall in walls.walls]),
         (AFTER, "de-skewed", [wall.after_histogram for wall in walls.walls]),
     ):
         counts = np.sum(rows, axis=0, dtype=np.float64)

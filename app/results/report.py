@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.results import captions, plot_parts, plots
-from app.results.verdict import tone, verdict
+from app.results.verdict import sigma_of_offset, tone, verdict
 from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
-from calib_core.result import CalibrationResult, Transform, Uncertainty
+from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
         heading=_HEADINGS[result.status],
         tone=tone(result),
         verdict=_sentence(result),
-        rows=_rows(result.T_imu_lidar, result.uncertainty, result.time_offset_s),
+        rows=_rows(result),
         matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
         rig=rig,
         figures=figures,
@@ -94,10 +94,9 @@ def _sentence(result: CalibrationResult) -> str:
     return told[:1].upper() + told[1:]
 
 
-def _rows(
-    transform: Transform | None, uncertainty: Uncertainty | None, time_offset_s: float | None
-) -> list[tuple[str, str, str, str, str]]:
+def _rows(result: CalibrationResult) -> list[tuple[str, str, str, str, str]]:
     """Name, value, one sigma, unit and about what the sigma is."""
+    transform, uncertainty, time_offset_s = result.T_imu_lidar, result.uncertainty, result.time_offset_s
     if transform is None or uncertainty is None or time_offset_s is None:
         return []
     turns = zip(("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
@@ -106,8 +105,7 @@ def _rows(
     rows += [
         (f"Position {axis}", f"{1e3 * v:.2f}", f"{1e3 * std:.2f}", "mm", f"along IMU {axis}") for axis, v, std in places
     ]
-    std_ms = 1e3 * uncertainty.time_offset_std_s
-    return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", f"{std_ms:.4f}", "ms", "of the clocks")]
+    return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", sigma_of_offset(result), "ms", "of the clocks")]
 
 
 def _in_lines(command: str) -> str:

@@ -27,15 +27,30 @@ def tone(result: CalibrationResult) -> Tone:
             return "doubtful" if disagrees(result) else "good"
 
 
+def held_offset(result: CalibrationResult) -> bool:
+    """Whether the time offset was held where it was: its sigma then says nothing of how well it is known."""
+    return result.provenance.settings.get("estimate_time_offset") is False
+
+
+def sigma_of_offset(result: CalibrationResult) -> str:
+    """The time offset's standard deviation [ms] for a table."""
+    if result.uncertainty is None:
+        return ""
+    return "held" if held_offset(result) else f"{1e3 * result.uncertainty.time_offset_std_s:.4f}"
+
+
 def verdict(result: CalibrationResult) -> str:
     """One sentence for a person: may I use this, and how well is it known."""
     if result.status == "refused" or result.uncertainty is None:
         reasons = [message.text for message in result.messages if message.level == "error"]
         return "Refused: " + (reasons[0] if reasons else "this recording does not determine the answer.")
+    turn = f"{two_digits(max(result.uncertainty.rotation_std_deg))} deg"
+    place = f"{two_digits(max(result.uncertainty.translation_std_m) * 1e3)} mm"
+    clock = f"{two_digits(result.uncertainty.time_offset_std_s * 1e3)} ms"
     known = (
-        f"one standard deviation is {two_digits(max(result.uncertainty.rotation_std_deg))} deg, "
-        f"{two_digits(max(result.uncertainty.translation_std_m) * 1e3)} mm and "
-        f"{two_digits(result.uncertainty.time_offset_std_s * 1e3)} ms at most."
+        f"one standard deviation is {turn} and {place} at most; the time offset was held, not estimated."
+        if held_offset(result)
+        else f"one standard deviation is {turn}, {place} and {clock} at most."
     )
     but = (
         "its parts disagree by more than noise explains, which the error bars allow for; " if disagrees(result) else ""

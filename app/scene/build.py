@@ -28,6 +28,7 @@ from app.scene.items import (
 )
 from app.scene.readout import Readout, from_plane, lean
 from app.scene.support import support_of
+from app.scene.upright import vertical_of
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
 from calib_core.types import Float32Array, FloatArray, PlaneProposals, PointArray, Recording, Scan, Trajectory
@@ -63,6 +64,13 @@ class Solved:
     colors: list[int]
     T_imu_lidar: FloatArray
     time_offset_s: float = 0.0
+
+
+def solved_stage(recording: Recording, solved: Solved) -> Stage:
+    """The solved planes, upright."""
+    up = vertical_of(recording, solved.trajectory, solved.T_imu_lidar, time_offset_s=solved.time_offset_s)
+    walls = np.array([(*plane.normal, plane.offset_m) for plane in solved.planes], dtype=np.float64).reshape(-1, 4)
+    return stage_of(up, walls)
 
 
 def build_planes(

@@ -11,8 +11,8 @@ from app.errors import ApiError
 from app.jobs.kept import error_of
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
-from app.scene.aim import Stage, stage_of
-from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty
+from app.scene.aim import Stage
+from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty, solved_stage
 from app.scene.converge import build_converging
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Cloud, Content
@@ -20,7 +20,6 @@ from app.scene.nudge import nudged, wall_blur, with_old
 from app.scene.sources import SceneSources, Shelf, SolvedJob
 from app.scene.straighten import fastest_scan, straighten
 from app.scene.surface import LEGEND, surface_items
-from app.scene.upright import vertical_of
 from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
 from app.storage.records import RecordingRecord
@@ -132,7 +131,7 @@ class Composer:
             content = build_unsolved(recording, state.scan, color_by=state.color_by, limit=self._limit, note=note)
             return content, Costs()
         solved = found.solved
-        stage = self._stages.get(f"{record.id}{found.job_id}", lambda: _stage(recording, solved))
+        stage = self._stages.get(f"{record.id}{found.job_id}", lambda: solved_stage(recording, solved))
         motions = _motions(solved, state)
         look = Look(
             place=state.scan,
@@ -171,13 +170,6 @@ class Composer:
         """What a wrong motion costs, worked out once: a slider through the scans does not change it."""
         mark = zlib.crc32(wrong.times_s.tobytes() + wrong.R_map_lidar.tobytes() + wrong.p_map_lidar.tobytes())
         return self._costs.get(f"{name}{mark}", lambda: wall_blur(recording, solved, wrong))
-
-
-def _stage(recording: Recording, solved: Solved) -> Stage:
-    """The solved planes, upright."""
-    up = vertical_of(recording, solved.trajectory, solved.T_imu_lidar, time_offset_s=solved.time_offset_s)
-    walls = np.array([(*plane.normal, plane.offset_m) for plane in solved.planes], dtype=np.float64).reshape(-1, 4)
-    return stage_of(up, walls)
 
 
 def _as_wished(content: Content, state: ViewState) -> Content:

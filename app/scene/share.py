@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from app.scene.apply import ShownScene
-from app.scene.build import Solved
+from app.scene.build import Solved, solved_stage
 from app.scene.inspect import Look, Motions, build_inspection
 from calib_core.types import Recording
 
 
 def shared_page(recording: Recording, solved: Solved, *, limit: int, dark: bool) -> str:
     """The page. It needs no server: it can be sent to anybody."""
-    look = Look(place=0, show="deskewed", against="raw", extent="map", color_by="plane", wipe=0.5, limit=limit)
+    look = Look(
+        place=0,
+        show="deskewed",
+        against="raw",
+        extent="map",
+        color_by="plane",
+        wipe=0.5,
+        limit=limit,
+        stage=solved_stage(recording, solved),
+    )
     content = build_inspection(recording, look, Motions(solved, solved.trajectory, None), None)
     shown = ShownScene(on_patch=lambda _: None, on_ray=lambda _, __, ___: None)
     try:

@@ -35,6 +35,8 @@ class Foreseen(WireModel):
     std: float
     unit: Literal["deg", "m", "s"]
     limit: float = Field(description="beyond which the axis is weak, in the same unit")
+    weak: bool = Field(description="whether it is beyond the limit: a solve would not know this axis")
+    text: str = Field(default="", description="of a weak axis: what is the matter, and what to do; for a person")
 
 
 class Determinacy(WireModel):

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from app.schemas.common import ErrorFacts, RecordId, WireModel
 from app.schemas.jobs import Job
 from app.schemas.report import Report
-from calib_core.settings import ReadSettings
+from calib_core.settings import CalibrateSettings, ReadSettings
 
 Origin = Literal["upload", "folder", "sample"]
 RecordingState = Literal["receiving", "inspecting", "ready", "failed"]
@@ -165,6 +165,7 @@ class ServerFacts(WireModel):
     samples: list[Sample]
     limits: WeakLimits = Field(description="beyond which standard deviation an axis is weak")
     usual: UsualNumbers
+    solve_settings: CalibrateSettings = Field(description="of a solve that is told nothing")
     axis_names: dict[str, str] = Field(description="by the axis's name in the covariance's order")
     imu_presets: list[str] = Field(description="IMUs whose noise is known by name")
     lidar_presets: list[str] = Field(description="lidars of whose lasers it is known what to expect")

@@ -49,6 +49,7 @@ from app.storage.store import DocumentStore, JobStore, RecordingStore
 from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core import __version__, api
 from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS
+from calib_core.settings import CalibrateSettings
 
 #: Scenarios offered as samples, and their titles; the first is the one click away.
 SAMPLES = {
@@ -157,6 +158,7 @@ class Services:
             export_formats=list(api.export_names()),
             limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
             usual=usual_numbers(),
+            solve_settings=CalibrateSettings(),
             axis_names=AXIS_NAMES,
             imu_presets=[preset.name for preset in IMU_PRESETS],
             lidar_presets=[preset.name for preset in LIDAR_PRESETS],

@@ -25,6 +25,7 @@ from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals,
 from app.arrays.recording import has_recording, read_recording, recording_arrays, write_recording
 from app.arrays.surface import SURFACE, Surface, write_surface
 from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
+from app.compiling import compiling_told
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
 from app.results.evidence import StepListener, measure_evidence
@@ -58,8 +59,9 @@ def warm_up() -> None:
 
 def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
     """Run the ordered job; its outcome. What an archive holds is unpacked once for all jobs of the recording."""
-    with nullcontext() if order.unpacked is None else api.sharing_archives(order.unpacked):
-        return _run(order, events_by_name(order, on_event), should_cancel)
+    unpacking = nullcontext() if order.unpacked is None else api.sharing_archives(order.unpacked)
+    with unpacking, compiling_told(events_by_name(order, on_event)) as told:
+        return _run(order, told, should_cancel)
 
 
 def _run(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
@@ -144,8 +146,10 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         kept = api.without_spans(recording, order.request.settings.excluded_spans_s)
         walls = measure_thickness(kept, trajectory, result.quality.planes)
         _write(order.folder / "thickness.json", walls.model_dump_json())
+        on_event(StageEvent(stage="deskew", fraction=0.4, text="holding each scan against the walls"))
         scans = measure_scans(recording, trajectory, result.quality.planes)
         _write(order.folder / "scans.json", scans.model_dump_json())
+        on_event(StageEvent(stage="deskew", fraction=0.7, text="measuring what the plots show"))
     evidence = measure_evidence(recording, result, trajectory, steps.steps)
     _write(order.folder / "evidence.json", evidence.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())

@@ -24,8 +24,12 @@ Solve = Callable[[Sequence[Plane] | None, OnEvent], Solved]
 def solve_suggestion(solve: Solve, planes: Sequence[Plane], on_event: OnEvent) -> Solved:
     """The calibration by those of the planes that are beyond doubt; by what is found where they are too few."""
     heard: list[LogEvent] = []
+    latest = StageEvent(stage="solve", fraction=1.0)
 
     def first(event: StageEvent | IterationEvent | LogEvent) -> None:
+        nonlocal latest
+        if isinstance(event, StageEvent):
+            latest = event
         # Who follows is not to be told that a plane was chosen, since nobody chose it.
         if isinstance(event, LogEvent) and event.code.startswith("planes."):
             heard.append(event)
@@ -33,9 +37,10 @@ def solve_suggestion(solve: Solve, planes: Sequence[Plane], on_event: OnEvent) -
             on_event(event)
 
     def again(event: StageEvent | IterationEvent | LogEvent) -> None:
-        # The stages have been gone through: progress does not go back.
-        if not isinstance(event, StageEvent):
-            on_event(event)
+        # The stages have been gone through: progress does not go back, and what goes on is said where it has come to.
+        if isinstance(event, StageEvent):
+            event = latest.model_copy(update={"text": f"once more, {how}: {event.text or event.stage}"})
+        on_event(event)
 
     result, trajectory = solve(planes, first)
     said = left_out(result, planes)
@@ -46,6 +51,7 @@ def solve_suggestion(solve: Solve, planes: Sequence[Plane], on_event: OnEvent) -
     for message in said.values():
         on_event(LogEvent(level=message.level, code=message.code, text=message.text))
     sound = [plane for plane in planes if plane.name not in said] if said else None
+    how = f"without {', '.join(said)}" if said else "with the planes that are found"
     result, trajectory = solve(sound, again)
     return result.model_copy(update={"messages": [*result.messages, *said.values()]}), trajectory
 

@@ -119,11 +119,13 @@ def _planes_in_words(planes: Sequence[PlaneReport], *, determined: bool) -> str:
         one, many = words.get(kind, (kind, f"{kind}s"))
         counted.append(f"{count} {many}" if count > 1 else one)
     listed = joined(counted)
-    number = f"{len(planes)} planes" if len(planes) > 1 else "One plane"
+    number = f"{len(planes)} planes" if len(planes) > 1 else "one plane"
     said = number if listed == number else f"{number} ({listed})" if len(planes) > 1 else f"{number} ({planes[0].name})"
+    # A solve looks at all points and may find another number of them.
+    seen = f"A sample of the points shows {said}"
     if determined:
-        return f"{said}; together they fix where the lidar is."
-    return f"{said}, which leave a direction of the lidar's motion open: turn towards planes that face another way."
+        return f"{seen}; together they fix where the lidar is."
+    return f"{seen}, which leave a direction of the lidar's motion open: turn towards planes that face another way."
 
 
 def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> Forecast:

@@ -55,7 +55,7 @@ def sampled(scans: Sequence[Scan], trajectory: Trajectory) -> list[Scan]:
 
 
 def crispness_of(scans: Sequence[Scan], trajectory: Trajectory) -> Crispness | None:
-    """Of the scans as published and with the motion taken out; None where too little of the room was seen."""
+    """Of the raw scans and with the motion taken out; None where too little of the room was seen."""
     chosen = sampled(scans, trajectory)
     measured = compare_rooms([laid(chosen, trajectory, raw_map_points), laid(chosen, trajectory)])
     if measured is None:
@@ -132,7 +132,7 @@ def _covariances(xyz_m: FloatArray, cube: IntArray) -> tuple[FloatArray, IntArra
 
 def _sentence(before: RoomCrispness, after: RoomCrispness) -> str:
     gained = before.mean_entropy_nat - after.mean_entropy_nat
-    thick = f"{1e3 * before.thickness_std_m:.1f} mm as published and {1e3 * after.thickness_std_m:.1f} mm de-skewed"
+    thick = f"{1e3 * before.thickness_std_m:.1f} mm raw and {1e3 * after.thickness_std_m:.1f} mm de-skewed"
     if gained > 0.0:
         return (
             f"The room is crisper de-skewed, by {gained:.3f} nat of map entropy: its surfaces are {thick} thick (rms)."

@@ -1,8 +1,9 @@
 import { describe, expect, it } from "vitest";
 import type { Recording, StageEvent } from "../src/api/client";
 import { addMessages, emptyRun } from "../src/api/jobstream";
-import { stalledS } from "../src/features/jobs/timeleft";
-import { strength } from "../src/features/planes/determinacy";
+import { longStep, stalledS } from "../src/features/jobs/timeleft";
+import { determines, strength } from "../src/features/planes/determinacy";
+import { planesText } from "../src/features/recording/forecast";
 import { firstStep, otherUnit } from "../src/features/result/nextsteps";
 import { toneOf } from "../src/features/result/verdict";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
@@ -44,11 +45,35 @@ describe("one truth", () => {
 
   // Fails when the gauge rises as the sigma grows.
   it("falls when the weakest sigma grows", () => {
-    const at = (std: number) => strength({ name: "", std, unit: "m", limit: 0.02 });
+    const at = (std: number) => strength({ name: "", std, unit: "m", limit: 0.02, weak: std > 0.02, text: "" });
     const lengths = [0.00001, 0.0001, 0.001, 0.01, 0.1].map(at);
     expect([...lengths].sort((a, b) => b - a)).toEqual(lengths);
     expect(strength(null)).toBe(0);
     expect(stdText(0.00063, "m")).toBe("0.63 mm");
+  });
+
+  // Fails when planes that fix all directions are green over an axis that would stay unknown.
+  it("is no green where the forecast is useless", () => {
+    const determinacy = { ok: true, text: "", smallest_eigenvalue: 0.3 };
+    const axis = { name: "Position z", std: 1.5, unit: "m", limit: 0.02, text: "Tilt the rig." } as const;
+    expect(determines({ determinacy, foreseen: { ...axis, weak: true } })).toBe(false);
+    expect(determines({ determinacy, foreseen: { ...axis, weak: false } })).toBe(true);
+    expect(determines({ determinacy, foreseen: null })).toBe(true);
+  });
+
+  // Fails when a sample's number of planes stands beside the number that was found.
+  it("counts planes once", () => {
+    const sampled = { text: "A sample of the points shows 8 planes" } as Parameters<typeof planesText>[0];
+    const found = (confirmed: boolean[]) =>
+      ({
+        patches: confirmed.map((one) => ({ confirmed: one })),
+        determinacy: { text: "2 confirmed planes fix it." },
+      }) as unknown as Parameters<typeof planesText>[1];
+    expect(planesText(sampled, undefined)).toBe("A sample of the points shows 8 planes");
+    expect(planesText(sampled, found([true, true]))).toBe("2 confirmed planes fix it.");
+    expect(planesText(sampled, found([true, false, false]))).toBe(
+      "With all 3 planes that were found; 1 is chosen now.",
+    );
   });
 
   // Fails when the list says "Ready" of what the doctor calls unusable.
@@ -75,11 +100,13 @@ describe("progress", () => {
     expect(run.stages[0]?.fraction).toBe(0.8);
   });
 
-  // Fails when a run that says nothing is promised an end.
-  it("says that it hangs", () => {
-    expect(stalledS(null, 1e6)).toBeNull();
-    expect(stalledS(0, 10_000)).toBeNull();
-    expect(stalledS(0, 35_000)).toBe(35);
+  // Fails when a long step is called a stall, or when a run that says nothing for minutes is none.
+  it("says that a step is long, and that it hangs", () => {
+    const at = (ms: number) => [longStep(0, ms), stalledS(0, ms)];
+    expect([longStep(null, 1e6), stalledS(null, 1e6)]).toEqual([null, null]);
+    expect(at(10_000)).toEqual([null, null]);
+    expect(at(35_000)).toEqual([35, null]);
+    expect(at(200_000)).toEqual([200, 200]);
   });
 });
 

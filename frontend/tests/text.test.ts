@@ -4,7 +4,7 @@ import { fixOf, fixText } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
-import { bytes, fixed, withSigma } from "../src/ui/format";
+import { bytes, fixed, NARROW, withSigma } from "../src/ui/format";
 import { controlName } from "../src/ui/words";
 
 describe("numbers for people", () => {
@@ -12,6 +12,7 @@ describe("numbers for people", () => {
   it("gives a value the decimals its standard deviation deserves", () => {
     expect(withSigma(103.7261, 0.632)).toEqual({ value: "103.73", sigma: "0.63" });
     expect(withSigma(103.7261, 17)).toEqual({ value: "104", sigma: "17" });
+    expect(withSigma(12.3, 10000)).toEqual({ value: "12", sigma: `>${NARROW}1000` });
     expect(withSigma(-0.00001, 0.3)).toEqual({ value: "0.00", sigma: "0.30" });
   });
 

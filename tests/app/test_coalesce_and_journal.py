@@ -31,7 +31,7 @@ def test_order_is_kept_logs_are_all_there_and_each_burst_ends_with_its_last(stor
     """Oracle: the list of what was told. Mutation: no flush before a log line swaps it with older progress."""
     clock = {"ms": 0}
     sent = []
-    coalesce = Coalescer(sent.append, clock=lambda: clock["ms"] / 1000, interval_s=0.05)
+    coalesce = Coalescer(sent.append, clock=lambda: clock["ms"] / 1000, interval_s=0.05, later=lambda *_: None)
     told = []
     for number, (kind, wait_ms) in enumerate(story):
         clock["ms"] += wait_ms
@@ -49,11 +49,25 @@ def test_order_is_kept_logs_are_all_there_and_each_burst_ends_with_its_last(stor
 def test_a_burst_within_the_interval_becomes_two_messages():
     """Mutation: comparing with `<=` 0 instead of the interval sends all hundred."""
     sent = []
-    coalesce = Coalescer(sent.append, clock=lambda: 1.0, interval_s=0.05)
+    coalesce = Coalescer(sent.append, clock=lambda: 1.0, interval_s=0.05, later=lambda *_: None)
     for number in range(100):
         coalesce(stage("solve", number))
     coalesce.flush()
     assert [event.text for event in sent] == ["0", "99"]
+
+
+def test_what_is_said_last_before_a_long_silence_is_heard():
+    """Mutations: held until something else is said; a look asked for by each of a burst; none asked for after the first."""
+    sent, looks = [], []
+    coalesce = Coalescer(sent.append, clock=lambda: 1.0, interval_s=0.05, later=lambda after_s, act: looks.append(act))
+    for number in range(3):
+        coalesce(stage("solve", number))
+    assert len(looks) == 1
+    looks.pop()()
+    assert [event.text for event in sent] == ["0", "2"]
+    coalesce(stage("solve", 3))
+    looks.pop()()
+    assert [event.text for event in sent] == ["0", "2", "3"]
 
 
 def test_followers_get_everything_once_from_where_they_ask():

@@ -189,3 +189,34 @@ def test_a_guess_s_rotation_is_judged_alike_by_the_command_line_and_the_page(tmp
     np.testing.assert_array_equal(page.R_imu_lidar, line.R_imu_lidar)
     np.testing.assert_allclose(page.R_imu_lidar @ page.R_imu_lidar.T, np.eye(3), atol=1e-14)
     assert page.time_offset_ns == line.time_offset_ns == -20_000_000
+
+
+def test_a_forecast_that_is_useless_says_so_and_what_to_do():
+    """Where the motion does not tell an axis, another motion is asked for; where too few planes are left, more planes.
+
+    Mutations: weak by what the planes fix alone; one advice for both; an axis that only a prior holds taken for known.
+    """
+    start = suggested(PROPOSALS)
+    good = foreseen(FORECAST, start, start)
+    assert good is not None
+    assert (good.weak, good.text) == (False, "")
+
+    def with_std(std: float, *, weak: bool = False) -> Forecast:
+        changed = tuple(
+            p.model_copy(update={"std": std, "weak": weak}) if p.name == "tz" else p for p in FORECAST.parameters
+        )
+        return FORECAST.model_copy(update={"parameters": changed, "advice": ("Tilt the rig.",)})
+
+    for forecast in (with_std(1.5), with_std(0.001, weak=True)):
+        useless = foreseen(forecast, start, start)
+        assert useless is not None
+        assert useless.weak
+        assert "Position z" in useless.text
+        assert useless.text.endswith("Tilt the rig.")
+    thin = start.model_copy(
+        update={"patches": tuple(p.model_copy(update={"n_points": p.n_points * 40}) for p in start.patches)}
+    )
+    starved = foreseen(with_std(0.019), start, thin)
+    assert starved is not None
+    assert starved.weak
+    assert starved.text.endswith("Confirm more planes.")

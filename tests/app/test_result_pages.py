@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import re
+
+from rich.console import Console
+
+from app.cli.summary import result_summary
 from app.results.report import report_page
 from app.results.verdict import two_digits, verdict
 from calib_core.result import WeakDirection
@@ -19,6 +25,22 @@ def test_the_verdict_says_how_well_the_worst_axis_is_known():
         WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=4.0, text="Turn more.")
     )
     assert verdict(weak) == "Weak: Turn more."
+
+
+def test_an_offset_that_was_held_has_no_sigma():
+    """Held by a prior of a nanosecond it would be known to 0.0000010 ms. Mutation: the prior's sigma told, anywhere."""
+    result = world.make_result()
+    assert result.uncertainty is not None
+    result.uncertainty.time_offset_std_s = 1e-9
+    result.provenance.settings["estimate_time_offset"] = False
+    assert verdict(result) == (
+        "Calibrated: one standard deviation is 0.030 deg and 3.0 mm at most; the time offset was held, not estimated."
+    )
+    console = Console(file=io.StringIO(), width=120)
+    console.print(result_summary(result))
+    *_, last = (line for line in console.file.getvalue().splitlines() if "1 sigma" in line)
+    assert re.search(r"1 sigma +held +ms", last)
+    assert re.search(r">Time offset</th><td[^>]*>[-\d.]+</td><td[^>]*>held</td>", report_page(result))
 
 
 def test_sigmas_keep_their_last_zero():

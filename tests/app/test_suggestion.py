@@ -54,7 +54,9 @@ class Solving:
 
 
 def test_a_doubtful_plane_that_nobody_chose_is_left_out_and_named(monkeypatch) -> None:
-    """Mutations: the first answer kept; the plane whose name begins the doubtful one's left out too; the blame told."""
+    """Mutations: the first answer kept; the plane whose name begins the doubtful one's left out too; the blame told;
+    the second time in silence, or as progress that goes back.
+    """
     blamed = said_by_the_estimator(monkeypatch, ("wall 1 of the hall",))
     assert len(blamed) == 1
     solving, heard = Solving(blamed, []), []
@@ -64,7 +66,8 @@ def test_a_doubtful_plane_that_nobody_chose_is_left_out_and_named(monkeypatch) -
     assert [event.text for event in heard if isinstance(event, LogEvent)] == [
         "wall 1 of the hall is not flat: left out"
     ]
-    assert [event.fraction for event in heard if isinstance(event, StageEvent)] == [0.1]
+    stages = [(event.fraction, event.text) for event in heard if isinstance(event, StageEvent)]
+    assert stages == [(0.1, ""), (0.1, "once more, without wall 1 of the hall: solve")]
 
 
 def test_planes_beyond_doubt_are_solved_once() -> None:

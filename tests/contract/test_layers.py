@@ -288,6 +288,7 @@ APP_ROOMS = (
     "recordings",
     "fleet",
     "kernels",
+    "compiling",
     "work",
     "scene",
     "server",

@@ -66,6 +66,10 @@ class Api:
         """The recording's planes."""
         return self.ask("GET", f"/api/recordings/{recording}/planes")
 
+    def as_detected(self, recording: str) -> None:
+        """Have the planes as they were detected, by their own names."""
+        self.ask("POST", f"/api/recordings/{recording}/planes/operations", body=b'{"op": "use-suggestion"}')
+
     def view(self, recording: str):
         """What the scene shows."""
         return self.ask("GET", f"/api/recordings/{recording}/view")
@@ -196,8 +200,9 @@ def keep_screenshot(page: Page, name: str, scheme: str) -> None:
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.wait_for_timeout(1000)  # plots follow the window's size a moment later
     picture = Image.open(io.BytesIO(page.screenshot(timeout=PICTURE_WAIT_MS)))
-    # 256 colours: a fifth of the size, and no difference to the eye in an interface.
-    picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+    # 256 colours: a fifth of the size, and no difference to the eye in an interface. Few pixels are of a plane's colour, and
+    # the usual choice of colours would give it away to a grey.
+    picture.convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
         SCREENSHOTS / f"{name}-{scheme}.png", optimize=True
     )
 

@@ -64,6 +64,7 @@ def test_wipe_between_raw_and_deskewed(page: Page, api: Api, solved: tuple[str, 
     Fails with the line's place not sent; with the cut made from the wrong camera (nothing changes under the line).
     """
     recording, job = solved
+    api.as_detected(recording)  # under their own names in the picture
     page.goto(f"/r/{recording}/inspect?job={job}&scan=40&show=wipe&color=plane")
     line = page.get_by_role("slider", name="Wipe")
     expect(line).to_be_visible()

@@ -50,7 +50,7 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, solved: 
 
     page.goto(f"/r/{recording}/solve?job={job}")
     table = page.get_by_role("table", name="The answer so far")
-    for sigma in sigmas_of(result, most=(3, 4, 3)):
+    for sigma in sigmas_of(result, most=(3, 4, 4)):
         expect(table).to_contain_text(f"± {sigma}")
     expect(page.get_by_role("complementary", name="Solved")).to_contain_text(sentence[1:])
 

@@ -39,11 +39,10 @@ DROP = """([name, text]) => {
 @pytest.fixture
 def as_detected(api: Api, solved: tuple[str, str]) -> Iterator[str]:
     """The solved recording with its planes as detected, before and after, and seen as it opens, whoever looked at it before."""
-    path = f"/api/recordings/{solved[0]}/planes/operations"
     api.ask("POST", f"/api/recordings/{solved[0]}/view", body=b'{"preset": "overview", "point_scale": 1}')
-    api.ask("POST", path, body=b'{"op": "use-suggestion"}')
+    api.as_detected(solved[0])
     yield solved[0]
-    api.ask("POST", path, body=b'{"op": "use-suggestion"}')
+    api.as_detected(solved[0])
 
 
 def test_a_folder_is_one_recording(page: Page, folder: Path, tmp_path: Path) -> None:

@@ -48,6 +48,25 @@ def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
     keep_screenshot(page, "solve", scheme)
 
 
+def test_what_a_solve_can_be_told_is_there_before_the_first(page: Page, api: Api, bag: Path) -> None:
+    """Nobody has to solve wrongly first. Oracle: the job's own settings.
+
+    Mutations: no controls before there is a run; the button beside the choices and not of them; a choice that is not sent; the
+    run not followed.
+    """
+    recording = api.upload(bag)
+    api.wait_for_planes(recording)
+    page.goto(f"/r/{recording}/solve")
+    expect(page.get_by_role("heading", name="Nothing has been solved yet")).to_be_visible()
+    page.get_by_text("Sensors, gravity and where to start").click()
+    page.get_by_label("Lidar sampling").select_option("as stamped")
+    page.get_by_role("button", name="Solve", exact=True).click()
+    expect(page).to_have_url(re.compile("job="))
+    job = re.findall(r"job=(\w+)", page.url)[0]
+    assert api.ask("GET", f"/api/jobs/{job}")["settings"]["lidar_sampling"] == "as-stamped"
+    api.ask("POST", f"/api/jobs/{job}/cancel")
+
+
 @pytest.fixture
 def long_recording(api: Api, tmp_path: Path) -> str:
     """A recording whose solve lasts: two browsers that draw in software need a while until they look at it."""

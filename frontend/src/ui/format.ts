@@ -53,7 +53,7 @@ export function withSigma(value: number, sigma: number, most = 4): ValueText {
   const least = 10 ** -decimals;
   return {
     value: fixed(value, decimals),
-    sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : fixed(sigma, decimals),
+    sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : boundless(sigma, decimals),
   };
 }
 
@@ -70,7 +70,12 @@ export function stdText(std: number, unit: "deg" | "m" | "s"): string {
 }
 
 function twoDigits(value: number): string {
-  return value >= 1000 ? "> 1000" : fixed(value, Math.max(0, 1 - Math.floor(Math.log10(Math.max(value, 1e-9)))));
+  return boundless(value, Math.max(0, 1 - Math.floor(Math.log10(Math.max(value, 1e-9)))));
+}
+
+/** Beyond a metre or a second nothing is known, and how much of nothing is no number to read. */
+function boundless(value: number, decimals: number): string {
+  return value >= 1000 ? `>${NARROW}1000` : fixed(value, decimals);
 }
 
 /** An angle as every document and screen has it: above -180 degrees, up to 180. */

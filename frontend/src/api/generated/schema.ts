@@ -1562,10 +1562,21 @@ export interface components {
             /** Std */
             std: number;
             /**
+             * Text
+             * @description of a weak axis: what is the matter, and what to do; for a person
+             * @default
+             */
+            text: string;
+            /**
              * Unit
              * @enum {string}
              */
             unit: "deg" | "m" | "s";
+            /**
+             * Weak
+             * @description whether it is beyond the limit: a solve would not know this axis
+             */
+            weak: boolean;
         };
         /**
          * Gravity
@@ -3099,6 +3110,8 @@ export interface components {
             recordings_folder: boolean;
             /** Samples */
             samples: components["schemas"]["Sample"][];
+            /** @description of a solve that is told nothing */
+            solve_settings: components["schemas"]["CalibrateSettings"];
             /** Upload Suffixes */
             upload_suffixes: string[];
             usual: components["schemas"]["UsualNumbers"];

@@ -55,13 +55,17 @@ export function AxisTable({ axes }: { axes: readonly AxisAudit[] }) {
             return (
               <tr key={axis.axis} data-tone={tone}>
                 <th scope="row">{names[axis.axis]}</th>
-                <td className="num">{axis.difference === null ? "–" : `${text.value} ${unit}`}</td>
+                <td className="num" data-label="Difference">
+                  {axis.difference === null ? "–" : `${text.value} ${unit}`}
+                </td>
                 <td className="num dim">± {text.sigma}</td>
-                <td>
+                <td className={css.drawn}>
                   <Gauge axis={axis} />
                 </td>
-                <td className="num">{axis.limit === null ? "–" : `${Number(axis.limit.toPrecision(3))} ${unit}`}</td>
-                <td className="num dim">
+                <td className="num" data-label="Allowed">
+                  {axis.limit === null ? "–" : `${Number(axis.limit.toPrecision(3))} ${unit}`}
+                </td>
+                <td className="num dim" data-label="Shows from">
                   {fixed(axis.smallest_error, decimalsFor(axis.smallest_error, 3))} {unit}
                 </td>
                 <td>

@@ -70,7 +70,7 @@ export function Transport({ scan, scans, timeS, points, onScan }: TransportProps
       />
       <span className={`num ${css.readout ?? ""}`}>{scans === 0 ? "–" : `${scan + 1} / ${scans}`}</span>
       <span className={`num dim ${css.readout ?? ""}`}>{timeS === null ? "" : `${fixed(timeS, 2)} s`}</span>
-      <span className={`num dim ${css.points ?? ""}`}>{points === 0 ? "" : `${count(points)} points`}</span>
+      <span className={`num dim ${css.points ?? ""}`}>{points === 0 ? "" : `${count(points)} points shown`}</span>
     </div>
   );
 }

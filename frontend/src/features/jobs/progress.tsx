@@ -7,7 +7,7 @@ import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./progress.module.css";
-import { secondsLeft, stagesOf, stageState, stalledS, wholeFraction } from "./timeleft";
+import { longStep, secondsLeft, stagesOf, stageState, stalledS, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -63,7 +63,9 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   const refused = run.job?.result?.kind === "solve" && run.job.result.status === "refused";
   const queued = run.job?.state === "queued";
   const stalled = running && !queued ? stalledS(run.heardAtMs, now) : null;
-  const left = running && stalled === null ? secondsLeft(fraction, elapsedS) : null;
+  const step = running && !queued ? longStep(run.heardAtMs, now) : null;
+  // While a step takes longer than it should, so will the rest: nothing is promised.
+  const left = running && step === null ? secondsLeft(fraction, elapsedS) : null;
   const active = stages.at(-1);
   const names = [...new Set([...(running ? stagesOf(stages, expected) : []), ...stages.map((stage) => stage.stage)])];
   const percent = Math.round(fraction * 100);
@@ -132,12 +134,17 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
         })}
       </ol>
       <p className={css.stageText} aria-live="polite">
-        {stalled !== null
-          ? "It has said nothing for a while. It may still be working on a hard part; cancel it if this goes on for minutes."
-          : running
-            ? (active?.text ?? "Starting")
-            : ""}
+        {running ? (active?.text ?? "Starting") : ""}
       </p>
+      {stalled !== null ? (
+        <p className={css.stageText}>
+          It has said nothing for {duration(stalled)}. It may still be at a hard part; cancel it if this goes on.
+        </p>
+      ) : (
+        step !== null && (
+          <p className={css.stageText}>This step has taken {duration(step)} so far; it is still working.</p>
+        )
+      )}
     </div>
   );
 }

@@ -33,14 +33,25 @@ export function wholeFraction(seen: readonly StageProgress[], expected: readonly
   return done / all.reduce((sum, stage) => sum + weights[stage], 0);
 }
 
-/** Longer silence than this is said: the longest step of a usual run takes a few seconds. */
-const silenceS = 20;
+/** After so long without a word the page says how long this step has taken: the usual one takes a few seconds. */
+const longStepS = 20;
+/** And after so long that something may be wrong: the longest step of a long recording on a slow machine takes less. */
+const silenceS = 180;
+
+/** Seconds since a run last said anything, where that is long enough to be told; null otherwise. */
+export function longStep(heardAtMs: number | null, nowMs: number): number | null {
+  return silentFor(heardAtMs, nowMs, longStepS);
+}
 
 /** Seconds since a run last said anything, where that is long enough to worry; null otherwise. */
 export function stalledS(heardAtMs: number | null, nowMs: number): number | null {
+  return silentFor(heardAtMs, nowMs, silenceS);
+}
+
+function silentFor(heardAtMs: number | null, nowMs: number, leastS: number): number | null {
   if (heardAtMs === null) return null;
   const silentS = (nowMs - heardAtMs) / 1000;
-  return silentS >= silenceS ? silentS : null;
+  return silentS >= leastS ? silentS : null;
 }
 
 /** Seconds until the end at the pace so far; null while it is too early to say. */

@@ -6,25 +6,25 @@ import css from "./planes.module.css";
 /** The gauge is full where the weakest axis is a thousand times better known than it has to be. */
 const decades = 3;
 
-interface MeterProps {
-  determinacy: Planes["determinacy"];
-  foreseen: Planes["foreseen"];
+type Known = Pick<Planes, "determinacy" | "foreseen">;
+
+interface MeterProps extends Known {
+  /** Why no planes at all would help; empty where they may. */
+  hopeless: string;
 }
 
 /** Whether the confirmed planes hold the answer in all three directions, and how well the least known axis is foreseen. */
-export function DeterminacyMeter({ determinacy, foreseen }: MeterProps) {
+export function DeterminacyMeter({ determinacy, foreseen, hopeless }: MeterProps) {
   const known = foreseen ?? null;
+  const ok = hopeless === "" && determines({ determinacy, foreseen });
   const fraction = strength(known);
   const text = known === null ? "" : `±${NARROW}${stdText(known.std, known.unit)}`;
   return (
-    <div
-      className={css.determinacy}
-      data-ok={determinacy.ok}
-      role="status"
-      aria-label="Do these planes determine the answer"
-    >
-      <LevelIcon level={determinacy.ok ? "good" : "warning"} />
-      <p>{determinacy.text}</p>
+    <div className={css.determinacy} data-ok={ok} role="status" aria-label="Do these planes determine the answer">
+      <LevelIcon level={ok ? "good" : "warning"} />
+      <p>
+        {determinacy.text} {hopeless === "" ? known?.text : hopeless}
+      </p>
       {known !== null && (
         <>
           <div className={css.gauge} role="img" aria-label={`Least known axis as foreseen: ${known.name}, ${text}`}>
@@ -38,6 +38,11 @@ export function DeterminacyMeter({ determinacy, foreseen }: MeterProps) {
       )}
     </div>
   );
+}
+
+/** Whether a solve with the confirmed planes would know all seven axes. */
+export function determines({ determinacy, foreseen }: Known): boolean {
+  return determinacy.ok && foreseen?.weak !== true;
 }
 
 /** How far the weakest axis is below its limit, 0..1 on a logarithmic scale: it falls whenever its sigma grows. */

@@ -14,7 +14,7 @@ import { JobProgress } from "../jobs/progress";
 import { stagesOfPlanes } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
-import { DeterminacyMeter } from "./determinacy";
+import { determines, DeterminacyMeter } from "./determinacy";
 import { PatchList } from "./list";
 import css from "./planes.module.css";
 
@@ -64,6 +64,10 @@ export function PlanesScreen() {
         ],
   );
 
+  // The doctor's reason, where a solve would be refused whatever is confirmed.
+  const report = recording.report ?? null;
+  const hopeless = report?.verdict === "unusable" ? (report.reasons[0] ?? "") : "";
+  const sound = planes !== undefined && hopeless === "" && determines(planes);
   const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   return (
     <>
@@ -88,10 +92,10 @@ export function PlanesScreen() {
               onClick={solve}
               loading={start.isPending}
               disabled={confirmed === 0}
-              variant={planes.determinacy.ok ? "filled" : "default"}
+              variant={sound ? "filled" : "default"}
               rightSection={<Icon name="next" />}
             >
-              {planes.determinacy.ok ? `Solve with ${confirmed} planes` : `Solve with ${confirmed} anyway`}
+              {sound ? `Solve with ${confirmed} planes` : `Solve with ${confirmed} anyway`}
             </Button>
           )
         }
@@ -99,7 +103,7 @@ export function PlanesScreen() {
         {start.isError && <Fault error={start.error} />}
         {planes !== undefined ? (
           <>
-            <DeterminacyMeter determinacy={planes.determinacy} foreseen={planes.foreseen} />
+            <DeterminacyMeter {...planes} hopeless={hopeless} />
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">

@@ -1,5 +1,5 @@
 import { useQuery } from "@tanstack/react-query";
-import type { DoctorReport } from "../../api/client";
+import type { DoctorReport, Planes } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { fixed, NARROW, stdText } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
@@ -9,7 +9,8 @@ type ForecastReport = NonNullable<DoctorReport["forecast"]>;
 
 interface ForecastProps {
   forecast: ForecastReport;
-  planes: DoctorReport["planes"];
+  /** On the planes that it rests on; empty where nothing is to be said. */
+  planes: string;
   /** Sentences that stand above already. */
   said: readonly string[];
 }
@@ -27,20 +28,27 @@ function sentenceOf(text: string): string {
   return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
 }
 
+/** On what planes the forecast rests: once they have been found, their number is that of the Planes page and no sample's. */
+export function planesText(report: DoctorReport["planes"], found: Planes | undefined): string {
+  if (found === undefined) return report?.text ?? "";
+  const chosen = found.patches.filter((patch) => patch.confirmed).length;
+  const all = found.patches.length;
+  if (chosen === all) return found.determinacy.text;
+  return `With all ${all} planes that were found; ${chosen === 1 ? "1 is" : `${chosen} are`} chosen now.`;
+}
+
 /** What a solve would know, before it is run, and the planes that rests on. */
 export function Forecast({ forecast, planes, said }: ForecastProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
   const weak = forecast.weak.filter((sentence) => !said.some((other) => same(other, sentence)));
-  const headline = forecast.parameters.length === 0 ? forecast.reason : forecast.text;
+  const nothing = forecast.parameters.length === 0;
+  const headline = nothing ? forecast.reason : forecast.text;
+  const repeated = headline === "" || said.some((sentence) => same(sentence, headline));
   return (
-    <section
-      aria-label="Forecast"
-      className={css.forecastCard}
-      data-weak={forecast.parameters.length === 0 || forecast.weak.length > 0}
-    >
+    <section aria-label="Forecast" className={css.forecastCard} data-weak={nothing || forecast.weak.length > 0}>
       <h2>What a solve would know</h2>
-      {headline !== "" && !said.some((sentence) => same(sentence, headline)) && <p>{sentenceOf(headline)}</p>}
-      {planes !== null && planes !== undefined && planes.text !== "" && <p className="dim">{planes.text}</p>}
+      {nothing && repeated ? <p>Nothing, for the reason above.</p> : !repeated && <p>{sentenceOf(headline)}</p>}
+      {!nothing && planes !== "" && !said.some((sentence) => same(sentence, planes)) && <p className="dim">{planes}</p>}
       {forecast.parameters.length > 0 && (
         <ul className={css.forecast}>
           {forecast.parameters.map((parameter) => (

@@ -1,12 +1,12 @@
 import { Button } from "@mantine/core";
-import type { DoctorReport, FindingReport, Recording } from "../../api/client";
+import type { DoctorReport, FindingReport, Planes, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/queries";
 import { fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import { GuideButton } from "../guide/dialog";
 import { Evidence } from "./evidence";
-import { Forecast } from "./forecast";
+import { Forecast, planesText } from "./forecast";
 import { fixOf, fixText } from "./fixes";
 import css from "./recording.module.css";
 import { SpanStrip } from "./strip";
@@ -18,8 +18,15 @@ const headings: Record<DoctorReport["verdict"], string> = {
   unusable: "Not usable as it is",
 };
 
+interface ReportProps {
+  recording: Recording;
+  report: DoctorReport;
+  /** Undefined until they have been found. */
+  planes: Planes | undefined;
+}
+
 /** The doctor's report: a verdict, the span to use, what was found and how to put it right. */
-export function Report({ recording, report }: { recording: Recording; report: DoctorReport }) {
+export function Report({ recording, report, planes }: ReportProps) {
   const change = useChangeRecording(recording.id);
   const { start_s: startS, end_s: endS } = recording.read_settings;
   const advice = [...new Set([...report.advice, ...(report.forecast?.advice ?? [])])];
@@ -70,7 +77,7 @@ export function Report({ recording, report }: { recording: Recording; report: Do
       {change.isError && <Fault error={change.error} />}
       <Findings title="What to look at" findings={problems} pending={change.isPending} onFix={fix} />
       {report.forecast !== null && report.forecast !== undefined && (
-        <Forecast forecast={report.forecast} planes={report.planes} said={report.reasons} />
+        <Forecast forecast={report.forecast} planes={planesText(report.planes, planes)} said={report.reasons} />
       )}
       {advice.length > 0 && (
         <section aria-label="Advice">

@@ -12,7 +12,7 @@ import { JobProgress } from "../jobs/progress";
 import { useDropZone } from "../start/dropzone";
 import { useUploads } from "../start/uploads";
 import { rateOf } from "../start/rate";
-import { useWorkspace } from "../workspace/context";
+import { useWorkspace, type Workspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import { hasArrived } from "../workspace/state";
 import { Note } from "./note";
@@ -23,7 +23,7 @@ import css from "./recording.module.css";
 
 /** What the recording holds, what stands in its way, and which part of it to use. */
 export function RecordingScreen() {
-  const { recording, jobs } = useWorkspace();
+  const { recording, jobs, planes } = useWorkspace();
   const navigate = useNavigate();
   const goOn = () => void navigate(`/r/${recording.id}/planes`);
   const arrived = hasArrived(recording);
@@ -40,7 +40,7 @@ export function RecordingScreen() {
     <>
       <div className={layout.main}>
         <div className={layout.pad}>
-          <Main recording={recording} jobs={jobs} />
+          <Main recording={recording} jobs={jobs} planes={planes} />
         </div>
       </div>
       <Panel
@@ -82,7 +82,7 @@ export function RecordingScreen() {
   );
 }
 
-function Main({ recording, jobs }: { recording: Recording; jobs: readonly Job[] | undefined }) {
+function Main({ recording, jobs, planes }: Pick<Workspace, "recording" | "jobs" | "planes">) {
   const inspection = jobs?.find((job) => job.kind === "inspect") ?? null;
   switch (recording.state) {
     case "receiving":
@@ -93,7 +93,7 @@ function Main({ recording, jobs }: { recording: Recording; jobs: readonly Job[] 
       return <Failed recording={recording} job={inspection ?? recording.latest_job ?? null} />;
     case "ready":
       return recording.report ? (
-        <Report recording={recording} report={recording.report} />
+        <Report recording={recording} report={recording.report} planes={planes} />
       ) : (
         <Inspecting job={inspection} />
       );

@@ -71,7 +71,7 @@ export function Compare({ recording, runs, shown }: CompareProps) {
         />
         <NativeSelect
           size="xs"
-          label="to"
+          label="To"
           data={data}
           value={to}
           onChange={(event) => setSecond(event.currentTarget.value)}

@@ -16,13 +16,16 @@ interface FramesProps {
   matrix: readonly (readonly number[])[];
   base: string;
   other: string;
+  /** Whether the recording told where the one is from the other. */
+  placed: boolean;
 }
 
 /** The two sensors' axes, true in direction; the distance between them is drawn to fit. */
-export function Frames({ matrix, base, other }: FramesProps) {
+export function Frames({ matrix, base, other, placed }: FramesProps) {
   const at = (row: number, column: number) => matrix[row]?.[column] ?? 0;
   const p: Vector = [at(0, 3), at(1, 3), at(2, 3)];
   const distance = Math.hypot(...p);
+  const millimetres = (distance * 1000).toFixed(1);
   const reach = distance > 1e-6 ? 84 / distance : 0;
   const [ox, oy] = project([p[0] * reach, p[1] * reach, p[2] * reach]);
   const place = (sx: number, sy: number): [number, number] => [middle + sx - ox / 2, middle + 8 + sy - oy / 2];
@@ -46,7 +49,7 @@ export function Frames({ matrix, base, other }: FramesProps) {
   return (
     <figure
       className={css.frames}
-      aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${(distance * 1000).toFixed(0)} millimetres apart`}
+      aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${placed ? `${millimetres} millimetres apart` : "the distance not known"}`}
     >
       <svg viewBox={`0 0 ${size} ${size}`} aria-hidden="true">
         <line x1={origin[0]} y1={origin[1]} x2={moved[0]} y2={moved[1]} className={css.lever} />
@@ -56,7 +59,13 @@ export function Frames({ matrix, base, other }: FramesProps) {
         <Name at={nameAt(moved, [...marks, nameAt(origin, marks)])} text={other} />
       </svg>
       <figcaption className="small dim">
-        <span className="num">{(distance * 1000).toFixed(1)}</span> mm apart
+        {placed ? (
+          <>
+            <span className="num">{millimetres}</span> mm apart
+          </>
+        ) : (
+          "How far apart is not known"
+        )}
       </figcaption>
     </figure>
   );

@@ -44,7 +44,7 @@ function OffsetProfile({ profile }: { profile: Profile }) {
   return (
     <div>
       <LinePlot
-        label="Turning alike, of 1"
+        label="Likeness of the turning, 0 to 1"
         x={offsetsOf(profile)}
         lines={[{ label: "likeness", color: "var(--accent)", values: profile.likeness }]}
         xUnit="ms"

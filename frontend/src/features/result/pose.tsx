@@ -71,11 +71,17 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
               name="Time offset"
               unit="ms"
               text={offset}
+              held={result.provenance.settings["estimate_time_offset"] === false}
               share={(result.uncertainty?.time_offset_std_s ?? 0) / limits.time_offset_s}
             />
           </tbody>
         </table>
-        <Frames matrix={pose.matrix} base={to} other={from} />
+        <Frames
+          matrix={pose.matrix}
+          base={to}
+          other={from}
+          placed={pose.translationStdM.every((std) => std <= limits.translation_m)}
+        />
       </div>
       <p className="dim small">
         The bar is one standard deviation against {own === null ? "the limit of a weak answer" : "your own limit"} (
@@ -124,13 +130,15 @@ interface NumberRowProps {
   name: string;
   unit: string;
   text: { value: string; sigma: string };
+  /** Not estimated, so that its standard deviation is nobody's finding. */
+  held?: boolean;
   /** Standard deviation over the limit of a weak answer. */
   share: number;
 }
 
 const decades = 3.5;
 
-function NumberRow({ axis, name, unit, text, share }: NumberRowProps) {
+function NumberRow({ axis, name, unit, text, share, held = false }: NumberRowProps) {
   const length = Math.max(0.02, Math.min(1, 1 + Math.log10(Math.max(share, 1e-9)) / decades));
   return (
     <tr>
@@ -138,10 +146,10 @@ function NumberRow({ axis, name, unit, text, share }: NumberRowProps) {
         {name}
       </th>
       <td className="num">{text.value}</td>
-      <td className={`num ${css.sigma ?? ""}`}>± {text.sigma}</td>
+      <td className={`num ${css.sigma ?? ""}`}>{held ? "held" : `± ${text.sigma}`}</td>
       <td className={css.unit}>{unit}</td>
       <td className={css.share} aria-hidden="true">
-        <span data-weak={share > 1} style={{ width: `${length * 100}%` }} />
+        {!held && <span data-weak={share > 1} style={{ width: `${length * 100}%` }} />}
       </td>
     </tr>
   );

@@ -51,7 +51,7 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
           const text =
             value === undefined || sigma === undefined
               ? null
-              : withSigma(parameter.unit === "°" ? wrapped(value) : value, sigma, parameter.unit === "°" ? 4 : 3);
+              : withSigma(parameter.unit === "°" ? wrapped(value) : value, sigma, parameter.unit === "mm" ? 3 : 4);
           return (
             <tr key={parameter.key}>
               <th scope="row" data-axis={parameter.axis}>

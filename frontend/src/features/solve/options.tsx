@@ -14,8 +14,12 @@ import css from "./solve.module.css";
 type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "lidarSampling" | "intrinsics";
 
 interface SolveOptionsProps {
-  /** Of the run that is shown; what it chose stays chosen. */
-  before: Job["settings"];
+  title: string;
+  /** What is written on the button; null where the form of this id has its button elsewhere. */
+  action: string | null;
+  formId: string;
+  /** Of the run that is shown, whose choices stay chosen; nothing before the first. */
+  before: Job["settings"] | null;
   onSolve: (wish: Pick<NewJob, "settings"> & Partial<Pick<NewJob, "initial_guess">>) => void;
   pending: boolean;
   error: unknown;
@@ -24,10 +28,17 @@ interface SolveOptionsProps {
 /** Everything that a solve can be told, as controls; all of it is found from the recording where it is left alone. */
 export function SolveOptions(props: SolveOptionsProps) {
   const facts = useQuery(factsQuery).data;
-  return facts === undefined ? null : <Controls facts={facts} {...props} />;
+  return facts === undefined ? null : (
+    <Controls {...props} facts={facts} before={props.before ?? facts.solve_settings} />
+  );
 }
 
-function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps & { facts: ServerFacts }) {
+interface ControlsProps extends SolveOptionsProps {
+  facts: ServerFacts;
+  before: Job["settings"];
+}
+
+function Controls({ facts, title, action, formId, before, onSolve, pending, error }: ControlsProps) {
   const { usual, imu_presets: presets } = facts;
   const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual));
   const [guess, setGuess] = useState<OldExtrinsic | null>(null);
@@ -44,9 +55,20 @@ function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps 
       onChange={(event) => set({ [name]: event.currentTarget.value })}
     />
   );
+  const solve = () => {
+    if (settings !== null)
+      onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) });
+  };
   return (
-    <Section title="Solve again, differently">
-      <div className={css.options}>
+    <Section title={title}>
+      <form
+        id={formId}
+        className={css.options}
+        onSubmit={(event) => {
+          event.preventDefault();
+          solve();
+        }}
+      >
         <div className={css.option}>
           <span id="method-label">Method</span>
           <SegmentedControl
@@ -160,20 +182,13 @@ function Controls({ facts, before, onSolve, pending, error }: SolveOptionsProps 
           </p>
         )}
         {settings === null && <p className="small dim">A number is missing or out of its range.</p>}
-        <Button
-          variant="default"
-          size="compact-md"
-          loading={pending}
-          disabled={settings === null}
-          onClick={() =>
-            settings !== null &&
-            onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) })
-          }
-        >
-          Solve again
-        </Button>
+        {action !== null && (
+          <Button type="submit" variant="default" size="compact-md" loading={pending} disabled={settings === null}>
+            {action}
+          </Button>
+        )}
         {error !== null && <Fault error={error} />}
-      </div>
+      </form>
     </Section>
   );
 }

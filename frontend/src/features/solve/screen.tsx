@@ -6,7 +6,7 @@ import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
 import { useChangeView, useRetryJob, useStartJob } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { LinePlot } from "../../ui/lineplot";
-import { Fault, Notice, StateBox } from "../../ui/notice";
+import { Fault, Notice } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
 import { useWorkspace } from "../workspace/context";
@@ -16,6 +16,8 @@ import { answerOf, costs, parametersOf } from "./parameters";
 import { JobProgress } from "../jobs/progress";
 import css from "./solve.module.css";
 import { stagesOfSolve, standingOf } from "../jobs/timeleft";
+
+const optionsForm = "solve-options";
 
 /** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
 export function SolveScreen() {
@@ -41,7 +43,6 @@ export function SolveScreen() {
 
   useStraightening(job === null ? null : job.state === "done" && outcome?.status !== "refused", changeView);
   const follow = (made: Job) => setQuery({ job: made.id });
-  const solve = () => start.mutate({ kind: "solve" }, { onSuccess: follow });
   const refused = outcome?.status === "refused";
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
   const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
@@ -52,17 +53,23 @@ export function SolveScreen() {
   if (jobId === null) {
     return (
       <Panel
-        title="Solve"
+        title="Nothing has been solved yet"
+        lead="The planes you confirmed are used; no start value is needed."
         footer={
-          <Button fullWidth onClick={solve} loading={start.isPending}>
+          <Button fullWidth type="submit" form={optionsForm} loading={start.isPending}>
             Solve
           </Button>
         }
       >
-        <StateBox title="Nothing has been solved yet">
-          <p>The planes you confirmed are used; no start value is needed.</p>
-        </StateBox>
-        {start.isError && <Fault error={start.error} />}
+        <SolveOptions
+          title="How to solve"
+          action={null}
+          formId={optionsForm}
+          before={null}
+          onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })}
+          pending={start.isPending}
+          error={start.error}
+        />
       </Panel>
     );
   }
@@ -106,9 +113,6 @@ export function SolveScreen() {
       {refused ? (
         <Section title="Next step">
           <div className={css.next}>
-            <Button size="compact-md" onClick={goOn}>
-              See why
-            </Button>
             <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/planes`)}>
               Back to the planes
             </Button>
@@ -134,6 +138,9 @@ export function SolveScreen() {
       {ended && (
         <SolveOptions
           key={job.id}
+          title="Solve again, differently"
+          action="Solve again"
+          formId={optionsForm}
           before={job.settings}
           onSolve={(wish) => start.mutate({ kind: "solve", ...wish }, { onSuccess: follow })}
           pending={start.isPending}

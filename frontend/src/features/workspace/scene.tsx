@@ -41,8 +41,6 @@ export function ScenePane({
   return (
     <section className={css.scene} data-visible={visible} aria-label="3D scene" aria-hidden={!visible}>
       <iframe
-        className={css.canvas}
-        data-shown={drawn}
         ref={frame}
         src={`/scene/${recordingId}/`}
         title="3D scene: drag to orbit, scroll to zoom, click a plane"
