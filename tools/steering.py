@@ -47,6 +47,7 @@ RECORDS = (
     ("odometry", "calib_core/full/odometry/settings.py", "TrackSettings"),
     ("odometry", "calib_core/full/odometry/settings.py", "MapSettings"),
     ("odometry", "calib_core/full/odometry/settings.py", "Following"),
+    ("odometry", "calib_core/full/odometry/settings.py", "Within"),
     ("odometry", "calib_core/full/odometry/settings.py", "Standstill"),
     ("odometry", "calib_core/full/odometry/settings.py", "Pairs"),
     ("initialise", "calib_core/full/initialise/settings.py", "Lags"),
