@@ -39,6 +39,7 @@ _LIMITING = frozenset(
 )
 _GOOD = "Topics, point times, units, motion and stillness are as a calibration needs them."
 _TURN = "Turn the rig about all three axes and move it, for 30 to 60 s."
+_RAW = "Record the lidar driver's own clouds, with its motion compensation switched off."
 #: Reasons without a forecast for which a solve would refuse the recording too, and what to record.
 _FATAL: dict[str, tuple[str, ...]] = {
     "motion.none": (_TURN,),
@@ -46,6 +47,10 @@ _FATAL: dict[str, tuple[str, ...]] = {
     "recording.too_short": ("Record 30 to 60 s.",),
     "imu.gyroscope_unit": (),
     "imu.axis_signs": (),
+    "points.unit": (),
+    "points.standing": (_RAW,),
+    "points.straightened": (_RAW,),
+    "points.times_backwards": (),
 }
 _SEVERAL = frozenset({"recording.several_lidar", "recording.several_imu"})
 

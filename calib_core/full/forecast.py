@@ -23,7 +23,6 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, n
 from calib_core.factors.lidar_plane import Gate
 from calib_core.full.assess.observability import Knowledge, advice, assess
 from calib_core.full.assess.verdict import require_rotation
-from calib_core.full.initialise.begin import NO_PLANES_TEXT
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.start import LidarTrack, Start
@@ -37,7 +36,7 @@ from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion, evenly_spread
 from calib_core.full.odometry.travelled import travelled
-from calib_core.full.planes.propose import scan_points
+from calib_core.full.planes.propose import no_planes, scan_points
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
 from calib_core.planes.segment import segment_planes
@@ -129,7 +128,7 @@ def forecast(
             proposals = propose_planes(recording, settings, should_cancel=should_cancel)
         try:
             if not proposals.patches:
-                raise Refused("planes.none", NO_PLANES_TEXT)
+                raise no_planes(recording.scans)
             return _look(recording, np.asarray(points_per_scan), share, settings, proposals, tell, should_cancel)
         except Refused as error:
             return Outlook(proposals, code=error.code, reason=str(error))

@@ -25,11 +25,10 @@ from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.travelled import travelled
+from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray, Plane, PlaneProposals
-
-NO_PLANES_TEXT = "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | N
     reference = found.reference_scans[0]
     planes = joined([patch.plane for patch in found.patches], given or [])
     if not planes:
-        raise Refused("planes.none", NO_PLANES_TEXT)
+        raise no_planes(ctx.recording.scans)
     first = follow(ctx, planes, reference)
     best, agreed = _aided(ctx, first, planes, reference)
     _refuse_lost(ctx, best, agreed)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from calib_core.errors import Cancelled
+from calib_core.errors import Cancelled, Refused
 from calib_core.events import ShouldCancel, never_cancel
 from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
@@ -46,6 +46,22 @@ def find_reference(
         if score >= s.least_determinacy:
             break
     return best[1], best[2]
+
+
+def no_planes(scans: Sequence[Scan]) -> Refused:
+    """What is said where no scan shows a plane: that coordinates are no metres, where they cannot be."""
+    spread = np.unique(np.linspace(0, len(scans) - 1, SEARCH.looked_at).astype(np.int64))
+    half_m = float(np.median(np.concatenate([np.linalg.norm(scan_points(scans[k]), axis=1) for k in spread])))
+    if SEARCH.nearest_m < half_m < SEARCH.farthest_m:
+        return Refused(
+            "planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
+        )
+    away = f"farther than {half_m:,.0f} m" if half_m > 1.0 else f"nearer than {1e3 * half_m:.2g} mm"
+    return Refused(
+        "points.unit",
+        f"half of the points lie {away}, where no lidar measures: expected coordinates in metres, they seem to be in "
+        f"{'millimetres or centimetres' if half_m > 1.0 else 'a larger unit'}; convert them in the lidar's driver",
+    )
 
 
 def distinct(fits: Sequence[PlaneFit], cloud_m: FloatArray) -> list[PlaneFit]:

@@ -103,7 +103,13 @@ def test_a_short_recording_that_is_foretold_to_do_is_good() -> None:
 
 @pytest.mark.parametrize(
     ("code", "verdict"),
-    [("motion.none", "unusable"), ("motion.undetermined", "unusable"), ("start.no_overlap", "limited")],
+    [
+        ("motion.none", "unusable"),
+        ("motion.undetermined", "unusable"),
+        ("points.unit", "unusable"),
+        ("points.straightened", "unusable"),
+        ("start.no_overlap", "limited"),
+    ],
 )
 def test_what_a_solve_would_refuse_is_not_usable(code: str, verdict: str) -> None:
     """Mutation: take every reason without a forecast for fatal, or none; say the standstill twice."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
 from calib_core.full.odometry.reference_cloud import propose_planes
-from calib_core.full.planes.propose import distinct, grow_plane, make_patch, scan_points
+from calib_core.full.planes.propose import distinct, grow_plane, make_patch, no_planes, scan_points
 from calib_core.geometry import log, plane_axes
 from calib_core.planes.segment import PlaneFit
 from calib_core.settings import CalibrateSettings
@@ -122,6 +124,30 @@ def test_field_of_view_is_applied_to_what_is_looked_at(noisy: tuple[Recording, T
     assert np.abs(azimuth).max() <= 30.0
     every = scan_points(scan)
     assert len(xyz) == (np.abs(np.degrees(np.arctan2(every[:, 1], every[:, 0]))) <= 30.0).sum() > 0
+
+
+@pytest.mark.parametrize(
+    ("times", "code", "words"),
+    [
+        (1.0, "planes.none", "1 to 20 m"),
+        (1000.0, "points.unit", "in millimetres"),
+        (0.001, "points.unit", "nearer than"),
+    ],
+)
+def test_coordinates_that_are_no_metres_are_told_from_a_room_without_planes(
+    noisy: tuple[Recording, Truth], times: float, code: str, words: str
+) -> None:
+    """Half of a room's points are metres away. Mutations: either end of what lidars measure left out; the mean for the median,
+    which one point at infinity decides."""
+    scans = []
+    for scan in noisy[0].scans[:3]:
+        points = scan.points.copy()
+        points["xyz"] *= times
+        points["xyz"][0] = 1e6
+        scans.append(replace(scan, points=points))
+    refused = no_planes(scans)
+    assert refused.code == code
+    assert words in str(refused)
 
 
 def test_a_patch_of_nothing_has_no_outline() -> None:
