@@ -19,6 +19,7 @@ from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.gather import Gathering
 from calib_core.readers.imu.messages import ImuCollector
+from calib_core.readers.point_unit import require_metres
 from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming
@@ -54,7 +55,10 @@ def span_ns(recording: OpenRecording, settings: ReadSettings) -> tuple[int | Non
 def sample_clouds(
     recording: OpenRecording, topic: TopicSummary, decoder: CloudDecoder, span: tuple[int | None, int | None]
 ) -> list[RawCloud]:
-    """The first SAMPLED_SCANS clouds of the span. Raises UnreadableRecording where not one can be decoded."""
+    """The first SAMPLED_SCANS clouds of the span.
+
+    Raises UnreadableRecording where not one can be decoded, InputError where they have no coordinates, or not in metres.
+    """
     clouds: list[RawCloud] = []
     n_bytes, failure = 0, "it holds no message in the chosen span"
     messages = recording.messages((topic.name,), start_ns=span[0], stop_ns=span[1])
@@ -79,6 +83,7 @@ def sample_clouds(
         raise UnreadableRecording(
             f"Not one message on {topic.name} of {recording.name} can be decoded ({failure}); record or copy it again."
         )
+    require_metres(clouds, topic.name)
     return clouds
 
 

@@ -16,6 +16,7 @@ from calib_core.events import ShouldCancel, never_cancel
 from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
 from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
+from calib_core.presets.lidar import FARTHEST_M, NEAREST_M
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Scan
 
@@ -52,7 +53,7 @@ def no_planes(scans: Sequence[Scan]) -> Refused:
     """What is said where no scan shows a plane: that coordinates are no metres, where they cannot be."""
     spread = np.unique(np.linspace(0, len(scans) - 1, SEARCH.looked_at).astype(np.int64))
     half_m = float(np.median(np.concatenate([np.linalg.norm(scan_points(scans[k]), axis=1) for k in spread])))
-    if SEARCH.nearest_m < half_m < SEARCH.farthest_m:
+    if NEAREST_M < half_m < FARTHEST_M:
         return Refused(
             "planes.none", "no plane was found in any scan; record in front of walls and floor, at 1 to 20 m"
         )

@@ -23,11 +23,8 @@ class Search:
     #: reference changes the map's frame, not the answer.
     step_scans: int = 5
     scans: int = 40
-    #: data sheets: rotating lidars reach 300 m and none measures nearer than 5 cm: where half of the points lie farther, or
-    #: all but half nearer, coordinates are no metres. Only which reason is told depends on it,
-    farthest_m: float = 300.0
-    nearest_m: float = 0.05
-    #: judged: by so many scans, spread over all.
+    #: judged: so many scans, spread over all, tell how far the points are where no plane is found. Only which reason is told
+    #: depends on it.
     looked_at: int = 5
 
 
