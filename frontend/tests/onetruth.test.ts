@@ -131,6 +131,7 @@ describe("the next step of a refusal", () => {
     ["refused", ["motion.none"], null, "record"],
     ["refused", ["planes.lost"], null, "planes"],
     ["refused", ["imu.axis_signs"], null, "reading"],
+    ["refused", ["points.straightened"], null, "reading"],
     ["weak", ["solve.weak"], null, "record"],
     ["calibrated", ["solve.disagreement"], null, "planes"],
     ["calibrated", ["map.none"], null, null],

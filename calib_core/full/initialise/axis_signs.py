@@ -24,6 +24,8 @@ from calib_core.types import FloatArray, ImuData
 
 #: Degrees in a radian.
 _DEGREES = 180.0 / np.pi
+#: What a mirrored cloud looks like too.
+_ALL = "accelerometer's x, y and z axes"
 
 
 def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
@@ -68,9 +70,11 @@ def axis_complaint(
     best, named = min(trials)
     if best > SIGNS.explains * linear.rms:
         return ""
+    # A lidar whose clouds are mirrored and an accelerometer with all three signs turned round are the same to both motions.
+    where = "in the IMU's driver" + (", or the lidar's if its clouds are mirrored," if named == _ALL else "")
     return (
         f"the signs of the {named} do not fit the lidar's motion: with them flipped, its accelerations and turns fit"
-        f" {linear.rms / best:.0f} times as well; correct the axes in the IMU's driver and record again"
+        f" {linear.rms / best:.0f} times as well; correct the axes {where} and record again"
     )
 
 

@@ -112,9 +112,10 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     if float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) < AGREEING.least_turning_rad_s:
         return first, NO_AGREEMENT
     whole = first.seen >= AGREEING.whole * len(ctx.recording.scans)
-    _refuse_standing_clouds(ctx, first, rates)
     lidar = lidar_track(ctx, first)
     own = agreement(lidar, imu_s, gyro_rad_s)
+    if own.correlation < AGREEING.trusted:  # a gyroscope in another unit is not meant
+        _refuse_standing_clouds(ctx, first, rates)
     trusted = own.correlation > AGREEING.trusted
     if trusted and whole:
         return first, own

@@ -41,7 +41,7 @@ export function firstStep(
 ): Step | null {
   const about = (...starts: string[]) => codes.some((code) => starts.some((start) => code.startsWith(start)));
   if (unit !== null && about("imu.gyroscope_unit", "imu.accelerometer_unit")) return "unit";
-  if (about("imu.axis_signs", "points.time_field")) return "reading";
+  if (about("imu.axis_signs", "points.")) return "reading";
   if (status === "weak" || about("motion.", "start.too_short")) return "record";
   if (about("planes.", "solve.", "start.", "paper.")) return "planes";
   return null;

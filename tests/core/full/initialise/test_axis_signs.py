@@ -47,3 +47,18 @@ def test_a_misread_imu_is_named(
     result = calibrate(replace(recording, imu=imu), CalibrateSettings()).result
     assert result.status == "refused"
     assert [(m.code, says in m.text) for m in result.messages if m.level == "error"] == [(code, True)]
+
+
+def test_a_mirrored_cloud_is_thought_of(noisy: tuple[Recording, Truth]) -> None:
+    """A driver that counts azimuths the wrong way round. Mutation: the IMU's driver alone is told."""
+    recording, _ = noisy
+    scans = []
+    for scan in recording.scans:
+        points = scan.points.copy()
+        points["xyz"][:, 1] *= -1.0
+        scans.append(replace(scan, points=points))
+    result = calibrate(replace(recording, scans=scans), CalibrateSettings()).result
+    told = [m.text for m in result.messages if m.level == "error"]
+    assert len(told) == 1
+    assert "accelerometer's x, y and z axes" in told[0]
+    assert "or the lidar's if its clouds are mirrored" in told[0]
