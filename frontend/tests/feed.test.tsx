@@ -41,9 +41,18 @@ describe("a feed whose server goes away", () => {
     expect(result.current).toBe(false);
     act(() => void vi.advanceTimersByTime(1000));
     expect(result.current).toBe(true);
+    expect(refreshed).toHaveBeenCalledOnce();
     act(() => Source.last.onopen());
     expect(result.current).toBe(false);
-    expect(refreshed).toHaveBeenCalledOnce();
+    expect(refreshed).toHaveBeenCalledTimes(2);
+  });
+
+  // Fails when only what is missed by a break is asked for: a job that ended before the first message stayed "starting" for ever.
+  it("asks again once it is there, for what happened since the page looked", () => {
+    const { refreshed } = follow();
+    expect(refreshed).not.toHaveBeenCalled();
+    act(() => Source.last.onopen());
+    expect(refreshed).toHaveBeenCalledWith({ queryKey: ["recording", "ab12"] });
   });
 
   // Fails when a moment's break is told.

@@ -92,10 +92,12 @@ export function useRecordingFeed(id: string): boolean {
       broke ??= window.setTimeout(() => setLost(true), patienceMs);
     };
     source.onopen = () => {
-      if (broke === null) return;
-      window.clearTimeout(broke);
-      broke = null;
-      setLost(false);
+      if (broke !== null) {
+        window.clearTimeout(broke);
+        broke = null;
+        setLost(false);
+      }
+      // What came to pass between what is known and now was told to nobody: a file that is no recording is refused in no time.
       void client.invalidateQueries({ queryKey: keys.recording(id) });
     };
     return () => {
