@@ -11,6 +11,7 @@ from calib_core.presets.lidar import FARTHEST_M, NEAREST_M
 from calib_core.readers.clouds.cloud import RawCloud
 
 
+@np.errstate(invalid="ignore", over="ignore")  # damaged floats are left out, not warned of
 def require_metres(clouds: Sequence[RawCloud], topic: str) -> None:
     """Raises InputError where half of the returns of a sample cannot be distances in metres; nothing returned tells nothing."""
     ranges_m = []
