@@ -76,7 +76,7 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     middle = 0.5 * (turns.start_s + turns.end_s)
     lidar = np.interp(lidar_t, middle, top)
     width = float(np.median(turns.end_s - turns.start_s))
-    imu = _mean_rate(imu_s, gyro_rad_s, imu_t - width / 2, imu_t + width / 2)
+    imu = mean_rate(imu_s, gyro_rad_s, imu_t - width / 2, imu_t + width / 2)
     valid = np.isfinite(imu)
     if not valid.any():
         return NO_AGREEMENT
@@ -88,7 +88,7 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     if not np.isfinite(score[k]):
         return NO_AGREEMENT
     lag_s = float(t0 - imu_t[0] + (k - (len(imu) - 1)) / LAGS.grid_hz)
-    own = _mean_rate(imu_s, gyro_rad_s, turns.start_s - lag_s, turns.end_s - lag_s)
+    own = mean_rate(imu_s, gyro_rad_s, turns.start_s - lag_s, turns.end_s - lag_s)
     fast = np.isfinite(own) & (norms > AGREEING.fast_share * np.percentile(norms, AGREEING.top_percent)) & (norms > 0.0)
     if np.count_nonzero(fast) < AGREEING.fewest_spans:
         return Agreement(float(score[k]), lag_s, 1.0, np.inf)
@@ -96,7 +96,7 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     return Agreement(float(score[k]), lag_s, float(ratio), float(0.5 * (high - low) / max(ratio, 1e-12)))
 
 
-def _mean_rate(imu_s: FloatArray, gyro_rad_s: FloatArray, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
+def mean_rate(imu_s: FloatArray, gyro_rad_s: FloatArray, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
     """Size of the mean of the readings over spans (N,), NaN outside the recording: no turn that could wrap around."""
     steps = np.diff(imu_s)[:, None] * 0.5 * (gyro_rad_s[1:] + gyro_rad_s[:-1])
     total = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])

@@ -15,7 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.errors import Refused
-from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, agreeing_part, agreement, agreement_of
+from calib_core.full.initialise.agreement import (
+    NO_AGREEMENT,
+    Agreement,
+    agreeing_part,
+    agreement,
+    agreement_of,
+    mean_rate,
+)
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -178,7 +185,9 @@ def _refuse_standing_clouds(ctx: Run, followed: Followed, gyro_rad_s: FloatArray
     R = np.array([m.R for m in followed.motions])
     period_s = np.maximum(np.diff(ctx.clocks.scan_s[positions]), AGREEING.shortest_span_s)
     shown = float(np.median(np.linalg.norm(log(np.swapaxes(R[:-1], 1, 2) @ R[1:]), axis=1) / period_s))
-    turned = float(np.median(np.linalg.norm(gyro_rad_s, axis=1)))
+    # Over as long as from scan to scan: what shakes the gyroscope faster turns no lidar.
+    imu_s, width_s = ctx.clocks.imu_s, float(np.median(period_s))
+    turned = float(np.nanmedian(mean_rate(imu_s, gyro_rad_s, imu_s, imu_s + width_s)))
     if turned < AGREEING.surely_turning_rad_s or shown > AGREEING.standing * turned:
         return
     raise Refused(

@@ -21,7 +21,7 @@ from calib_core.full.run import Run
 from calib_core.imu.preintegration import knot_spacing_s, upsample
 from calib_core.presets import random_walks
 from calib_core.result import COVARIANCE_ORDER
-from calib_core.types import FloatArray, InitialGuess, Plane
+from calib_core.types import BoolArray, FloatArray, InitialGuess, Plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,10 @@ def begin(
     tracked_from, tracked_to = float(lidar.start_s[0]), float(lidar.start_s[-1] + lidar.sweep_s[-1])
     whole = knots_over(clocks.imu_s, tracked_from, float(clocks.scan_s[-1] + clocks.sweep_s[-1]), offset_s)[::every]
     overhang_s = beyond * knot_spacing_s(clocks.imu_s)
-    reference = first_covered(run, followed, whole, offset_s)
+    covered = (clocks.scan_s > whole[0] + offset_s - 0.5) & (clocks.scan_s < whole[-1] + offset_s)
+    reference = followed.reference
+    if not covered[reference]:
+        reference = nearest_covered(followed, covered & (clocks.scan_s >= whole[0] + offset_s))
     if reference != followed.reference:
         followed, lidar, start = in_frame_of(reference, followed, lidar, start)
     inside = int(np.searchsorted(whole, tracked_to - offset_s + overhang_s))
@@ -90,7 +93,6 @@ def begin(
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
     estimate = first_estimate(lidar, start, whole[:inside], followed.planes, len(nodes.times_s))
-    covered = (clocks.scan_s > whole[0] + offset_s - 0.5) & (clocks.scan_s < whole[-1] + offset_s)
     gauge = int(np.argmin(np.abs(whole[:inside] + offset_s - clocks.scan_s[followed.reference])))
     state = Estimation(
         estimate=estimate,
@@ -106,15 +108,12 @@ def begin(
     return data, state, len(whole) / total
 
 
-def first_covered(run: Run, followed: Followed, knots_s: FloatArray, offset_s: float) -> int:
-    """The scan whose frame is the map's: the one that the planes are of, or the nearest that is followed where the IMU was not
-    yet recorded then, or no longer. knots_s: (K,).
+def nearest_covered(followed: Followed, covered: BoolArray) -> int:
+    """The scan whose frame is the map's where the IMU was not yet recorded at the one that the planes are of, or no longer: of
+    those that are followed the nearest at which it was, covered (M,); the same one where there is none.
     """
-    starts_s = run.clocks.scan_s - offset_s
-    covered = [m.position for m in followed.motions if knots_s[0] <= starts_s[m.position] <= knots_s[-1]]
-    if not covered:
-        return followed.reference
-    return min(covered, key=lambda position: abs(position - followed.reference))
+    known = [m.position for m in followed.motions if covered[m.position]]
+    return min(known, key=lambda position: abs(position - followed.reference), default=followed.reference)
 
 
 def in_frame_of(

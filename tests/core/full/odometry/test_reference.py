@@ -133,6 +133,21 @@ def test_a_lidar_that_stands_still_while_the_gyroscope_turns_is_not_said_to_stan
     assert refusal.value.code == "points.standing"
 
 
+def test_a_lidar_that_stands_still_beside_a_gyroscope_that_shakes_is_no_cloud_in_a_frame_that_does_not_move(
+    noisy: tuple[Recording, Truth],
+) -> None:
+    """An engine's half a radian per second to and fro, between two readings, turns nothing: the lidar does stand still.
+
+    Mutation: the gyroscope's readings in place of its turning from scan to scan.
+    """
+    recording, _ = noisy
+    scans = [replace(scan, points=recording.scans[0].points) for scan in recording.scans]
+    to_and_fro = np.where(np.arange(len(recording.imu.stamps_ns)) % 2 == 0, 0.5, -0.5)
+    gyro_rad_s = to_and_fro[:, None] * np.array([1.0, 0.0, 0.0])
+    found, _ = _begin(replace(recording, scans=scans, imu=replace(recording.imu, gyro_rad_s=gyro_rad_s)), given=False)
+    assert len(found.motions) == len(scans)
+
+
 def test_pairs_of_neighbours_alone_give_lag_and_rotation(noisy: tuple[Recording, Truth]) -> None:
     """At 1.5 Hz a sweep is bent by degrees; over thirty pairs rotation and lag are told to what a track can start from.
 
