@@ -22,7 +22,6 @@ The tables and figures of the paper, both methods side by side, are `python -m b
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -32,6 +31,7 @@ from bench.metrics import Metric, slips
 from bench.readme import README, with_tables
 from bench.store import RESULTS, bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, Workload, metrics_of, runs_of
+from calib_core.threads import usable_cores
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -169,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_jobs(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), help="processes (%(default)s)")
+    command.add_argument("--jobs", type=int, default=max(1, usable_cores() // 2), help="processes (%(default)s)")
 
 
 def _add_folder(command: argparse.ArgumentParser) -> None:

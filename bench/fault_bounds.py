@@ -115,7 +115,9 @@ def in_the_gyroscopes_axes(covariance: FloatArray, blocks: Blocks, R_imu_lidar: 
 def ignored(triangle: FloatArray, stds: FloatArray) -> FloatArray:
     """(7, 7) mean square error where parameters of these stds are there and taken for ideal."""
     size = len(stds)
-    pseudo = np.linalg.pinv(triangle[:, size:], rcond=1e-15)
+    # Not np.linalg.pinv: what its cut-off takes for unknown would be called certain, here it is an error.
+    q, root = np.linalg.qr(triangle[:, size:])
+    pseudo = np.linalg.solve(root, q.T)
     shift = pseudo @ triangle[:, :size] * stds
     return np.asarray(pseudo @ pseudo.T + shift @ shift.T)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol
 
 from app.fleet.job import CALIBRATE, run_order
+from calib_core.threads import usable_cores
 
 
 class Executor(Protocol):
@@ -26,7 +26,7 @@ class LocalProcesses:
     """Processes on this machine, so many at a time: by default one for each core."""
 
     def __init__(self, workers: int | None = None, entry: str = CALIBRATE) -> None:
-        count = workers or _usable_cores()
+        count = workers or usable_cores()
         self.where = f"{count} process{'' if count == 1 else 'es'} on this machine"
         self._entry = entry
         self._stopping = threading.Event()
@@ -41,10 +41,3 @@ class LocalProcesses:
         """Kill what runs and forget what waits."""
         self._stopping.set()
         self._threads.shutdown(wait=True, cancel_futures=True)
-
-
-def _usable_cores() -> int:
-    """Cores that this process may use, where the system tells; else those that there are."""
-    if hasattr(os, "sched_getaffinity"):  # Linux only
-        return max(1, len(os.sched_getaffinity(0)))
-    return max(1, os.cpu_count() or 1)

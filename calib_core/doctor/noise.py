@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from calib_core.doctor.report import ImuNoiseReport
 from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise, resolution
+from calib_core.full.prepare.settings import LENGTH
 from calib_core.presets import ImuPreset
 from calib_core.settings import ImuNoise
 from calib_core.types import ImuData
 
-#: Fewer readings tell no noise.
-_LEAST_READINGS = 50
-#: A solve measures in a standstill of this length or more, else in motion.
-_LEAST_STILL_S = 2.0
 #: Measured noise further from an identified preset than this is remarked on.
 _FAR = 4.0
 
 
 def measured_noise(imu: ImuData) -> ImuNoiseReport | None:
     """The noise that a solve measures in these readings; None where there are too few."""
-    if imu.stamps_ns.size < _LEAST_READINGS:
+    if imu.stamps_ns.size < LENGTH.fewest_readings:
         return None
     stamps_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
     still = longest_still(stamps_s, imu.gyro_rad_s, imu.accel_m_s2)

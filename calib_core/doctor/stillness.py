@@ -1,4 +1,12 @@
-"""Where the platform stands still."""
+"""Where the platform stands still: where nobody moves it.
+
+Two tests of a standstill read the IMU, as they answer two questions. This one tells a person how the rig was handled: by
+limits of a hand's motion, the same for every sensor; every such span, with a bias that may drift from one to the next.
+`longest_still` (full/prepare/imu_noise.py) tells where readings are a constant and white noise, from which the noise can be
+read: by that recording's own noise, so that what an engine shakes evenly counts, and one span, cut where the bias drifts. By
+the first a hand's calm moment would pass for noise; by the second a rig on a humming car would stand or move by how good its
+sensor is.
+"""
 
 from __future__ import annotations
 

@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from calib_core.geometry import plane_axes
 from calib_core.planes.kernels import support_kernel
+from calib_core.planes.same import same_place
 from calib_core.types import BoolArray, FloatArray
 
 #: A prime beyond all cells of a side: a row and a column are one number.
@@ -282,17 +283,17 @@ def _merge(points: FloatArray, fits: list[PlaneFit], s: SegmentSettings) -> list
     """Planes with the same equation made one."""
     merged: list[PlaneFit] = []
     for fit in fits:
-        for i, other in enumerate(merged):
-            centre = points[fit.inliers].mean(axis=0)
-            same_side = fit.normal @ other.normal > np.cos(np.radians(s.same_deg))
-            if same_side and abs(centre @ other.normal + other.offset_m) < s.same_m:
-                both = fit.inliers | other.inliers
-                normal, offset, std = fit_plane(points[both])
-                sign = np.sign(offset) if offset != 0 else 1.0
-                merged[i] = PlaneFit(normal * sign, offset * sign, both, float(std[0]))
-                break
-        else:
+        centre = points[fit.inliers].mean(axis=0)
+        normals, offsets = np.array([f.normal for f in merged]).reshape(-1, 3), np.array([f.offset_m for f in merged])
+        known = same_place(normals, offsets, fit.normal, centre, within_deg=s.same_deg, within_m=s.same_m)
+        if not known.any():
             merged.append(fit)
+            continue
+        first = int(np.argmax(known))
+        both = fit.inliers | merged[first].inliers
+        normal, offset, std = fit_plane(points[both])
+        sign = np.sign(offset) if offset != 0 else 1.0
+        merged[first] = PlaneFit(normal * sign, offset * sign, both, float(std[0]))
     return merged
 
 

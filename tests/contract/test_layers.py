@@ -51,8 +51,10 @@ STAGES = (
     "forecast",
     "known_extrinsic",
 )
-#: What the application sees of the library.
-APP_MAY_IMPORT = RECORDS | {"api", "doctor.report", "audit.report", "audit.given", "audit.pose", "audit.limits"}
+#: What the application sees of the library. threads: how many cores there are; it imports nothing.
+APP_MAY_IMPORT = RECORDS | {
+    "api", "doctor.report", "audit.report", "audit.given", "audit.pose", "audit.limits", "threads"
+}  # fmt: skip
 #: Third parties by part; anything else in these lists' parts is refused.
 HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets", "distributed"}
 

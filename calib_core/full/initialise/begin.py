@@ -35,6 +35,7 @@ from calib_core.full.odometry.travelled import travelled
 from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
 from calib_core.geometry import log
+from calib_core.planes.same import same_surface
 from calib_core.types import FloatArray, Plane, PlaneProposals
 
 
@@ -100,16 +101,15 @@ def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | N
 
 def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
     """The found planes, and those given that are not among them."""
-    planes = list(found)
-    for plane in given:
-        alike = (
-            np.degrees(np.arccos(np.clip(plane.normal @ other.normal, -1.0, 1.0))) < AGREEING.same_deg
-            and abs(plane.offset_m - other.offset_m) < AGREEING.same_m
-            for other in found
-        )
-        if not any(alike):
-            planes.append(Plane(plane.name, plane.normal, plane.offset_m))
-    return planes
+    mine, theirs = (
+        (np.array([p.normal for p in some]).reshape(-1, 3), np.array([p.offset_m for p in some]))
+        for some in (given, found)
+    )
+    known = same_surface(*mine, of=theirs, within_deg=AGREEING.same_deg, within_m=AGREEING.same_m).any(axis=1)
+    return [
+        *found,
+        *(Plane(p.name, p.normal, p.offset_m) for p, is_known in zip(given, known, strict=True) if not is_known),
+    ]
 
 
 def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -> tuple[Followed, Agreement]:

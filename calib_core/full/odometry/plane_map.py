@@ -14,6 +14,7 @@ from scipy import ndimage
 from calib_core.full.odometry.kernels import spread_kernel
 from calib_core.full.odometry.settings import MAP
 from calib_core.geometry import plane_axes
+from calib_core.planes.same import apart, same_points
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.types import BoolArray, FloatArray, IntArray, Plane
 
@@ -82,13 +83,15 @@ class PlaneMap:
         changed = 0
         for fit in segment_planes(strays_m, viewpoint_m=eye_m, settings=MAP.new_planes):
             mine = strays_m[fit.inliers]
-            turned = np.degrees(np.arccos(np.clip(self.normals @ fit.normal, -1.0, 1.0)))
-            apart = np.sqrt(np.mean((mine @ self.normals.T + self.offsets_m) ** 2, axis=0))
-            same = np.flatnonzero((turned < MAP.same_deg) & (apart < MAP.same_m))
-            if len(same) > 0:
-                self._mark(int(same[np.argmin(apart[same])]), mine)
+            apart_m = apart(self.normals, self.offsets_m, mine)
+            same, alike = (
+                same_points(self.normals, fit.normal, apart_m, within_deg=deg, within_m=m)
+                for deg, m in ((MAP.same_deg, MAP.same_m), (MAP.alike_deg, MAP.alike_m))
+            )
+            if same.any():
+                self._mark(int(np.argmin(np.where(same, apart_m, np.inf))), mine)
                 changed += 1
-            elif not ((turned < MAP.alike_deg) & (apart < MAP.alike_m)).any() and len(self.normals) < MAP.most_planes:
+            elif not alike.any() and len(self.normals) < MAP.most_planes:
                 self._add(fit, mine)
                 changed += 1
         return changed

@@ -15,6 +15,7 @@ from calib_core.errors import Cancelled, Refused
 from calib_core.events import ShouldCancel, never_cancel
 from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
+from calib_core.planes.same import same_place
 from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
 from calib_core.presets.lidar import FARTHEST_M, NEAREST_M
 from calib_core.settings import CalibrateSettings
@@ -73,11 +74,11 @@ def distinct(fits: Sequence[PlaneFit], cloud_m: FloatArray) -> list[PlaneFit]:
     kept: list[PlaneFit] = []
     for fit in fits:
         centre = cloud_m[fit.inliers].mean(axis=0)
-        if not any(
-            f.normal @ fit.normal > np.cos(np.radians(PATCHES.distinct_deg))
-            and abs(f.normal @ centre + f.offset_m) < PATCHES.distinct_m
-            for f in kept
-        ):
+        known = same_place(
+            np.array([f.normal for f in kept]).reshape(-1, 3), np.array([f.offset_m for f in kept]), fit.normal, centre,
+            within_deg=PATCHES.distinct_deg, within_m=PATCHES.distinct_m,
+        )  # fmt: skip
+        if not known.any():
             kept.append(fit)
     return kept
 

@@ -96,7 +96,8 @@ def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> 
     """The longest run of samples without motion, or None where there is none to speak of.
 
     Still: over short blocks the mean rate and mean force stay within what white noise of the recording's own level, and
-    a constant bias, allow. A steady turn is told from a bias by the force it makes and by its size.
+    a constant bias, allow. A steady turn is told from a bias by the force it makes and by its size. Whether somebody moves the
+    rig is another question, and has its own test: doctor/stillness.py says why.
     """
     values = np.hstack([gyro, accel])
     period = float(np.median(np.diff(stamps_s)))
