@@ -40,37 +40,45 @@ Block = Literal[
     "incidence",
 ]
 
-#: Unit and names within each block; those of the lasers are their numbers, "0" on.
-UNITS: dict[Block, str] = {
-    "gyroscope_scale": "1",
-    "gyroscope_axes": "rad",
-    "gyroscope_rotation": "rad",
-    "accelerometer_scale": "1",
-    "accelerometer_axes": "rad",
-    "accelerometer_delay": "s",
-    "clock_rate": "ppm",
-    "laser_range_offset": "m",
-    "laser_elevation": "rad",
-    "laser_azimuth": "rad",
-    "laser_range_scale": "1",
-    "eccentricity": "rad",
-    "range_offset": "m",
-    "incidence": "m",
-}
 AXES = ("x", "y", "z")
 LOWER = ("yx", "zx", "zy")
-NAMES: dict[Block, tuple[str, ...]] = {
-    "gyroscope_scale": AXES,
-    "gyroscope_axes": LOWER,
-    "gyroscope_rotation": AXES,
-    "accelerometer_scale": AXES,
-    "accelerometer_axes": LOWER,
-    "accelerometer_delay": ("delay",),
-    "clock_rate": ("rate",),
-    "eccentricity": ("sine", "cosine"),
-    "range_offset": ("all",),
-    "incidence": ("all",),
+#: Whose a block is: the IMU's; the clocks'; each laser's; all lasers' together.
+Owner = Literal["imu", "clock", "laser", "lidar"]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a block is. names: within it; those of the lasers are their numbers, "0" on."""
+
+    owner: Owner
+    unit: str
+    names: tuple[str, ...] = ()
+
+
+#: Every block, in the order of the unknowns.
+KINDS: dict[Block, Kind] = {
+    "gyroscope_scale": Kind("imu", "1", AXES),
+    "gyroscope_axes": Kind("imu", "rad", LOWER),
+    "gyroscope_rotation": Kind("imu", "rad", AXES),
+    "accelerometer_scale": Kind("imu", "1", AXES),
+    "accelerometer_axes": Kind("imu", "rad", LOWER),
+    "accelerometer_delay": Kind("imu", "s", ("delay",)),
+    "clock_rate": Kind("clock", "ppm", ("rate",)),
+    "laser_range_offset": Kind("laser", "m"),
+    "laser_elevation": Kind("laser", "rad"),
+    "laser_azimuth": Kind("laser", "rad"),
+    "laser_range_scale": Kind("laser", "1"),
+    "eccentricity": Kind("lidar", "rad", ("sine", "cosine")),
+    "range_offset": Kind("lidar", "m", ("all",)),
+    "incidence": Kind("lidar", "m", ("all",)),
 }
+UNITS: dict[Block, str] = {block: kind.unit for block, kind in KINDS.items()}
+NAMES: dict[Block, tuple[str, ...]] = {block: kind.names for block, kind in KINDS.items() if kind.names}
+
+
+def blocks_of(owner: Owner) -> tuple[Block, ...]:
+    """The blocks of one owner, in order."""
+    return tuple(block for block, kind in KINDS.items() if kind.owner == owner)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,18 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import bullet
-from calib_core.audit.report import AuditReport, AxisAudit, Verdict
+from calib_core.audit.report import AXIS_WORDS, AuditReport, AxisAudit, Verdict
 
 _STYLES: dict[Verdict, str] = {"passed": "bold green", "failed": "bold red", "unknown": "bold yellow"}
-_AXES = {
-    "rx": "rotation about the lidar's x",
-    "ry": "rotation about the lidar's y",
-    "rz": "rotation about the lidar's z",
-    "tx": "position along the IMU's x",
-    "ty": "position along the IMU's y",
-    "tz": "position along the IMU's z",
-    "dt": "time offset",
-}
 
 
 def audit_block(report: AuditReport, name: str) -> RenderableType:
@@ -44,7 +35,7 @@ def _axes(axes: list[AxisAudit]) -> RenderableType:
     for axis in axes:
         verdict = "not judged" if axis.verdict is None else axis.verdict
         table.add_row(
-            _AXES[axis.axis],
+            AXIS_WORDS[axis.axis],
             "-" if axis.difference is None else f"{axis.difference:+.3f} {axis.unit}",
             f"{axis.difference_std:.3f} {axis.unit}",
             "-" if axis.limit is None else f"{axis.limit:g} {axis.unit}",

@@ -14,22 +14,12 @@ from calib_core.audit import compare
 from calib_core.audit.crisp import Judged, audit_crispness, mounting_of
 from calib_core.audit.limits import Limits
 from calib_core.audit.pose import GivenExtrinsic
-from calib_core.audit.report import AuditCrispness, AuditReport, AxisAudit, Verdict
+from calib_core.audit.report import AXIS_WORDS, AuditCrispness, AuditReport, AxisAudit, Verdict
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.known_extrinsic import held
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Recording
-
-_AXIS_WORDS = {
-    "rx": "rotation about the lidar's x axis",
-    "ry": "rotation about the lidar's y axis",
-    "rz": "rotation about the lidar's z axis",
-    "tx": "position along the IMU's x axis",
-    "ty": "position along the IMU's y axis",
-    "tz": "position along the IMU's z axis",
-    "dt": "time offset",
-}
 
 
 def audit(
@@ -124,13 +114,13 @@ def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -
     if verdict == "failed":
         worst = max(chosen, key=lambda a: abs(a.difference or 0.0) / a.smallest_error)
         return (
-            f"Failed on {len(chosen)} of {len(axes)} axes: the {_AXIS_WORDS[worst.axis]} is off by "
+            f"Failed on {len(chosen)} of {len(axes)} axes: the {AXIS_WORDS[worst.axis]} is off by "
             f"{worst.difference:+.3g} +- {worst.difference_std:.2g} {worst.unit}, where {worst.limit:g} {worst.unit} is allowed."
         )
     if not chosen:
         return "This recording cannot tell: no axis is judged; give limits for some."
     widest = max(chosen, key=lambda a: a.smallest_error / (a.limit or a.smallest_error))
     return (
-        f"This recording cannot tell: the {_AXIS_WORDS[widest.axis]} is known to {widest.difference_std:.2g} "
+        f"This recording cannot tell: the {AXIS_WORDS[widest.axis]} is known to {widest.difference_std:.2g} "
         f"{widest.unit} (1 sigma), too roughly for a limit of {widest.limit:g} {widest.unit}; record more motion."
     )

@@ -12,9 +12,10 @@ from math import hypot
 
 from calib_core.errors import InputError
 from calib_core.exporters.velodyne_models import VelodyneModel, velodyne_model
+from calib_core.intrinsics import blocks_of
 from calib_core.result import CalibrationResult, Intrinsic
 
-_OF_LASERS = ("laser_range_offset", "laser_elevation", "laser_azimuth", "laser_range_scale")
+_OF_LASERS = blocks_of("laser")
 
 
 @dataclass(frozen=True, slots=True)

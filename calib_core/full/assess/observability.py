@@ -79,6 +79,7 @@ def assess(
     rows = np.zeros(CALIBRATION)
     for row in priors.rows:
         rows[row.column] += 1.0 / row.std**2
+    # Positive definite: priors of 10 m and less hold what the data leave open, which `covariance` would take for round-off.
     covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
     if not frozen_offset:
         covariance[6, 6] += offset_std_s**2

@@ -1,8 +1,8 @@
 """The sensors' own parameters as unknowns of the joint problem: which, in which columns, with which priors.
 
-A block is a row of this table: its names, its priors, and where its columns begin. Its effect on the readings is written
-once, in `imu/intrinsics.py` for the IMU's and in `factors/laser_features.py` for the lidar's; everything between here and
-there (columns, priors, the covariance that is marginal over them) goes by the table.
+A block is a row of a table: its owner, unit and names (`calib_core/intrinsics.py`), its prior and where its columns begin (here).
+Its effect on the readings is written once, in `imu/intrinsics.py` for the IMU's and in `factors/laser_features.py` for the
+lidar's; everything between here and there (columns, priors, the covariance that is marginal over them) goes by the table.
 """
 
 from __future__ import annotations
@@ -16,27 +16,12 @@ import numpy as np
 
 from calib_core.factors.patches import SurfacePatches
 from calib_core.full.prepare.settings import LASERS, TONES
-from calib_core.intrinsics import AXES, CLOCK_RATE_STD_PPM, NAMES, Block, ImuPrior, LidarPrior
+from calib_core.intrinsics import AXES, CLOCK_RATE_STD_PPM, KINDS, NAMES, Block, ImuPrior, LidarPrior, blocks_of
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Recording, Scan
 
-IMU_BLOCKS: tuple[Block, ...] = (
-    "gyroscope_scale",
-    "gyroscope_axes",
-    "gyroscope_rotation",
-    "accelerometer_scale",
-    "accelerometer_axes",
-    "accelerometer_delay",
-)
-CLOCK_BLOCKS: tuple[Block, ...] = ("clock_rate",)
-LASER_BLOCKS: tuple[Block, ...] = (
-    "laser_range_offset",
-    "laser_elevation",
-    "laser_azimuth",
-    "laser_range_scale",
-)
-LIDAR_BLOCKS: tuple[Block, ...] = ("eccentricity", "range_offset", "incidence")
+IMU_BLOCKS, LASER_BLOCKS, LIDAR_BLOCKS = blocks_of("imu"), blocks_of("laser"), blocks_of("lidar")
 #: Of the room, not of the sensors: how far patches of planes lie before them. Admitted where walls turn out to be bent.
 SURFACE: Literal["surface"] = "surface"
 #: Of the IMU's surroundings: shaking faster than it samples. Admitted where the lidar's motion contradicts the readings so.
@@ -224,7 +209,7 @@ def choose_nuisance(
         "incidence": lidar.incidence_std_m,
     }
     blocks = []
-    for block in (*IMU_BLOCKS, *CLOCK_BLOCKS, *LASER_BLOCKS, *LIDAR_BLOCKS):
+    for block in KINDS:
         names = tuple(map(str, range(lasers))) if block in LASER_BLOCKS else NAMES[block]
         if std[block] > 0.0 and names and (wanted is None or block in wanted):
             blocks.append(NuisanceBlock(block, names, np.full(len(names), std[block])))

@@ -84,6 +84,13 @@ export function wrapped(degrees: number): number {
   return turned <= -180 ? turned + 360 : turned;
 }
 
+/** A number as people type it; null where it is none. */
+export function numberOf(text: string): number | null {
+  const trimmed = text.trim().replace("−", "-").replace(",", ".");
+  const value = Number(trimmed);
+  return trimmed === "" || !Number.isFinite(value) ? null : value;
+}
+
 /** "3 minutes ago" for a past instant; both in milliseconds since the epoch. */
 export function ago(then: number, now: number): string {
   const seconds = Math.max(0, (now - then) / 1000);

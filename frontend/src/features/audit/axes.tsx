@@ -1,18 +1,9 @@
 import type { AxisAudit } from "../../api/client";
+import { axisNames, unitOf } from "../../ui/axes";
 import { decimalsFor, fixed, withSigma } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./audit.module.css";
 
-const names: Readonly<Record<AxisAudit["axis"], string>> = {
-  rx: "Turn about the lidar’s x",
-  ry: "Turn about the lidar’s y",
-  rz: "Turn about the lidar’s z",
-  tx: "Position along the IMU’s x",
-  ty: "Position along the IMU’s y",
-  tz: "Position along the IMU’s z",
-  dt: "Time offset",
-};
-const units: Readonly<Record<AxisAudit["unit"], string>> = { deg: "°", mm: "mm", ms: "ms" };
 
 type Word = { tone: Tone; text: string };
 
@@ -49,12 +40,12 @@ export function AxisTable({ axes }: { axes: readonly AxisAudit[] }) {
         </thead>
         <tbody>
           {axes.map((axis) => {
-            const unit = units[axis.unit];
+            const unit = unitOf(axis.axis);
             const text = withSigma(axis.difference ?? 0, axis.difference_std);
             const { tone, text: word } = wordOf(axis);
             return (
               <tr key={axis.axis} data-tone={tone}>
-                <th scope="row">{names[axis.axis]}</th>
+                <th scope="row">{axisNames[axis.axis]}</th>
                 <td className="num" data-label="Difference">
                   {axis.difference === null ? "–" : `${text.value} ${unit}`}
                 </td>

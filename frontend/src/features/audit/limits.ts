@@ -1,5 +1,5 @@
 import type { Limits as Served, NewAudit } from "../../api/client";
-import { numberOf } from "../solve/priors";
+import { numberOf } from "../../ui/format";
 
 export type Limits = NonNullable<NewAudit["limits"]>;
 

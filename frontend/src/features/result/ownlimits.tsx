@@ -3,9 +3,9 @@ import { useState } from "react";
 import type { CalibrationResult } from "../../api/client";
 import { beyond, useOwnLimits, type OwnLimits } from "../../api/ownlimits";
 import { useUsualLimits } from "../../api/queries";
+import { numberOf } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
 import { Section } from "../../ui/panel";
-import { numberOf } from "../solve/priors";
 import css from "./result.module.css";
 
 /** How well it has to be known for one's own use; the bars and a sentence go by it, on every recording. */

@@ -1,5 +1,6 @@
 import type { Job, Usual } from "../../api/client";
-import { gravityAt, numberOf, priorOf, priorText, type PriorText, type Settings } from "./priors";
+import { numberOf } from "../../ui/format";
+import { gravityAt, priorOf, priorText, type PriorText, type Settings } from "./priors";
 
 type Served = Job["settings"];
 

@@ -1,8 +1,9 @@
 import { ActionIcon, Button, NativeSelect, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { factsQuery } from "../../api/queries";
+import { axes, unitOf, type Axis } from "../../ui/axes";
 import { Icon } from "../../ui/icons";
-import { axes, priorOf, unitOf, type Axis, type PriorText } from "./priors";
+import { priorOf, type PriorText } from "./priors";
 import css from "./solve.module.css";
 
 interface PriorsProps {

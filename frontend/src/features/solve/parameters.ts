@@ -1,10 +1,10 @@
 import type { IterationEvent, SolveOutcome } from "../../api/client";
+import { axes, unitOf, type Axis } from "../../ui/axes";
 
 export interface Parameter {
   name: string;
-  /** What it is called in the contract's covariance order. */
-  key: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
-  unit: "°" | "mm" | "ms";
+  key: Axis;
+  unit: ReturnType<typeof unitOf>;
   axis: "x" | "y" | "z" | "t";
   values: number[];
   sigmas: number[];
@@ -19,16 +19,26 @@ interface Answer {
   time_offset_std_s: number;
 }
 
-const rotations = [
-  ["Roll", "rx", "x"],
-  ["Pitch", "ry", "y"],
-  ["Yaw", "rz", "z"],
-] as const;
-const translations = [
-  ["Position x", "tx", "x"],
-  ["Position y", "ty", "y"],
-  ["Position z", "tz", "z"],
-] as const;
+/** As the answer is told: as a pose, its turn by roll, pitch and yaw. */
+const names: Readonly<Record<Axis, string>> = {
+  rx: "Roll",
+  ry: "Pitch",
+  rz: "Yaw",
+  tx: "Position x",
+  ty: "Position y",
+  tz: "Position z",
+  dt: "Time offset",
+};
+
+/** An axis's value and standard deviation in one answer, in the unit people read. */
+function shownOf(axis: Axis, answer: Answer): readonly [number, number] {
+  if (axis === "dt") return [answer.time_offset_s * 1000, answer.time_offset_std_s * 1000];
+  const place = "xyz".indexOf(axis.slice(1));
+  const [values, stds, factor] = axis.startsWith("r")
+    ? [answer.euler_xyz_deg, answer.rotation_std_deg, 1]
+    : [answer.translation_m, answer.translation_std_m, 1000];
+  return [(values[place] ?? NaN) * factor, (stds[place] ?? NaN) * factor];
+}
 
 /** The seven numbers of the calibration over the iterations, in the units people read.
  *
@@ -36,33 +46,18 @@ const translations = [
  *  shows is how fast the answer settles; the result has the covariance itself.
  */
 export function parametersOf(answers: readonly Answer[]): Parameter[] {
-  const pick = (of: (answer: Answer) => number | undefined) => answers.map((answer) => of(answer) ?? NaN);
-  return [
-    ...rotations.map(([name, key, axis], i): Parameter => ({
-      name,
+  return axes.map((key): Parameter => {
+    const shown = answers.map((answer) => shownOf(key, answer));
+    const values = shown.map(([value]) => value);
+    return {
+      name: names[key],
       key,
-      axis,
-      unit: "°",
-      values: unwrap(pick((answer) => answer.euler_xyz_deg[i])),
-      sigmas: pick((answer) => answer.rotation_std_deg[i]),
-    })),
-    ...translations.map(([name, key, axis], i): Parameter => ({
-      name,
-      key,
-      axis,
-      unit: "mm",
-      values: pick((answer) => (answer.translation_m[i] ?? NaN) * 1000),
-      sigmas: pick((answer) => (answer.translation_std_m[i] ?? NaN) * 1000),
-    })),
-    {
-      name: "Time offset",
-      key: "dt",
-      axis: "t",
-      unit: "ms",
-      values: pick((answer) => answer.time_offset_s * 1000),
-      sigmas: pick((answer) => answer.time_offset_std_s * 1000),
-    },
-  ];
+      unit: unitOf(key),
+      axis: key === "dt" ? "t" : (key.slice(1) as "x" | "y" | "z"),
+      values: key.startsWith("r") ? unwrap(values) : values,
+      sigmas: shown.map(([, sigma]) => sigma),
+    };
+  });
 }
 
 /** The run's outcome as the last of its answers: the sigmas that the verdict has, not those of the last iteration. */

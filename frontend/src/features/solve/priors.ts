@@ -1,10 +1,9 @@
 import type { NewJob } from "../../api/client";
+import { perUnit, type Axis } from "../../ui/axes";
+import { numberOf } from "../../ui/format";
 
 export type Settings = NonNullable<NewJob["settings"]>;
 export type Prior = NonNullable<Settings["priors"]>[number];
-export type Axis = Prior["axis"];
-
-export const axes: readonly Axis[] = ["rx", "ry", "rz", "tx", "ty", "tz", "dt"];
 
 /** A prior as it is typed: numbers as text, in the units that people read. */
 export interface PriorText {
@@ -13,31 +12,15 @@ export interface PriorText {
   sigma: string;
 }
 
-/** How many of a person's units the document's is: degrees to a radian, millimetres to a metre, milliseconds to a second. */
-function units(axis: Axis): number {
-  return axis.startsWith("r") ? 180 / Math.PI : 1000;
-}
-
-export function unitOf(axis: Axis): "°" | "mm" | "ms" {
-  return axis.startsWith("r") ? "°" : axis === "dt" ? "ms" : "mm";
-}
-
-/** A number as people type it; null where it is none. */
-export function numberOf(text: string): number | null {
-  const trimmed = text.trim().replace("−", "-").replace(",", ".");
-  const value = Number(trimmed);
-  return trimmed === "" || !Number.isFinite(value) ? null : value;
-}
-
 /** The prior that is meant; null while it is unfinished. A standard deviation is larger than nought. */
 export function priorOf({ axis, value, sigma }: PriorText): Prior | null {
   const [mean, std] = [numberOf(value), numberOf(sigma)];
   if (mean === null || std === null || std <= 0) return null;
-  return { axis, value: mean / units(axis), std: std / units(axis) };
+  return { axis, value: mean / perUnit(axis), std: std / perUnit(axis) };
 }
 
 export function priorText({ axis, value, std }: Prior): PriorText {
-  const read = (number: number) => String(Number((number * units(axis)).toPrecision(6)));
+  const read = (number: number) => String(Number((number * perUnit(axis)).toPrecision(6)));
   return { axis, value: read(value), sigma: read(std) };
 }
 
