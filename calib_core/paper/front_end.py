@@ -17,7 +17,8 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.paper.plane_tracking import match_normals
 from calib_core.paper.records import FrontEnd, TrackedScan
 from calib_core.paper.scan_pose import rough_pose
-from calib_core.planes.segment import PlaneFit, SegmentSettings, fit_plane, segment_planes
+from calib_core.planes.segment import PlaneFit, fit_plane, segment_planes
+from calib_core.planes.settings import SegmentSettings
 from calib_core.types import FloatArray, IntArray, Plane, Scan
 
 #: Few hypotheses, because a scan of the target is mostly its planes; the first scan is given more. What could be an

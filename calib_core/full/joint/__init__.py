@@ -1,7 +1,7 @@
 """The joint estimation: one problem of knots, calibration, biases, gravity and planes, solved coarse to fine.
 
     solve.py        the page: `estimate_jointly`, and `estimate_motion` for the forecast
-    schedule.py     which rounds, and every number that steers them
+    schedule.py     which rounds; policies.py has the numbers of each step
     estimation.py   what is known at one moment, as a value; begin.py makes the first, replay.py writes one down
     round.py        the steps of a round; settle.py to rest; bounds.py what may not run away
     propagate.py    over what the lidar alone could not follow: window.py, regain.py, drift.py, reach.py

@@ -11,9 +11,9 @@ from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.policies import Limits
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.schedule import Limits
 from calib_core.full.joint.sensors import clock_rate_ppm
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Estimate

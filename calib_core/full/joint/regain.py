@@ -15,7 +15,7 @@ from calib_core.factors.lidar_plane import Gate, collapse, find_hits, select
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import Micro
-from calib_core.full.joint.schedule import Propagation
+from calib_core.full.joint.policies import Propagation
 from calib_core.full.joint.settings import REGAINING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View

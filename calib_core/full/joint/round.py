@@ -21,9 +21,9 @@ from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.live import iteration_event
 from calib_core.full.joint.moments import gather
 from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.policies import Round, Sampling
 from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.schedule import Round, Sampling
 from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, seen_from, sensor_columns, true_readings
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TRANSLATION, Estimate, Layout

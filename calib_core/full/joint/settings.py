@@ -1,10 +1,10 @@
-"""Numbers of the joint estimation beside its schedule (`schedule.py`), each with its unit and its reason."""
+"""Numbers of the joint estimation beside its steps' policies (`policies.py`), each with its unit and its reason."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calib_core.planes.segment import SegmentSettings
+from calib_core.planes.settings import SegmentSettings
 
 
 @dataclass(frozen=True, slots=True)

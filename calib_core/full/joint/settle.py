@@ -13,10 +13,10 @@ import numpy as np
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.bounds import require_rest
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.policies import Sampling, Settling
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import anchored, associate, coarse_stride, descend, gate_of, measure, survey
-from calib_core.full.joint.schedule import Sampling, Settling
 from calib_core.full.joint.settings import DOUBTING
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import BoolArray

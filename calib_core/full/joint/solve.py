@@ -11,11 +11,12 @@ from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes
+from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import map_time_s, one_round, outlined_cells, watched_round
-from calib_core.full.joint.schedule import PlaneSet, Round, Sampling, Schedule, Settling
+from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calib_core.planes.segment import SegmentSettings
+from calib_core.planes.settings import SegmentSettings
 
 
 @dataclass(frozen=True, slots=True)

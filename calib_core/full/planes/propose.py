@@ -16,7 +16,8 @@ from calib_core.events import ShouldCancel, never_cancel
 from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
 from calib_core.planes.same import same_place
-from calib_core.planes.segment import PlaneFit, SegmentSettings, determinacy, fit_plane, segment_planes
+from calib_core.planes.segment import PlaneFit, determinacy, fit_plane, segment_planes
+from calib_core.planes.settings import SegmentSettings
 from calib_core.presets.lidar import FARTHEST_M, NEAREST_M
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Scan

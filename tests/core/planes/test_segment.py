@@ -11,12 +11,12 @@ from calib_core.geometry import plane_axes
 from calib_core.planes.kernels import support_kernel
 from calib_core.planes.segment import (
     PlaneFit,
-    SegmentSettings,
     _merge,
     determinacy,
     fit_plane,
     segment_planes,
 )
+from calib_core.planes.settings import SegmentSettings
 from calib_core.simulate import prepare
 from calib_core.simulate.layouts import scan_of
 from calib_core.simulate.motions import STILL

@@ -14,8 +14,8 @@ from calib_core.calibrate import Calibration, calibrate
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.full.joint import round as steps
 from calib_core.full.joint.estimation import MapPlane
+from calib_core.full.joint.policies import Propagation
 from calib_core.full.joint.reach import reach_within, spread
-from calib_core.full.joint.schedule import Propagation
 from calib_core.full.joint.window import Window
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import exp, plane_axes

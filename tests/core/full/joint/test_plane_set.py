@@ -14,9 +14,9 @@ from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.full.joint import plane_set
 from calib_core.full.joint.estimation import Estimation, MapPlane
 from calib_core.full.joint.plane_set import drop_planes, kept_planes, new_ones, only_planes, over_usual, with_planes
+from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.residuals import misfit, plane_misfit
-from calib_core.full.joint.schedule import PlaneSet
 from calib_core.full.joint.state import Estimate
 from calib_core.planes.segment import PlaneFit
 

@@ -10,10 +10,11 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full.joint.estimation import MapPlane
+from calib_core.full.joint.policies import Propagation
 from calib_core.full.joint.propagate import advance, begin
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.round import one_round
-from calib_core.full.joint.schedule import FULL, Propagation
+from calib_core.full.joint.schedule import FULL
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 

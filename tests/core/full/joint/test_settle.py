@@ -16,7 +16,7 @@ from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint import settle as settling
 from calib_core.full.joint.begin import knots_over
 from calib_core.full.joint.lidar_noise import tapered_variance
-from calib_core.full.joint.schedule import Sampling, Settling
+from calib_core.full.joint.policies import Sampling, Settling
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.geometry import exp, log

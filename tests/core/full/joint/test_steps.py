@@ -11,8 +11,9 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.full.joint import bounds, solve
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
-from calib_core.full.joint.schedule import FULL, Schedule, Steadying, Tones
+from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half

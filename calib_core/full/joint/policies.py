@@ -1,0 +1,305 @@
+"""What each step of the joint estimation goes by: every number that steers it, with its unit and its reason.
+
+A step is a function of what is known and of its policy. Which steps there are, in which rounds, is the schedule's (schedule.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log2
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One round: points gathered under the present estimate, and a descent."""
+
+    #: judged: room in the gate beyond the noise, for what the motion may be wrong by: 12 cm at the start, as the track is
+    #: right to centimetres and half a degree at 10 m is 9 cm; half of it in each coarser round. The end does not depend on
+    #: it, as long as it begins wide enough.
+    gate_m: float
+    #: judged: most steps of the descent; what does not end is taken up by the next round.
+    iterations: int
+    #: derived: a cost lower by x^2 / 2 is a step of x sigma: it ends where the next step is below a third of a standard
+    #: deviation, which the next association would not feel.
+    least_decrease: float = 0.05
+    #: derived: whether the planes' support is surveyed first, which wants a motion that lays them where they are.
+    survey: bool = True
+    #: derived: whether what the data leave open is held from there on, which wants a motion whose noise is not taken for
+    #: excitation.
+    hold: bool = True
+    #: derived: whether the calibration stays as it is: before the motion fits, a calibration would take up its errors.
+    motion_alone: bool = False
+    #: judged: every so many-th point; 0 for as many as `Sampling` has it. Time alone depends on it.
+    stride: int = 0
+    #: derived: whether hits near two planes are told by the lidar's noise, which has to be known; else by the gate's own
+    #: fixed margin.
+    margin_by_noise: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """Which points the coarse rounds and the surveys use."""
+
+    #: derived: points in all, but within the bounds a scan below: of a minute's 17 million one in 22, whose sigmas are 4.6
+    #: times the last ones; planes and motion are known to them, and that is what the last rounds, with all points, start
+    #: from.
+    points: int = 800_000
+    points_per_scan: tuple[int, int] = (800, 4000)
+    #: judged: so many scans tell the size of a typical one. Only how many points a round takes depends on it.
+    typical_scans: int = 20
+    #: derived: so many scans tell the lidar's noise: each holds thousands of points on planes, and a sigma of sixteen
+    #: thousand is known to 1 / sqrt(2 x 16000) = 0.6 %.
+    noise_scans: int = 16
+    #: measured on partial-views: at 6 a corner's floor was off by a quarter of its sigma, always the same way. Hits nearer
+    #: to another plane than this, in standard deviations of the range, are ambiguous: a point within half of it may be
+    #: nearer to the wrong plane. Twice the gate: with less, one plane loses the tail of its noise to another, behind which
+    #: that one then seems to go on.
+    margin_sigmas: float = 8.0
+    #: judged: the least and the most of it: a centimetre's lidar tells planes 3 cm apart, no lidar needs more than a hand.
+    #: Points beside edges are left out or not by it.
+    margins_m: tuple[float, float] = (0.03, 0.3)
+
+
+@dataclass(frozen=True, slots=True)
+class Propagation:
+    """How the estimate is propagated by the IMU over what the lidar alone could not follow."""
+
+    #: judged: knots predicted at a time: a hand moves by decimetres in it, an IMU drifts by millimetres (half of 0.1 m/s2
+    #: times 0.3 s squared is 5).
+    piece_s: float = 0.3
+    #: judged: knots solved again with each piece, four of them: older ones feel nothing of new points. The whole is solved
+    #: again later in any case.
+    window_s: float = 1.2
+    #: judged: room in a gate beyond the noise and three standard deviations of the predicted drift: what a calibration of
+    #: the coarse rounds is wrong by.
+    gate_m: float = 0.05
+    #: judged: the second pass gates by so much of it, as the first has taken most of the drift away.
+    tightened: float = 0.8
+    #: judged: a gate wider than this, a hand's length, could take clutter for the plane: the plane has to be known again by
+    #: its normal.
+    widest_gate_m: float = 0.2
+    #: judged: its normal has to agree to this: gyroscopes keep directions to a degree for a minute, and one scan tells a
+    #: small plane's normal to as much.
+    same_normal_deg: float = 3.0
+    #: judged: and its distance to three standard deviations of the drift and this, a wall's thickness: nearer than its
+    #: other side.
+    same_place_m: float = 0.1
+    #: judged: points of a lost plane may lie so far from where it is predicted, beyond three standard deviations of the
+    #: drift. What is found there has still to agree in normal and place.
+    regained_gate_m: float = 0.3
+    #: judged: a plane with fewer points in a piece has not been seen. What is taken for seen with less may be a passing
+    #: hand.
+    fewest_points: int = 20
+    #: judged: a plane may go on so far beyond what was seen of it: three cells of the survey a piece. Farther, another
+    #: surface may lie in its plane.
+    join_on_m: float = 0.6
+    #: judged: with no plane in view for so long, even directions are lost. Where the recording is left off depends on it.
+    blind_limit_s: float = 40.0
+    #: derived: a plane out of view for so long has come back when it is seen again: the whole is solved then. A window and
+    #: a piece, within which it never left the solve.
+    away_s: float = 1.5
+    #: judged: new planes are looked for where the known ones explain less than this share of what they did at first. How
+    #: soon a new wall helps depends on it,
+    explained: float = 0.6
+    #: judged: but not more often than this. Time alone depends on it.
+    fresh_look_s: float = 1.5
+    #: derived: the whole is solved again when so many times as much of it is covered, so that all solves together cost
+    #: twice the last; at its end even for a little more.
+    doubled: float = 2.0
+    little_more: float = 1.05
+    #: derived: a rest of the recording shorter than this is not worth going after: none for a solve, a second for a
+    #: forecast.
+    least_rest_s: float = 0.0
+    #: judged: most steps of the descents: of a piece, of a window back to where a regained plane was last seen, of the
+    #: whole. What does not end is taken up by the next.
+    piece_iterations: int = 6
+    regained_iterations: int = 10
+    whole_iterations: int = 6
+    #: derived: they end where the next step would lower the cost by less than this: a step of sqrt(0.002), a twentieth of a
+    #: sigma.
+    least_decrease: float = 1e-3
+
+    def most_rounds(self, tracked_s: float, total_s: float) -> int:
+        """Rounds over the whole that a propagation may take, by what it is for.
+
+        One each time the span has doubled, one at the end, and one for every time that a plane can have been away for
+        `away_s`; each in two passes.
+        """
+        rest_s = max(total_s - tracked_s, 0.0)
+        if rest_s <= 0.0:
+            return 0
+        doublings = ceil(log2(max(total_s / max(tracked_s, self.piece_s), 1.0)))
+        return 2 * (doublings + 1 + ceil(rest_s / self.away_s))
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneSet:
+    """Which planes join on the way, and which are dropped."""
+
+    #: measured: returns and averages of walls scatter (squared) less than three times as much as others. A plane is none
+    #: that scatters so many times as much, or whose averages wander so.
+    worst_scatter: float = 5.0
+    worst_wandering: float = 4.0
+    #: judged: while the motion is rough a plane may be that far off from place to place and be none the worse; afterwards
+    #: Judgement decides.
+    rough_m: float = 0.008
+    #: judged: what bends the motion hides what bends less: planes are left out in so many turns at the most. More cost
+    #: time.
+    turns: int = 3
+    #: derived: three planes that face three ways hold a pose, fewer do not.
+    fewest: int = 3
+    #: judged: new ones are looked for among so many points of so many scans that lie this far from every plane: ninety
+    #: thousand, of which a plane of three hundredths has thousands.
+    scans: int = 60
+    points_per_scan: int = 1500
+    away_m: float = 0.15
+    #: judged: fewer points that lie on no plane are no plane. Nothing is looked for then.
+    fewest_points: int = 1000
+    #: judged: a find that faces the same way as a known plane, and lies so near, is that plane: doors lie before their
+    #: walls. The same as for planes that are shown (Patches).
+    same_normal_deg: float = 8.0
+    same_place_m: float = 0.25
+    #: judged: a plane that is left out and faces the same way as one that stays is that one seen again, if it lies so near:
+    #: twice as far, as what moved has moved.
+    same_surface_m: float = 0.5
+    #: judged: what joins has to fill a share of what was searched, be so broad and so flat. Small planes tell little, and
+    #: false ones harm.
+    least_share: float = 0.03
+    least_points: int = 300
+    least_breadth_m: float = 0.25
+    most: int = 6
+    flat_m: float = 0.05
+    #: judged: the round that lets new planes settle, at a gate of what the motion is wrong by then. What follows settles to
+    #: the end.
+    settle_in: Round = Round(gate_m=0.05, iterations=8, hold=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Settling:
+    """To where support, noise, gates and motion no longer change one another: first a part of the points, then all."""
+
+    #: judged: room in the gates while the planes' support is learnt, and while the motion settles: millimetres are what is
+    #: left to move. Gates this wide hold all of a wall's points and little of what stands before it.
+    learning_m: float = 0.02
+    settling_m: float = 0.01
+    #: derived: a point more or less is a ten-millionth of the cost; settled is what moved across the gates by less than
+    #: this part of the points' own standard deviation. Nothing that matters depends on the last of those moves, but whether
+    #: two starts end at the same cost to a millionth does.
+    unmoved: float = 2e-6
+    #: judged: all points are gated anew where the solve has moved planes by more than this part of their scatter: a gate
+    #: laid about a wrong motion keeps those points that confirm it.
+    settled: float = 0.3
+    #: judged: most rounds of either kind. What has not settled then is refused with what moved.
+    rounds: int = 12
+    #: derived: most steps of a descent with all points; the next one counts as nothing from a decrease of 0.001 on:
+    #: sqrt(0.002), a twentieth of a sigma.
+    iterations: int = 15
+    fixed_point: float = 1e-3
+    #: derived: the descent's own end: a step of a seven-hundredth of a sigma,
+    least_decrease: float = 1e-6
+    #: derived: or of a thousandth of the first one: what the links were linearised about was off by that one, and what a
+    #: thousandth more would find is not the minimum of the next.
+    least_share: float = 1e-6
+    #: judged: what still moves by more than this part of its own standard deviation after the last round has not settled:
+    #: it could be wrong by as much again as is stated.
+    unsettled_sigmas: float = 1.0
+    #: measured: rounds that come to rest move points less and less, or to and fro by a little more and less; one that ran
+    #: off along the heights of patches doubled its moves each time. So many in a row that each move points farther, to so
+    #: many times the least of them all, go away from rest.
+    farther: int = 3
+    times_farther: float = 4.0
+
+    def descents(self, most_fixed_point: int) -> int:
+        """Most descents with all points. most_fixed_point: under one association."""
+        return self.rounds + most_fixed_point
+
+
+@dataclass(frozen=True, slots=True)
+class Steadying:
+    """How often a coarse round is gone through again."""
+
+    #: measured: points move by 0.2 to 0.6 of their own scatter after the first coarse rounds of most recordings; one with a
+    #: poor start takes four or five rounds more until it has done its work,
+    steady: float = 1.0
+    #: judged: but no more than this: twice as many.
+    patience: int = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """Where walls are off flat, the heights of their patches are unknowns too."""
+
+    #: judged: of a patch, one standard deviation: walls are off flat by 2 to 5 mm over a few metres. What few points tell
+    #: of a patch depends on it.
+    height_std_m: float = 0.003
+    #: measured on simulated rooms with bent walls: of a bend of 1.5 mm the motion and sixteen lasers' angles have taken up
+    #: all but 0.4 mm; flat walls show 0. So much from place to place, beyond chance by so many standard deviations, is
+    #: worth unknowns.
+    least_m: float = 0.0002
+    sigmas: float = 6.0
+    #: measured: skirting boards and a door ajar stand out by 10 to 50 mm, a patch that followed a box went on to 130. A
+    #: patch so many prior standard deviations (9 cm) off its plane is another surface's: shapes are left alone then.
+    most_sigmas: float = 30.0
+    #: derived: knots times lasers: each takes three clusters of moments then. A bound on memory; beyond, error bars alone
+    #: count what is bent.
+    most_clusters: int = 400_000
+
+
+@dataclass(frozen=True, slots=True)
+class Tones:
+    """Where the IMU was shaken faster than it samples, sines in its readings are unknowns too."""
+
+    #: derived: the score's periodogram stands out by so much beside its mean by chance: over six channels and thousands of
+    #: frequencies exp(-20) is once in ten thousand recordings. Walls that bend by 5 mm, once settled, make 4 to 6.
+    stands_out: float = 20.0
+    #: measured: two persons who walk among the planes have made 20 and more. The same before planes are judged.
+    stands_out_in_company: float = 100.0
+    #: measured: cheap sensors make 50 to 850 of the motion itself, persons who are still among the planes some thousands; a
+    #: tone that carries the motion off hundreds of thousands. The same while the sensors are still taken for ideal.
+    shouts: float = 10_000.0
+    #: measured: bent walls make 58 before the lidar's noise is known and planes are judged, a tone that would have planes
+    #: thrown out thousands. The same then.
+    stands_out_at_once: float = 200.0
+    #: judged: most tones at a time: so many unknowns more still leave the motion to be told. More lines than that are left
+    #: in the readings, and widen the error bars.
+    most: int = 8
+    #: judged: rounds of settling between one search and the next: a tone that is left shows again in the next.
+    settling_rounds: int = 3
+    #: measured: a recording shaken by 3 m/s2 was refused at ten turns that is answered with its slow tone; fewer than two
+    #: are the biases' own drift,
+    fewest_turns: float = 2.0
+    #: derived: above this part of the knots' highest frequency nothing is left of a tone once it is integrated: its shift
+    #: is its acceleration over (2 pi f)^2, at 30 Hz a thirty-five-thousandth.
+    highest: float = 0.6
+    #: derived: the periodogram is read at so many points for each that is independent: a peak between two of them is lower
+    #: by 1 - sinc^2(1/8), 5 % at the most.
+    padded: int = 4
+    #: judged: turns at rest with all points, which show what a part of them does not. Time depends on it.
+    turns: int = 2
+    #: derived: of a tone's frequency, beforehand, in units of one turn in the recording: the distance of the points at
+    #: which the periodogram is read.
+    resolution: float = 0.25
+    #: measured: three turns apart, two tones have been seen to part; nearer, their amplitudes in the room and with the IMU
+    #: say the same of a rig that turns. How near two of them may lie, in the same units.
+    apart: float = 4.0
+
+    @property
+    def most_rounds(self) -> int:
+        """Bound on the rounds until all are found: two for each to be told, and those of settling."""
+        return (self.most + self.turns) * (2 + self.settling_rounds)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Where an answer has left what the stages before have found, and no descent brings it back."""
+
+    #: derived: from the offset at which both sensors' turning agrees, in sweeps: further off, points would be laid out by
+    #: the motion of another sweep.
+    offset_sweeps: float = 1.0
+    #: derived: a lever arm longer than this (the standing prior's own standard deviation) that claims to be known to less
+    #: than `lever_arm_std_m`, a hundredth of it, is the length of no machine, but of a motion that points do not lie on.
+    lever_arm_m: float = 10.0
+    lever_arm_std_m: float = 0.1
+    #: judged: so many times its prior's standard deviation no parameter of a working sensor is: lasers off by a decimetre.
+    #: A few times is a sensor worse than its data sheet, which the solve may well find.
+    sensor_sigmas: float = 12.0
