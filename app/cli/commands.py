@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pydantic import ValidationError
 from rich.console import Console
 
 from app.cli import options
@@ -19,9 +18,8 @@ from app.cli.terminal import Manner, choose_manner, listener
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
 from calib_core.audit.pose import GivenExtrinsic
-from calib_core.errors import InputError, SettingsError
+from calib_core.errors import InputError
 from calib_core.result import CalibrationResult
-from calib_core.settings import CalibrateSettings, ReadSettings
 
 if TYPE_CHECKING:
     from app.results.evidence import StepListener
@@ -57,7 +55,7 @@ def serve(chosen: argparse.Namespace) -> None:
 
 def inspect(chosen: argparse.Namespace) -> None:
     """Report on a recording, to stdout."""
-    settings = _read_settings(chosen)
+    settings = options.read_settings(chosen)
     with listener(_manner(chosen)) as on_event:
         report = api.inspect(chosen.recording, settings, on_event=on_event)
     if chosen.json:
@@ -73,10 +71,10 @@ def calibrate(chosen: argparse.Namespace) -> None:
     from app.cli.choosing import load_asking
     from app.cli.summary import refusal
 
-    solving = _solve_settings(chosen)
+    solving = options.solve_settings(chosen)
     planes = None if chosen.planes is None else api.read_planes(chosen.planes)
     guess = None if chosen.initial_guess is None else api.read_initial_guess(chosen.initial_guess)
-    reading, manner = _read_settings(chosen), _manner(chosen)
+    reading, manner = options.read_settings(chosen), _manner(chosen)
     if chosen.output is not None:
         check_writable(chosen.output)
     if chosen.report is not None:
@@ -99,7 +97,7 @@ def calibrate_many(chosen: argparse.Namespace) -> None:
     """Calibrate every recording of a folder or a list. Raises Refused where some have no document in the end."""
     from app.cli.many import calibrate_all, without_document
 
-    rows = calibrate_all(chosen, _read_settings(chosen), _solve_settings(chosen), _manner(chosen))
+    rows = calibrate_all(chosen, options.read_settings(chosen), options.solve_settings(chosen), _manner(chosen))
     sentence = without_document(rows)
     if sentence is not None:
         raise Refused(sentence, code="fleet.incomplete")
@@ -117,7 +115,7 @@ def deskew(chosen: argparse.Namespace) -> None:
             chosen.recording,
             result,
             chosen.output,
-            _read_settings(chosen),
+            options.read_settings(chosen),
             cloud_format=chosen.cloud_format,
             map_out=chosen.map,
             correct_lasers=chosen.correct_lasers,
@@ -149,7 +147,7 @@ def audit(chosen: argparse.Namespace) -> None:
     from app.cli.choosing import load_asking
 
     limits = None if chosen.limits is None else api.read_limits(chosen.limits)
-    reading, manner = _read_settings(chosen), _manner(chosen)
+    reading, manner = options.read_settings(chosen), _manner(chosen)
     given = _extrinsic_without_frames(chosen)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
@@ -242,45 +240,6 @@ def _write_report(
 
 def _manner(chosen: argparse.Namespace) -> Manner:
     return choose_manner(quiet=chosen.quiet, log_json=chosen.log_json)
-
-
-def _read_settings(chosen: argparse.Namespace) -> ReadSettings:
-    """The options of the groups of `_add_reading`, which have the names of the settings."""
-    words = vars(chosen)
-    try:
-        return ReadSettings.model_validate({name: words[name] for name in ReadSettings.model_fields if name in words})
-    except ValidationError as error:
-        raise _unfit(error) from error
-
-
-def _solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
-    try:
-        return CalibrateSettings(
-            method=chosen.method,
-            points_per_plane_per_scan=options.parse_points(chosen.points_per_plane_per_scan, chosen.method),
-            field_of_view_deg=options.parse_field_of_view(chosen.field_of_view_deg, chosen.method),
-            gravity=options.parse_gravity(chosen.gravity),
-            imu_noise=options.parse_imu_noise(chosen.imu_noise),
-            intrinsics=options.parse_intrinsics(chosen.intrinsics),
-            lidar=options.parse_lidar(chosen.lidar),
-            estimate_time_offset=not chosen.fix_time_offset,
-            estimate_planes=not chosen.fix_planes,
-            bias_model=chosen.bias_model,
-            imu_sampling=chosen.imu_sampling,
-            lidar_sampling=chosen.lidar_sampling,
-            priors=options.parse_priors(chosen.prior),
-            random_seed=chosen.random_seed,
-            max_rounds=chosen.max_rounds,
-            excluded_spans_s=options.parse_spans(chosen.exclude),
-        )
-    except ValidationError as error:
-        raise _unfit(error) from error
-
-
-def _unfit(error: ValidationError) -> SettingsError:
-    first = error.errors()[0]
-    option = "-".join(str(part) for part in first["loc"]).replace("_", "-")
-    return SettingsError(f"The option --{option} does not fit: {first['msg']}; correct it")
 
 
 def _give_result(result: CalibrationResult, output: Path | None, manner: Manner) -> None:

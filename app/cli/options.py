@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, get_args
+
+from pydantic import ValidationError
 
 from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
@@ -17,9 +20,11 @@ from calib_core.settings import (
     PAPER_FIELD_OF_VIEW_DEG,
     PAPER_POINTS_PER_PLANE_PER_SCAN,
     Axis,
+    CalibrateSettings,
     Gravity,
     ImuNoise,
     Prior,
+    ReadSettings,
     gravity_at_latitude_m_s2,
 )
 
@@ -33,6 +38,46 @@ _AXIS_UNITS: dict[str, dict[str, float]] = {
 }
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PRIOR = re.compile(rf"(?P<axis>[a-z]+)=(?P<value>{_NUMBER})(?:\+-|\+/-|±)(?P<std>{_NUMBER})(?P<unit>[a-z]*)")
+
+
+def read_settings(chosen: argparse.Namespace) -> ReadSettings:
+    """The options of the groups of `add_reading`, which have the names of the settings."""
+    words = vars(chosen)
+    try:
+        return ReadSettings.model_validate({name: words[name] for name in ReadSettings.model_fields if name in words})
+    except ValidationError as error:
+        raise _unfit(error) from error
+
+
+def solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
+    """The options of a solve, each in the words of the command line."""
+    try:
+        return CalibrateSettings(
+            method=chosen.method,
+            points_per_plane_per_scan=parse_points(chosen.points_per_plane_per_scan, chosen.method),
+            field_of_view_deg=parse_field_of_view(chosen.field_of_view_deg, chosen.method),
+            gravity=parse_gravity(chosen.gravity),
+            imu_noise=parse_imu_noise(chosen.imu_noise),
+            intrinsics=parse_intrinsics(chosen.intrinsics),
+            lidar=parse_lidar(chosen.lidar),
+            estimate_time_offset=not chosen.fix_time_offset,
+            estimate_planes=not chosen.fix_planes,
+            bias_model=chosen.bias_model,
+            imu_sampling=chosen.imu_sampling,
+            lidar_sampling=chosen.lidar_sampling,
+            priors=parse_priors(chosen.prior),
+            random_seed=chosen.random_seed,
+            max_rounds=chosen.max_rounds,
+            excluded_spans_s=parse_spans(chosen.exclude),
+        )
+    except ValidationError as error:
+        raise _unfit(error) from error
+
+
+def _unfit(error: ValidationError) -> SettingsError:
+    first = error.errors()[0]
+    option = "-".join(str(part) for part in first["loc"]).replace("_", "-")
+    return SettingsError(f"The option --{option} does not fit: {first['msg']}; correct it")
 
 
 def parse_points(text: str | None, method: Method) -> int | None:

@@ -29,7 +29,8 @@ from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import gather
-from calib_core.full.joint.round import associate, measure, problem_of, survey
+from calib_core.full.joint.present import problem_of
+from calib_core.full.joint.round import associate, measure, survey
 from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.odometry.reference import Followed

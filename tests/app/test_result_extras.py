@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.cli.commands import _read_settings, _solve_settings
+from app.cli.options import read_settings, solve_settings
 from app.cli.parser import build_parser
 from app.errors import BadRequest, facts_of
 from app.jobs.orders import OrderedPlane, StoredRequest
@@ -115,8 +115,8 @@ def test_the_command_asks_for_the_same(settings):
     words = shlex.split(command.text)
     assert words[:3] == ["unsweep", "calibrate", "my room's.bag"]
     chosen = build_parser().parse_args(words[1:])
-    assert _solve_settings(chosen) == settings
-    assert _read_settings(chosen) == reading.model_copy(update={"lidar_topic": "/points", "imu_topic": "/imu"})
+    assert solve_settings(chosen) == settings
+    assert read_settings(chosen) == reading.model_copy(update={"lidar_topic": "/points", "imu_topic": "/imu"})
     assert (command.files, command.notes) == ([], [])
 
 
@@ -137,7 +137,7 @@ def test_the_commands_files_are_what_the_command_line_reads(tmp_path):
     assert start.time_offset_ns == -20_000_000
     assert api.read_imu_noise(tmp_path / chosen.imu_noise) == NOISE
     chosen.imu_noise = str(tmp_path / chosen.imu_noise)
-    assert _solve_settings(chosen).gravity.magnitude_m_s2 == pytest.approx(9.8, abs=1e-6)
+    assert solve_settings(chosen).gravity.magnitude_m_s2 == pytest.approx(9.8, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["velodyne-calibration", "lasers-csv", "kalibr-imu"])

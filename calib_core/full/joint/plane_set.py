@@ -11,8 +11,8 @@ from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.moments import gather
 from calib_core.full.joint.policies import PlaneSet
+from calib_core.full.joint.present import present_view, problem_of
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit
-from calib_core.full.joint.round import present_view, problem_of
 from calib_core.full.joint.state import Estimate
 from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.planes.same import same_place, same_surface

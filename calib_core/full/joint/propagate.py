@@ -19,9 +19,10 @@ from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.plane_set import add_planes
 from calib_core.full.joint.policies import Propagation, Round
+from calib_core.full.joint.present import layout_of
 from calib_core.full.joint.reach import spread, surveyed_reach
 from calib_core.full.joint.regain import regain
-from calib_core.full.joint.round import coarse_stride, gate_of, layout_of, one_round
+from calib_core.full.joint.round import coarse_stride, gate_of, one_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import STRAYING
 from calib_core.full.joint.state import GRAVITY

@@ -8,7 +8,8 @@ from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents, reach_a
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.policies import Propagation
-from calib_core.full.joint.round import gate_of, outlined_cells, survey
+from calib_core.full.joint.present import outlined_cells
+from calib_core.full.joint.round import gate_of, survey
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.window import Window
 from calib_core.geometry import plane_axes

@@ -13,29 +13,23 @@ import numpy as np
 
 from calib_core.errors import Cancelled
 from calib_core.factors.lidar_plane import Gate
-from calib_core.factors.support import cells_within
 from calib_core.full.joint import association
 from calib_core.full.joint.bounds import require_bounds
-from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
+from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.live import iteration_event
 from calib_core.full.joint.moments import gather
-from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.policies import Round, Sampling
+from calib_core.full.joint.present import frozen_columns, map_pose, outlined_cells, present_view, problem_of
 from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, seen_from, sensor_columns, true_readings
+from calib_core.full.joint.sensors import seen_from
 from calib_core.full.joint.settings import HOLDING, WATCHING
-from calib_core.full.joint.state import CALIBRATION, TRANSLATION, Estimate, Layout
+from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Estimate
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
-from calib_core.full.joint.view import View
-from calib_core.imu.preintegration import UpsampledImu
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_arrow
 from calib_core.solver.levenberg import minimise
-from calib_core.types import BoolArray, FloatArray
-
-#: The time offset's column of the calibration.
-_TIME_OFFSET = CALIBRATION - 1
+from calib_core.types import FloatArray
 
 
 def one_round(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
@@ -166,7 +160,7 @@ def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimatio
         return state
     known = data_information(information, state.priors)
     if not data.run.settings.estimate_time_offset:
-        known[_TIME_OFFSET, _TIME_OFFSET] = FROZEN
+        known[TIME_OFFSET, TIME_OFFSET] = FROZEN
     before = [held.vector * UNITS for held in state.priors.held]
     held = []
     now = state.priors.calibration_vector(state.estimate)
@@ -179,7 +173,7 @@ def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimatio
 
 def _information(data: JointData, state: Estimation, problem: JointProblem) -> FloatArray | None:
     """Of the shared unknowns (S, S), from the descent that just ended unless it held more than the settings do."""
-    frozen = _frozen(data, problem, state.estimate)
+    frozen = frozen_columns(data, problem, state.estimate)
     if state.information is not None and problem.frozen == frozen:
         return state.information
     try:
@@ -193,81 +187,6 @@ def anchored(data: JointData, state: Estimation) -> Estimation:
 
     Planes' cells are counted in the map frame: it must not depend on where the search began.
     """
-    R, p = _map_pose(data, state)
+    R, p = map_pose(data, state)
     seen = state.estimate.seen_from(R, p)
     return replace(state, estimate=replace(seen, nuisance=seen_from(state.nuisance, seen.nuisance, R)))
-
-
-def outlined_cells(data: JointData, state: Estimation) -> BoolArray | None:
-    """The cells (P, rows, columns) that the given outlines leave to their planes; None where there is no outline."""
-    if all(plane.outline_m is None for plane in state.planes):
-        return None
-    # Planes that are held hold the frame too; otherwise it has drifted with the motion, and the outlines with it.
-    R, p = _map_pose(data, state) if data.run.settings.estimate_planes else (np.eye(3), np.zeros(3))
-    here = [None if plane.outline_m is None else plane.outline_m @ R.T + p for plane in state.planes]
-    return cells_within(state.estimate.normals, here)
-
-
-def _map_pose(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
-    """The map frame in that of the solve, by the present estimate: R (3, 3), p (3,)."""
-    return lidar_pose(motion_of(data, state), state.estimate, map_time_s(data, state))
-
-
-def map_time_s(data: JointData, state: Estimation) -> float:
-    """When the lidar defines the map frame: the first used scan's time, by a clock that runs at the IMU's rate."""
-    rate_ppm = clock_rate_ppm(state.nuisance, state.estimate.nuisance)
-    return float(data.run.clocks.at_rate(rate_ppm).scan_s[data.reference])
-
-
-def present_view(data: JointData, state: Estimation) -> View:
-    """The scans under the present estimate."""
-    return data.laid_out.of(data.run, motion_of(data, state), state.estimate, state.nuisance)
-
-
-def readings_of(data: JointData, state: Estimation) -> UpsampledImu:
-    """The readings over the estimated knots, without the IMU's own scale, axes and delay and what shook it unseen, as these are
-    thought to be."""
-    if not state.nuisance.blocks:
-        return data.readings.part(0, state.knots)
-    intrinsics = imu_intrinsics(state.nuisance, state.estimate.nuisance)
-    asked = data.asked.at(data.run, data.readings, intrinsics.accel_delay_s)
-    return true_readings(asked.part(0, state.knots), state.nuisance, state.estimate.nuisance, state.estimate.states.R)
-
-
-def motion_of(data: JointData, state: Estimation) -> Motion:
-    """The motion that the present estimate describes."""
-    e = state.estimate
-    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
-    return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
-
-
-def problem_of(data: JointData, state: Estimation) -> JointProblem:
-    """The joint problem over the knots estimated so far, linked about the present biases and sensors."""
-    e = state.estimate
-    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
-    problem = replace(
-        JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=data.gauge),
-        sensors=sensor_columns(state.nuisance, e.nuisance, readings, e.states.R, data.run.clocks.middle_s),
-        planes_hold_frame=not data.run.settings.estimate_planes,
-    )
-    return replace(problem, frozen=_frozen(data, problem, e))
-
-
-def layout_of(data: JointData, state: Estimation) -> Layout:
-    """Where each shared unknown has its columns."""
-    return Layout(len(data.nodes.times_s), len(state.planes), state.nuisance.size)
-
-
-def _frozen(data: JointData, problem: JointProblem, estimate: Estimate) -> tuple[int, ...]:
-    """The shared columns that the settings hold fixed."""
-    settings, layout = data.run.settings, problem.layout(estimate)
-    frozen: list[int] = []
-    if not settings.estimate_time_offset:
-        frozen.append(_TIME_OFFSET)
-    if not settings.estimate_planes:
-        for j in range(layout.planes):
-            columns = layout.plane(j)
-            frozen.extend(range(columns.start, columns.stop))
-    if settings.intrinsics == "consider":
-        frozen.extend(range(layout.nuisance().start, layout.nuisance().start + data.sensors.size))
-    return tuple(frozen)

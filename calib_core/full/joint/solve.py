@@ -12,10 +12,11 @@ from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes
 from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
+from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.residuals import moved_in_gate
-from calib_core.full.joint.round import map_time_s, one_round, outlined_cells, watched_round
+from calib_core.full.joint.round import one_round, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle

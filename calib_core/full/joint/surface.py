@@ -10,7 +10,8 @@ from calib_core.factors.lidar_plane import select
 from calib_core.factors.patches import SurfacePatches, patches_of
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Sampling, Surfaces
-from calib_core.full.joint.round import coarse_stride, gate_of, present_view
+from calib_core.full.joint.present import present_view
+from calib_core.full.joint.round import coarse_stride, gate_of
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.types import FloatArray
 

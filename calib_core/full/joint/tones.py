@@ -15,8 +15,9 @@ import numpy as np
 from calib_core.factors.imu import link_factors
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Round, Sampling, Tones
+from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.round import one_round, problem_of
+from calib_core.full.joint.round import one_round
 from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import TONE

@@ -11,7 +11,7 @@ from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.estimation import lidar_pose
-from calib_core.full.joint.round import map_time_s, motion_of
+from calib_core.full.joint.present import map_time_s, motion_of
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.prepare import prepare
 from calib_core.settings import CalibrateSettings

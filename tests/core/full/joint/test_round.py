@@ -14,7 +14,8 @@ from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
 from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, find_hits, select
 from calib_core.full.joint.policies import Sampling
-from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of, problem_of
+from calib_core.full.joint.present import problem_of
+from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Scan
 from tests.core.full.joint.conftest import Half

@@ -1,0 +1,92 @@
+"""What the present state says: the motion, the scans as they are seen by it, the problem about it. Nothing here changes it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.factors.support import cells_within
+from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
+from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, sensor_columns, true_readings
+from calib_core.full.joint.state import TIME_OFFSET, Estimate, Layout
+from calib_core.full.joint.view import View
+from calib_core.imu.preintegration import UpsampledImu
+from calib_core.types import BoolArray, FloatArray
+
+
+def outlined_cells(data: JointData, state: Estimation) -> BoolArray | None:
+    """The cells (P, rows, columns) that the given outlines leave to their planes; None where there is no outline."""
+    if all(plane.outline_m is None for plane in state.planes):
+        return None
+    # Planes that are held hold the frame too; otherwise it has drifted with the motion, and the outlines with it.
+    R, p = map_pose(data, state) if data.run.settings.estimate_planes else (np.eye(3), np.zeros(3))
+    here = [None if plane.outline_m is None else plane.outline_m @ R.T + p for plane in state.planes]
+    return cells_within(state.estimate.normals, here)
+
+
+def map_pose(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
+    """The map frame in that of the solve, by the present estimate: R (3, 3), p (3,)."""
+    return lidar_pose(motion_of(data, state), state.estimate, map_time_s(data, state))
+
+
+def map_time_s(data: JointData, state: Estimation) -> float:
+    """When the lidar defines the map frame: the first used scan's time, by a clock that runs at the IMU's rate."""
+    rate_ppm = clock_rate_ppm(state.nuisance, state.estimate.nuisance)
+    return float(data.run.clocks.at_rate(rate_ppm).scan_s[data.reference])
+
+
+def present_view(data: JointData, state: Estimation) -> View:
+    """The scans under the present estimate."""
+    return data.laid_out.of(data.run, motion_of(data, state), state.estimate, state.nuisance)
+
+
+def readings_of(data: JointData, state: Estimation) -> UpsampledImu:
+    """The readings over the estimated knots, without the IMU's own scale, axes and delay and what shook it unseen, as these are
+    thought to be."""
+    if not state.nuisance.blocks:
+        return data.readings.part(0, state.knots)
+    intrinsics = imu_intrinsics(state.nuisance, state.estimate.nuisance)
+    asked = data.asked.at(data.run, data.readings, intrinsics.accel_delay_s)
+    return true_readings(asked.part(0, state.knots), state.nuisance, state.estimate.nuisance, state.estimate.states.R)
+
+
+def motion_of(data: JointData, state: Estimation) -> Motion:
+    """The motion that the present estimate describes."""
+    e = state.estimate
+    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
+    return Motion(readings, e.states, nodes.at_knots(e.gyro_bias), nodes.at_knots(e.accel_bias), e.gravity)
+
+
+def problem_of(data: JointData, state: Estimation) -> JointProblem:
+    """The joint problem over the knots estimated so far, linked about the present biases and sensors."""
+    e = state.estimate
+    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
+    problem = replace(
+        JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=data.gauge),
+        sensors=sensor_columns(state.nuisance, e.nuisance, readings, e.states.R, data.run.clocks.middle_s),
+        planes_hold_frame=not data.run.settings.estimate_planes,
+    )
+    return replace(problem, frozen=frozen_columns(data, problem, e))
+
+
+def layout_of(data: JointData, state: Estimation) -> Layout:
+    """Where each shared unknown has its columns."""
+    return Layout(len(data.nodes.times_s), len(state.planes), state.nuisance.size)
+
+
+def frozen_columns(data: JointData, problem: JointProblem, estimate: Estimate) -> tuple[int, ...]:
+    """The shared columns that the settings hold fixed."""
+    settings, layout = data.run.settings, problem.layout(estimate)
+    frozen: list[int] = []
+    if not settings.estimate_time_offset:
+        frozen.append(TIME_OFFSET)
+    if not settings.estimate_planes:
+        for j in range(layout.planes):
+            columns = layout.plane(j)
+            frozen.extend(range(columns.start, columns.stop))
+    if settings.intrinsics == "consider":
+        frozen.extend(range(layout.nuisance().start, layout.nuisance().start + data.sensors.size))
+    return tuple(frozen)
