@@ -106,6 +106,18 @@ def test_every_file_that_a_page_names_is_there(page: str) -> None:
     assert missing == []
 
 
+def test_every_room_has_its_place_in_the_architecture() -> None:
+    """Mutations: a new file beside app/bus.py, or a new folder in calib_core; one that went, still in the list."""
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    for package in ("calib_core", "app"):
+        (listed,) = re.findall(rf"^{package}/\n((?:  .*\n)+)", text, re.MULTILINE)
+        named = [name for line in listed.splitlines() for name in re.split(r"  +", line.strip())[:-1]]
+        folder = ROOT / package
+        rooms = {f"{path.parent.name}/" for path in folder.glob("*/*.py")}
+        files = {path.name for path in folder.glob("*.py")} - {"__init__.py"}
+        assert sorted(named) == sorted(rooms | files)
+
+
 def test_three_questions_are_answered_by_two_files_each() -> None:
     """The page, at the stage that is named, names the file in bold words; the file is there.
 
