@@ -1,10 +1,9 @@
-"""Beyond which standard deviation an axis is weak, as the contract says it: one home for page, report and terminal."""
+"""The axes in short, and the limit of each where it is weak in the forecast's unit: for page, report and terminal."""
 
 from __future__ import annotations
 
-WEAK_DEG = 0.5
-WEAK_M = 0.020
-WEAK_S = 0.002
+from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
+
 #: The axes of a calibration in the covariance's order, as people read them.
 AXIS_NAMES: dict[str, str] = {
     "rx": "Turn x",

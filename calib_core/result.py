@@ -14,6 +14,18 @@ from pydantic import BaseModel, ConfigDict, Field
 from calib_core.settings import Axis, ImuNoise
 
 COVARIANCE_ORDER: tuple[Axis, ...] = get_args(Axis)
+#: The same to a person.
+AXIS_WORDS: dict[Axis, str] = {
+    "rx": "rotation about the lidar's x axis",
+    "ry": "rotation about the lidar's y axis",
+    "rz": "rotation about the lidar's z axis",
+    "tx": "translation along the IMU's x axis",
+    "ty": "translation along the IMU's y axis",
+    "tz": "translation along the IMU's z axis",
+    "dt": "time offset",
+}
+#: Beyond which standard deviation (1 sigma) along any of them an answer is weak.
+WEAK_DEG, WEAK_M, WEAK_S = 0.5, 0.020, 0.002
 Status = Literal["calibrated", "weak", "refused"]
 
 

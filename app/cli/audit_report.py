@@ -9,7 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import bullet
-from calib_core.audit.report import AXIS_WORDS, AuditReport, AxisAudit, Verdict
+from calib_core.audit.report import AuditReport, AxisAudit, Verdict
+from calib_core.result import AXIS_WORDS
 
 _STYLES: dict[Verdict, str] = {"passed": "bold green", "failed": "bold red", "unknown": "bold yellow"}
 
@@ -35,7 +36,7 @@ def _axes(axes: list[AxisAudit]) -> RenderableType:
     for axis in axes:
         verdict = "not judged" if axis.verdict is None else axis.verdict
         table.add_row(
-            AXIS_WORDS[axis.axis],
+            AXIS_WORDS[axis.axis].removesuffix(" axis"),
             "-" if axis.difference is None else f"{axis.difference:+.3f} {axis.unit}",
             f"{axis.difference_std:.3f} {axis.unit}",
             "-" if axis.limit is None else f"{axis.limit:g} {axis.unit}",

@@ -9,12 +9,12 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import error_bar
-from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.doctor.report import (
     Forecast,
     ParameterForecast,
     PlanesReport,
 )
+from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 
 #: Beyond so many times what counts as weak, a number would only pretend to be one.
 _UNKNOWN_TIMES = 5.0

@@ -18,8 +18,8 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 from rich.text import Text
 
-from app.weak_limits import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
+from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 
 STAGE_TITLES = {
     "read": "Reading the recording",

@@ -46,9 +46,10 @@ from app.storage.database import open_database, touch_database
 from app.storage.files import SUFFIXES, DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import DocumentStore, JobStore, RecordingStore
-from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
+from app.weak_limits import AXIS_NAMES
 from calib_core import __version__, api
 from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS
+from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.settings import CalibrateSettings
 
 #: Scenarios offered as samples, and their titles; the first is the one click away.

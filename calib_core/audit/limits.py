@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib_core.errors import SettingsError
+from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 _Three = Annotated[tuple[_Positive, _Positive, _Positive], Field(strict=False)]
@@ -24,9 +25,9 @@ class Limits(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True
     )
     schema_: Literal["unsweep.limits/1"] = Field(default="unsweep.limits/1", alias="schema")
-    rotation_deg: _Positive | _Three | None = 0.5
-    translation_mm: _Positive | _Three | None = 20.0
-    time_offset_ms: _Positive | None = 2.0
+    rotation_deg: _Positive | _Three | None = WEAK_DEG
+    translation_mm: _Positive | _Three | None = 1e3 * WEAK_M
+    time_offset_ms: _Positive | None = 1e3 * WEAK_S
 
     def per_axis(self) -> tuple[float | None, ...]:
         """Seven, in the order rx ry rz tx ty tz dt, in degrees, millimetres and milliseconds."""

@@ -10,16 +10,6 @@ from calib_core.result import CalibrationResult, RoomCrispness
 from calib_core.settings import Axis
 
 Verdict = Literal["passed", "failed", "unknown"]
-#: The axes as sentences and tables have them.
-AXIS_WORDS: dict[Axis, str] = {
-    "rx": "rotation about the lidar's x",
-    "ry": "rotation about the lidar's y",
-    "rz": "rotation about the lidar's z",
-    "tx": "position along the IMU's x",
-    "ty": "position along the IMU's y",
-    "tz": "position along the IMU's z",
-    "dt": "time offset",
-}
 
 
 class _Model(BaseModel):

@@ -14,10 +14,11 @@ from calib_core.audit import compare
 from calib_core.audit.crisp import Judged, audit_crispness, mounting_of
 from calib_core.audit.limits import Limits
 from calib_core.audit.pose import GivenExtrinsic
-from calib_core.audit.report import AXIS_WORDS, AuditCrispness, AuditReport, AxisAudit, Verdict
+from calib_core.audit.report import AuditCrispness, AuditReport, AxisAudit, Verdict
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.known_extrinsic import held
+from calib_core.result import AXIS_WORDS
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Recording
 

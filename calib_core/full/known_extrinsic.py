@@ -20,7 +20,7 @@ from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, nev
 from calib_core.factors.laser_features import LaserErrors
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.prepare.prepare import prepare, require_length
-from calib_core.geometry import exp
+from calib_core.imu.turned import turned_since
 from calib_core.maps.accumulate import covers
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
@@ -130,17 +130,12 @@ def _as_solved(result: CalibrationResult) -> CalibrateSettings:
 
 
 def turning_alone(imu: ImuData, calibration: InitialGuess, gyro_bias_rad_s: FloatArray) -> Trajectory:
-    """The lidar's motion if the IMU only turned: its rates integrated, each held from one reading to the next."""
+    """The lidar's motion if the IMU only turned."""
     if calibration.R_imu_lidar is None or calibration.p_imu_lidar is None or calibration.time_offset_ns is None:
         raise ValueError("the turning alone needs a whole calibration")
     epoch_ns = int(imu.stamps_ns[0]) + calibration.time_offset_ns
     times_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
-    middle_rad_s = 0.5 * (imu.gyro_rad_s[1:] + imu.gyro_rad_s[:-1]) - gyro_bias_rad_s
-    steps = exp(middle_rad_s * np.diff(times_s)[:, None])
-    R_first_imu = np.empty((times_s.size, 3, 3))
-    R_first_imu[0] = np.eye(3)
-    for k, step in enumerate(steps):
-        R_first_imu[k + 1] = R_first_imu[k] @ step
+    R_first_imu = turned_since(times_s, imu.gyro_rad_s - gyro_bias_rad_s)
     return Trajectory(
         epoch_ns=epoch_ns,
         times_s=times_s,

@@ -24,7 +24,7 @@ from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
 from app.server.usual import usual_numbers
-from app.weak_limits import AXIS_NAMES, WEAK_DEG, WEAK_M, WEAK_S
+from app.weak_limits import AXIS_NAMES
 from app.work.functions import _guess as start_of
 from calib_core import api
 from calib_core.audit.limits import Limits
@@ -32,7 +32,16 @@ from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.errors import SettingsError
 from calib_core.full.assess.observability import LIMITS, UNITS
 from calib_core.full.prepare.settings import LENGTH
-from calib_core.result import COVARIANCE_ORDER, CalibrationResult, Message, Uncertainty, WeakDirection
+from calib_core.result import (
+    COVARIANCE_ORDER,
+    WEAK_DEG,
+    WEAK_M,
+    WEAK_S,
+    CalibrationResult,
+    Message,
+    Uncertainty,
+    WeakDirection,
+)
 from calib_core.settings import CalibrateSettings, ReadSettings
 from tests.app.support import world
 

@@ -16,6 +16,7 @@ from scipy import fft
 from calib_core.full.initialise.settings import LAGS
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.geometry import exp, log
+from calib_core.imu.turned import turned_since
 from calib_core.types import FloatArray
 
 
@@ -52,8 +53,7 @@ class GyroTurns:
     def __init__(self, stamps_s: FloatArray, gyro_rad_s: FloatArray) -> None:
         self._t = stamps_s
         self._gyro = gyro_rad_s
-        steps = exp(np.diff(stamps_s)[:, None] * 0.5 * (gyro_rad_s[1:] + gyro_rad_s[:-1]))
-        self._R = np.concatenate([np.eye(3)[None], _running_product(steps)])
+        self._R = turned_since(stamps_s, gyro_rad_s)
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Orientation at instants within the recording, from its first sample: (N, 3, 3). The rate is linear between samples."""
@@ -67,16 +67,6 @@ class GyroTurns:
         out = log(np.swapaxes(self.at(start_s), 1, 2) @ self.at(end_s)) / (end_s - start_s)[:, None]
         out[(start_s < self._t[0]) | (end_s > self._t[-1])] = np.nan
         return out
-
-
-def _running_product(steps: FloatArray) -> FloatArray:
-    """steps[0] steps[1] ... steps[i] for every i, (N, 3, 3), in log2 N passes over all of them."""
-    product = steps.copy()
-    reach = 1
-    while reach < len(product):
-        product[reach:] = product[:-reach] @ product[reach:]
-        reach *= 2
-    return product
 
 
 def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tuple[float, float]]:

@@ -14,19 +14,16 @@ import numpy as np
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.settings import HOLDING
 from calib_core.full.joint.state import CALIBRATION
+from calib_core.result import AXIS_WORDS, COVARIANCE_ORDER, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.solver.information import marginal
 from calib_core.types import BoolArray, FloatArray
 
 #: The calibration to a person, in the order of its columns.
-NAMES = (
-    "rotation about the lidar's x axis", "rotation about the lidar's y axis", "rotation about the lidar's z axis",
-    "translation along the IMU's x axis", "translation along the IMU's y axis", "translation along the IMU's z axis",
-    "time offset",
-)  # fmt: skip
+NAMES = tuple(AXIS_WORDS[axis] for axis in COVARIANCE_ORDER)
 #: One unit of each parameter: 1 deg, 10 mm, 1 ms.
 UNITS = np.array([np.radians(1.0)] * 3 + [0.01] * 3 + [1e-3])
-#: A direction is weak where its spread along any parameter exceeds 0.5 deg, 20 mm or 2 ms.
-LIMITS = np.array([0.5] * 3 + [2.0] * 3 + [2.0])
+#: A direction is weak where its spread along any parameter exceeds these: 0.5 deg, 20 mm or 2 ms.
+LIMITS = np.repeat([WEAK_DEG, WEAK_M / 0.01, WEAK_S / 1e-3], (3, 3, 1))
 #: The standing prior of 1 rad, 10 m, 10 s in the same units: along an undetermined direction this is all there is.
 STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
 #: Spread of a direction along any parameter, in the scaled units, beyond which it counts as undetermined and is held.
