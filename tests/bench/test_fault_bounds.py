@@ -159,6 +159,14 @@ def test_priors_marginals_and_shifts_are_those_of_a_dense_solve() -> None:
     np.testing.assert_allclose(np.mean(np.square(errors), axis=0), np.diag(ignored(triangle, stds)), rtol=0.1)
 
 
+def test_what_is_unknown_is_never_certain() -> None:
+    """A time offset that nothing tells has no covariance, and no small one. Mutation: `np.linalg.pinv` with its cut-off."""
+    triangle = np.triu(np.random.default_rng(5).standard_normal((BLOCKS.size + 7, BLOCKS.size + 7)))
+    triangle[:, -1] = 0.0
+    with pytest.raises(np.linalg.LinAlgError):
+        ignored(triangle, np.zeros(BLOCKS.size))
+
+
 def test_the_table_is_written_and_a_size_is_asked_for(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a thin recording. Mutation: rows of another scenario dropped; the unknowns worse than ignoring them."""
     few = replace(SCENARIOS["paper-fast"].lidar, range_std_m=0.02)

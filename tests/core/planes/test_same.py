@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.planes.same import same_place, same_surface
+from calib_core.planes.same import apart, same_place, same_points, same_surface
 
 #: A wall at x = 2 m, seen from the origin, and the floor.
 NORMALS, OFFSETS_M = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([2.0, 1.5])
@@ -42,3 +42,22 @@ def test_a_surface_seen_twice_is_told_from_the_wall_opposite_and_from_the_wall_b
     others = np.array([turned(2.0), -NORMALS[0], NORMALS[0]]), np.array([2.05, 2.0, 2.2])
     found = same_surface(NORMALS, OFFSETS_M, others, within_deg=5.0, within_m=0.1)
     assert found.tolist() == [[True, False, False], [False, False, False]]
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "away_m", "same"), [(1.0, 0.0, True), (4.0, 0.0, False), (4.9, 0.07, False), (6.0, 0.0, False)]
+)
+def test_all_points_of_a_patch_are_asked_where_there_are_any(angle_deg: float, away_m: float, same: bool) -> None:
+    """A patch 4 m wide about its own middle: turned by a, its points lie sin(a) 4 / sqrt(12) m off the wall, root mean square,
+    0.08 m at 4 deg. The short one within 6 deg of it lies near the wall and faces another way.
+
+    Mutations: its middle asked alone; the turn's limit left out; the mean for the root mean square.
+    """
+    wide = 4.0 if angle_deg < 5.0 else 0.4
+    along = np.linspace(-0.5 * wide, 0.5 * wide, 401)
+    angle = np.radians(angle_deg)
+    points = np.stack([2.0 + away_m + np.sin(angle) * along, np.cos(angle) * along, np.zeros(401)], axis=1)
+    off = apart(NORMALS, OFFSETS_M, points)
+    assert off[0] == pytest.approx(np.hypot(away_m, np.sin(angle) * wide / np.sqrt(12.0)), rel=1e-2)
+    found = same_points(NORMALS, turned(angle_deg), off, within_deg=5.0, within_m=0.07)
+    assert found.tolist() == [same, False]

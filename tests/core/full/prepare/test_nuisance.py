@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from calib_core.full.prepare.nuisance import choose_nuisance, count_lasers, nuisance_of
-from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
+from calib_core.intrinsics import KINDS, UNKNOWN_IMU, UNKNOWN_LIDAR, Block, Owner, blocks_of
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import POINT_DTYPE, Recording, Scan
@@ -70,3 +71,10 @@ def test_settings_decide(noisy: tuple[Recording, Truth]) -> None:
     named = nuisance_of(recording, CalibrateSettings(imu_noise="xsens-mti-300"))
     place = usual.places["gyroscope_scale"]
     assert (named.prior_std[place] < 0.5 * usual.prior_std[place]).all()
+
+
+def test_every_block_has_its_row() -> None:
+    """And every owner its blocks, in the order of the unknowns. Mutations: a row left out; two blocks change places."""
+    assert tuple(KINDS) == get_args(Block)
+    assert tuple(each for owner in get_args(Owner) for each in blocks_of(owner)) == tuple(KINDS)
+    assert all(kind.names or kind.owner == "laser" for kind in KINDS.values())
