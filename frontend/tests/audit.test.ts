@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { limitsOf, limitsText } from "../src/features/audit/limits";
-import { listed, standingOf } from "../src/features/start/recent";
+import { listed, standingOf } from "../src/features/start/standing";
 import type { Recording } from "../src/api/client";
 
 const usual = limitsText({ rotation_deg: 0.5, translation_m: 0.02, time_offset_s: 0.002 });

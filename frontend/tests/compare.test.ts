@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { CalibrationResult, Recording } from "../src/api/client";
 import { differences, rotationBetween } from "../src/features/result/difference";
-import { listed } from "../src/features/start/recent";
+import { listed } from "../src/features/start/standing";
 
 const turn = (deg: number): number[][] => {
   const [c, s] = [Math.cos((deg * Math.PI) / 180), Math.sin((deg * Math.PI) / 180)];

@@ -7,7 +7,7 @@ import { planesText } from "../src/features/recording/forecast";
 import { firstStep, otherUnit } from "../src/features/result/nextsteps";
 import { toneOf } from "../src/features/result/verdict";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
-import { standingOf } from "../src/features/start/recent";
+import { standingOf } from "../src/features/start/standing";
 import { stdText, wrapped } from "../src/ui/format";
 
 const outcome = {

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Job, Recording } from "../src/api/client";
-import { standingOf } from "../src/features/start/recent";
+import { standingOf } from "../src/features/start/standing";
 
 const solving = (state: Job["state"]) =>
   ({ state: "ready", latest_job: { kind: "solve", state, result: null } }) as unknown as Recording;

@@ -1,23 +1,5 @@
-import { queryOptions, useMutation, useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
-import {
-  api,
-  body,
-  told,
-  sparse,
-  type ChangeRecording,
-  type ChangeView,
-  type ExtrinsicText,
-  type Job,
-  type Limits,
-  type NewAudit,
-  type NewJob,
-  type OpenRecording,
-  type Operation,
-  type Planes,
-  type Recording,
-  type Usual,
-  type View,
-} from "./client";
+import { queryOptions, useQuery } from "@tanstack/react-query";
+import { api, body, told, type Limits, type Usual } from "./client";
 import { asLimits, useOwnLimits } from "./ownlimits";
 
 /** The thing an id belongs to comes first, so that everything of one recording can be refreshed at once. */
@@ -39,8 +21,9 @@ export const keys = {
   exported: (jobId: string, format: string) => ["result", jobId, "export", format] as const,
 };
 
-const of = (id: string) => ({ params: { path: { recording_id: id } } });
-const ofJob = (id: string) => ({ params: { path: { job_id: id } } });
+/** How a path of the API names a recording, and a job. */
+export const of = (id: string) => ({ params: { path: { recording_id: id } } });
+export const ofJob = (id: string) => ({ params: { path: { job_id: id } } });
 
 export const factsQuery = queryOptions({
   queryKey: keys.facts,
@@ -178,120 +161,3 @@ export const reportUrl = (jobId: string) => `/api/results/${jobId}/report`;
 export const mapPageUrl = (jobId: string, dark: boolean) => `/api/results/${jobId}/scene.html?dark=${dark}`;
 export const viewPageUrl = (recordingId: string) => `/api/recordings/${recordingId}/scene.html`;
 export const exportUrl = (jobId: string, format: string) => `/api/results/${jobId}/export/${format}`;
-
-function rememberRecording(client: QueryClient, recording: Recording) {
-  client.setQueryData(keys.recording(recording.id), recording);
-  void client.invalidateQueries({ queryKey: keys.recordings });
-}
-
-export function useOpenRecording() {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: (wish: OpenRecording) => told(api.POST("/api/recordings", { body: wish })),
-    onSuccess: (recording) => rememberRecording(client, recording),
-  });
-}
-
-export function useChangeRecording(id: string) {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: (change: ChangeRecording) =>
-      told(api.PATCH("/api/recordings/{recording_id}", { ...of(id), body: change })),
-    onSuccess: (recording) => rememberRecording(client, recording),
-  });
-}
-
-export function useDeleteRecording() {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: async (id: string) => {
-      const { error, response } = await api.DELETE("/api/recordings/{recording_id}", of(id));
-      if (!response.ok) await body(Promise.resolve({ error, response }));
-    },
-    onSuccess: () => client.invalidateQueries({ queryKey: keys.recordings }),
-  });
-}
-
-function rememberJob(client: QueryClient, job: Job) {
-  // Which of its jobs tells where a recording stands after an audit, the server says.
-  if (job.kind !== "audit" && job.kind !== "surface")
-    client.setQueryData<Recording>(keys.recording(job.recording_id), (old) =>
-      old === undefined ? old : { ...old, latest_job: job },
-    );
-  void client.invalidateQueries({ queryKey: keys.jobs(job.recording_id) });
-  void client.invalidateQueries({ queryKey: keys.runs(job.recording_id) });
-}
-
-export function useStartJob(id: string) {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: (wish: Partial<NewJob>) =>
-      told(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
-    onSuccess: (job) => rememberJob(client, job),
-  });
-}
-
-export function useStartAudit(id: string) {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: (wish: NewAudit) => told(api.POST("/api/recordings/{recording_id}/audits", { ...of(id), body: wish })),
-    onSuccess: (job) => rememberJob(client, job),
-  });
-}
-
-export function useCancelJob() {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/cancel", ofJob(jobId))),
-    onSuccess: (job) => rememberJob(client, job),
-  });
-}
-
-export function useRetryJob() {
-  const client = useQueryClient();
-  return useMutation({
-    mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/retry", ofJob(jobId))),
-    onSuccess: (job) => rememberJob(client, job),
-  });
-}
-
-/** The planes as they will be after an operation, as far as that is plain. */
-export function foreseen(planes: Planes, operation: Operation): Planes {
-  if (operation.op !== "toggle") return planes;
-  const patches = planes.patches.map((patch) =>
-    patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch,
-  );
-  return { ...planes, patches };
-}
-
-/** Edits of the planes; the answer is the new state of all of them. */
-export function useEditPlanes(id: string) {
-  const client = useQueryClient();
-  return useMutation({
-    // In the order they were asked for: an undo pressed at once undoes what is still on its way.
-    scope: { id: `planes-${id}` },
-    mutationFn: (operation: Operation) =>
-      told(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
-    // A ticked box answers at once; the server's word follows, with the sentence on what is determined.
-    onMutate: (operation) =>
-      client.setQueryData<Planes>(keys.planes(id), (old) => (old === undefined ? old : foreseen(old, operation))),
-    onSuccess: (planes: Planes) => client.setQueryData(keys.planes(id), planes),
-    onError: () => client.invalidateQueries({ queryKey: keys.planes(id) }),
-  });
-}
-
-/** Pasted or uploaded text as an extrinsic. */
-export function useReadExtrinsic() {
-  return useMutation({ mutationFn: (wish: ExtrinsicText) => told(api.POST("/api/extrinsic", { body: wish })) });
-}
-
-export function useChangeView(id: string) {
-  const client = useQueryClient();
-  return useMutation({
-    // One after the other: two changes at once could each undo the other's part of the view.
-    scope: { id: `view-${id}` },
-    mutationFn: (change: Partial<ChangeView>) =>
-      told(api.POST("/api/recordings/{recording_id}/view", { ...of(id), body: sparse(change) })),
-    onSuccess: (view: View) => client.setQueryData(keys.view(id), view),
-  });
-}

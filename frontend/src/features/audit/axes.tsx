@@ -4,7 +4,6 @@ import { decimalsFor, fixed, withSigma } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./audit.module.css";
 
-
 type Word = { tone: Tone; text: string };
 
 /** What is said of one axis. */

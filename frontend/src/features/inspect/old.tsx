@@ -1,7 +1,7 @@
 import { Button, FileButton, SegmentedControl, Textarea } from "@mantine/core";
 import { useState } from "react";
 import type { ExtrinsicText, OldExtrinsic, View } from "../../api/client";
-import { useReadExtrinsic } from "../../api/queries";
+import { useReadExtrinsic } from "../../api/changes";
 import { fixed } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";

@@ -1,7 +1,7 @@
 import { useCallback, useEffect, useRef } from "react";
 import { useSearchParams } from "react-router";
 import type { ChangeView, DoctorReport, OldExtrinsic } from "../../api/client";
-import { useChangeView } from "../../api/queries";
+import { useChangeView } from "../../api/changes";
 import { parseNudge, writeNudge, type Nudge } from "./nudges";
 import { parseOld, writeOld } from "./oldtext";
 import { parseSpans, writeSpans, type TimeSpan } from "./spans";

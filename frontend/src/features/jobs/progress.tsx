@@ -1,7 +1,7 @@
 import { Button } from "@mantine/core";
 import { useState } from "react";
 import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
-import { useCancelJob } from "../../api/queries";
+import { useCancelJob } from "../../api/changes";
 import { useNow } from "../../ui/clock";
 import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";

@@ -1,7 +1,8 @@
 import { ActionIcon, SegmentedControl } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import type { Planes, View } from "../../api/client";
-import { useChangeView, viewQuery } from "../../api/queries";
+import { useChangeView } from "../../api/changes";
+import { viewQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { useShortcuts } from "../../ui/shortcuts";
 import css from "./planes.module.css";

@@ -5,7 +5,7 @@ import type { Operation, Planes } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
 import { asFault } from "../../api/fault";
 import { useClickRefusal } from "../../api/feed";
-import { useChangeView, useEditPlanes, useStartJob } from "../../api/queries";
+import { useChangeView, useEditPlanes, useStartJob } from "../../api/changes";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";

@@ -1,7 +1,7 @@
 import { Textarea } from "@mantine/core";
 import { useState } from "react";
 import type { Recording } from "../../api/client";
-import { useChangeRecording } from "../../api/queries";
+import { useChangeRecording } from "../../api/changes";
 import { Fault } from "../../ui/notice";
 
 /** What a person wants to remember of a recording; kept when the field is left. */

@@ -1,7 +1,7 @@
 import { Button, NativeSelect, Switch, TextInput } from "@mantine/core";
 import { useId, useState, type ReactNode } from "react";
 import type { ChangeRecording, DoctorReport, Recording } from "../../api/client";
-import { useChangeRecording } from "../../api/queries";
+import { useChangeRecording } from "../../api/changes";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
 import { controlName, valueName } from "../../ui/words";

@@ -1,6 +1,6 @@
 import { Button } from "@mantine/core";
 import type { DoctorReport, FindingReport, Planes, Recording } from "../../api/client";
-import { useChangeRecording } from "../../api/queries";
+import { useChangeRecording } from "../../api/changes";
 import { fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import { Fault } from "../../ui/notice";

@@ -2,7 +2,7 @@ import { Button, Skeleton } from "@mantine/core";
 import { Link, useNavigate } from "react-router";
 import type { Job, Recording } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
-import { useChangeRecording, useDeleteRecording, useRetryJob } from "../../api/queries";
+import { useChangeRecording, useDeleteRecording, useRetryJob } from "../../api/changes";
 import { bytes, duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice, StateBox } from "../../ui/notice";

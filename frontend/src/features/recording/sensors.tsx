@@ -1,6 +1,6 @@
 import { NativeSelect, Skeleton } from "@mantine/core";
 import type { DoctorReport, Recording } from "../../api/client";
-import { useChangeRecording } from "../../api/queries";
+import { useChangeRecording } from "../../api/changes";
 import { count, fixed } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";

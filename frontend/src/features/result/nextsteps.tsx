@@ -2,7 +2,7 @@ import { Button } from "@mantine/core";
 import { Fragment, type ReactNode } from "react";
 import { Link, useNavigate } from "react-router";
 import type { CalibrationResult, ChangeRecording, Recording } from "../../api/client";
-import { useChangeRecording } from "../../api/queries";
+import { useChangeRecording } from "../../api/changes";
 import { GuideButton } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";

@@ -3,7 +3,7 @@ import { useEffect, useRef } from "react";
 import { useNavigate, useSearchParams } from "react-router";
 import type { IterationEvent, Job, PlaneLook, SolveOutcome } from "../../api/client";
 import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
-import { useChangeView, useRetryJob, useStartJob } from "../../api/queries";
+import { useChangeView, useRetryJob, useStartJob } from "../../api/changes";
 import { Icon } from "../../ui/icons";
 import { LinePlot } from "../../ui/lineplot";
 import { Fault, Notice } from "../../ui/notice";

@@ -1,7 +1,7 @@
 import { Button, Textarea } from "@mantine/core";
 import { useState } from "react";
 import type { NewJob, OldExtrinsic } from "../../api/client";
-import { useReadExtrinsic } from "../../api/queries";
+import { useReadExtrinsic } from "../../api/changes";
 import { fixed } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { matrixOf } from "./guess";

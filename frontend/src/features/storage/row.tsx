@@ -1,7 +1,7 @@
 import { ActionIcon, CopyButton, TextInput, Tooltip } from "@mantine/core";
 import { useState } from "react";
 import { Link } from "react-router";
-import { useDeleteRecording } from "../../api/queries";
+import { useDeleteRecording } from "../../api/changes";
 import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
 import { Icon } from "../../ui/icons";

@@ -1,7 +1,8 @@
 import { useComputedColorScheme } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useRef, useState, type RefObject } from "react";
-import { askUnder, useChangeView, viewQuery } from "../../api/queries";
+import { useChangeView } from "../../api/changes";
+import { askUnder, viewQuery } from "../../api/queries";
 import { Notice } from "../../ui/notice";
 import { useShortcutRegistry } from "../../ui/shortcuts";
 import type { StepName } from "../../ui/stepper";

@@ -1,6 +1,7 @@
 import { ActionIcon, SegmentedControl, Tooltip } from "@mantine/core";
 import type { View } from "../../api/client";
-import { useChangeView, useUsual } from "../../api/queries";
+import { useChangeView } from "../../api/changes";
+import { useUsual } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { useShortcuts } from "../../ui/shortcuts";
 import css from "./layout.module.css";

@@ -1,0 +1,98 @@
+import type { Job, Recording } from "../../api/client";
+import { isFinal } from "../../api/jobstream";
+import type { Tone } from "../../ui/icons";
+import { verdictTones } from "../audit/words";
+
+interface Standing {
+  tone: Tone;
+  text: string;
+  screen: "recording" | "audit" | "planes" | "solve" | "result";
+}
+
+const auditWords = { passed: "Audit passed", failed: "Audit failed", unknown: "Audit cannot tell" };
+
+function standingOfSolve(state: Job["state"]): Pick<Standing, "tone" | "text"> {
+  switch (state) {
+    case "failed":
+      return { tone: "error", text: "Solve failed" };
+    case "cancelled":
+      return { tone: "warning", text: "Solve cancelled" };
+    case "interrupted":
+      return { tone: "warning", text: "Solve interrupted" };
+    case "queued":
+    case "running":
+    case "cancelling":
+    case "done":
+      return { tone: "info", text: "Solving" };
+  }
+}
+
+/** Where a recording stands, in two words, and the screen to go on with. */
+export function standingOf(recording: Recording): Standing {
+  switch (recording.state) {
+    case "receiving":
+      return { tone: "info", text: "Uploading", screen: "recording" };
+    case "inspecting":
+      return { tone: "info", text: "Being read", screen: "recording" };
+    case "failed":
+      return { tone: "error", text: "Cannot be read", screen: "recording" };
+    case "ready":
+      break;
+  }
+  const job = recording.latest_job;
+  const outcome = job?.result;
+  if (outcome?.kind === "solve") {
+    switch (outcome.status) {
+      case "calibrated":
+        return {
+          tone: outcome.tone === "doubtful" ? "warning" : "good",
+          text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated",
+          screen: "result",
+        };
+      case "weak":
+        return { tone: "warning", text: "Weak", screen: "result" };
+      case "refused":
+        return { tone: "error", text: "Refused", screen: "result" };
+    }
+  }
+  if (outcome?.kind === "audit")
+    return { tone: verdictTones[outcome.verdict], text: auditWords[outcome.verdict], screen: "audit" };
+  if (job?.kind === "audit" && !isFinal(job)) return { tone: "info", text: "Being audited", screen: "audit" };
+  if (job?.kind === "solve") return { ...standingOfSolve(job.state), screen: "solve" };
+  switch (recording.verdict) {
+    case "good":
+      return { tone: "good", text: "Good to calibrate", screen: "recording" };
+    case "limited":
+      return { tone: "warning", text: "Usable, with limits", screen: "recording" };
+    case "unusable":
+      return { tone: "error", text: "Not usable as it is", screen: "recording" };
+    case null:
+    case undefined:
+      return { tone: "info", text: "Read", screen: "recording" };
+  }
+}
+
+export type Order = "newest" | "name" | "largest" | "standing";
+const tones: readonly Tone[] = ["good", "warning", "error", "info"];
+
+/** The recordings that have all the words in their name, state or note, in the wanted order. */
+export function listed(recordings: readonly Recording[], wanted: string, order: Order): Recording[] {
+  const words = wanted
+    .toLowerCase()
+    .split(/\s+/)
+    .filter((word) => word !== "");
+  const found = recordings.filter((recording) => {
+    const text = `${recording.name} ${standingOf(recording).text} ${recording.note}`.toLowerCase();
+    return words.every((word) => text.includes(word));
+  });
+  switch (order) {
+    case "newest":
+      return found.sort((a, b) => b.created_at.localeCompare(a.created_at));
+    case "name":
+      return found.sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
+    case "largest":
+      return found.sort((a, b) => b.size_bytes - a.size_bytes);
+    case "standing":
+      return found.sort((a, b) => tones.indexOf(standingOf(a).tone) - tones.indexOf(standingOf(b).tone));
+  }
+}
