@@ -36,7 +36,7 @@ from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.planes.same import same_surface
-from calib_core.types import FloatArray, Plane, PlaneProposals
+from calib_core.types import BoolArray, FloatArray, Plane, PlaneProposals
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,8 @@ def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
         (np.array([p.normal for p in some]).reshape(-1, 3), np.array([p.offset_m for p in some]))
         for some in (given, found)
     )
-    known = same_surface(*mine, of=theirs, within_deg=AGREEING.same_deg, within_m=AGREEING.same_m).any(axis=1)
+    pairs = same_surface(*mine, of=theirs, within_deg=AGREEING.same_deg, within_m=AGREEING.same_m)
+    known: BoolArray = np.any(pairs, axis=1)
     return [
         *found,
         *(Plane(p.name, p.normal, p.offset_m) for p, is_known in zip(given, known, strict=True) if not is_known),
