@@ -7,7 +7,7 @@
     propagate.py    over what the lidar alone could not follow: window.py, regain.py, drift.py, reach.py
     plane_set.py    planes that join and planes that leave; doubt.py says why
     problem.py      what is minimised; state.py its unknowns, lidar_factors.py, priors.py, undetermined.py
-    association.py  which point lies on which plane: view.py, motion.py, moments.py, lidar_noise.py
+    association.py  which point lies on which plane: view.py, many_scans.py, motion.py, moments.py, lidar_noise.py
 
 Each step takes what is known and gives what is known then.
 """

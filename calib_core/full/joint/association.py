@@ -9,9 +9,10 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, cells_of, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
+from calib_core.full.joint.many_scans import OnScans, ignore, over_batches, over_scans
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.settings import SURVEYING
-from calib_core.full.joint.view import OnScans, View, ignore
+from calib_core.full.joint.view import View
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -34,7 +35,7 @@ def associate(
         return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
 
     if cap is None and stride == 1 and view.nuisance.surface is None:
-        return Micro.joined(view.over_scans(positions, whole, on_scans))
+        return Micro.joined(over_scans(view, positions, whole, on_scans))
 
     def some(batch: Sequence[int]) -> Micro:
         hits = view.hits(batch, gate, stride)
@@ -46,8 +47,8 @@ def associate(
         return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
 
     if cap is None:
-        return Micro.joined(view.over_batches(positions, stride, some, on_scans))
-    return Micro.joined(view.over_scans(positions, lambda position: some([position]), on_scans))
+        return Micro.joined(over_batches(view, positions, stride, some, on_scans))
+    return Micro.joined(over_scans(view, positions, lambda position: some([position]), on_scans))
 
 
 def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
@@ -85,7 +86,7 @@ def survey(
         return hits.plane[close], cells[close], on[close], off
 
     plane, cell, on, off = (
-        np.concatenate(each) for each in zip(*view.over_batches(positions, stride, some), strict=True)
+        np.concatenate(each) for each in zip(*over_batches(view, positions, stride, some), strict=True)
     )
     total.add(plane, cell, on, off)
     return total.finish(within)

@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import PlaneExtents
+from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.settings import MEASURING
 from calib_core.full.joint.view import View
 from calib_core.gp.noise import MAD_TO_STD
@@ -33,7 +34,7 @@ def measure_noise(
         keep, _ = select(hits, start, wide, extents)
         return hits.d[keep], hits.cosine[keep] ** 2, hits.plane[keep]
 
-    parts = view.over_scans(positions, one)
+    parts = over_scans(view, positions, one)
     # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
     d = np.concatenate([_centred(p[0], p[2]) for p in parts])
     c2 = np.concatenate([p[1] for p in parts])

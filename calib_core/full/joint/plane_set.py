@@ -9,6 +9,7 @@ import numpy as np
 
 from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
+from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.moments import gather
 from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.present import present_view, problem_of
@@ -25,7 +26,7 @@ def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rul
     """With the planes that lie among the points of these scans on none so far; the same state where there are none."""
     view = present_view(data, state)
     some = positions[:: max(1, len(positions) // rules.scans)]
-    strays = np.concatenate(view.over_scans(some, lambda i: view.strays(i, rules.points_per_scan, rules.away_m)))
+    strays = np.concatenate(over_scans(view, some, lambda i: view.strays(i, rules.points_per_scan, rules.away_m)))
     eye = np.mean([view.slice_poses(i).p[0] for i in some], axis=0)
     if len(strays) < rules.fewest_points:
         return state

@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.factors.lidar_plane import select
 from calib_core.factors.patches import SurfacePatches, patches_of
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.many_scans import over_batches
 from calib_core.full.joint.policies import Sampling, Surfaces
 from calib_core.full.joint.present import present_view
 from calib_core.full.joint.round import coarse_stride, gate_of
@@ -66,7 +67,7 @@ def patch_sums(
             np.bincount(patch, weight * hits.d[keep], patches.count + 1)[:-1].astype(np.float64),
         )
 
-    parts = view.over_batches(state.positions, stride, some)
+    parts = over_batches(view, state.positions, stride, some)
     return np.sum([w for w, _ in parts], axis=0), np.sum([d for _, d in parts], axis=0)
 
 

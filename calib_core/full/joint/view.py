@@ -5,9 +5,8 @@ Which points are given to which plane is decided in association.py, by what is s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -27,21 +26,11 @@ from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
-from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
-from calib_core.threads import workers
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray, Scan
-
-T = TypeVar("T")
-#: Told how many of the scans are done.
-OnScans = Callable[[int], None]
-
-
-def ignore(_: int) -> None:
-    """For callers who do not ask how far it is."""
 
 
 @dataclass(frozen=True)
@@ -247,36 +236,3 @@ class View:
         hits = self.hits([position], Gate(), max(1, len(self.scans[position].points) // count))
         free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
         return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
-
-    def over_scans(self, positions: Sequence[int], job: Callable[[int], T], on_scans: OnScans = ignore) -> list[T]:
-        """A job for each scan, on several threads where allowed; results in the order of the positions."""
-        return self._over(positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans)
-
-    def over_batches(
-        self, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T], on_scans: OnScans = ignore
-    ) -> list[T]:
-        """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
-        batches: list[list[int]] = []
-        room = 0
-        for i in positions:
-            points = int(self.clocks.scan_points[i]) // stride
-            if points > room or not batches:
-                batches.append([])
-                room = SURVEYING.batch_points
-            batches[-1].append(i)
-            room -= points
-        return self._over(positions, batches, job, on_scans)
-
-    def _over(
-        self, positions: Sequence[int], tasks: Sequence[list[int]], job: Callable[[Sequence[int]], T], on_scans: OnScans
-    ) -> list[T]:
-        """The jobs' results in order; on_scans is told from the caller's own thread, which may stop it all by raising."""
-        self.lay_out(positions)
-        several = self.threads > 1 and len(tasks) > 1
-        results = []
-        done = 0
-        for task, result in zip(tasks, workers().map(job, tasks) if several else map(job, tasks), strict=True):
-            results.append(result)
-            done += len(task)
-            on_scans(done)
-        return results

@@ -1,0 +1,62 @@
+"""One job for each scan of a view, or for every few of them, on several threads where allowed; results in the scans' order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from calib_core.full.joint.settings import SURVEYING
+from calib_core.full.joint.view import View
+from calib_core.threads import workers
+
+T = TypeVar("T")
+#: Told how many of the scans are done.
+OnScans = Callable[[int], None]
+
+
+def ignore(_: int) -> None:
+    """For callers who do not ask how far it is."""
+
+
+def over_scans(view: View, positions: Sequence[int], job: Callable[[int], T], on_scans: OnScans = ignore) -> list[T]:
+    """A job for each scan; results in the order of the positions."""
+    return _over(view, positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans)
+
+
+def over_batches(
+    view: View,
+    positions: Sequence[int],
+    stride: int,
+    job: Callable[[Sequence[int]], T],
+    on_scans: OnScans = ignore,
+) -> list[T]:
+    """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
+    batches: list[list[int]] = []
+    room = 0
+    for i in positions:
+        points = int(view.clocks.scan_points[i]) // stride
+        if points > room or not batches:
+            batches.append([])
+            room = SURVEYING.batch_points
+        batches[-1].append(i)
+        room -= points
+    return _over(view, positions, batches, job, on_scans)
+
+
+def _over(
+    view: View,
+    positions: Sequence[int],
+    tasks: Sequence[list[int]],
+    job: Callable[[Sequence[int]], T],
+    on_scans: OnScans,
+) -> list[T]:
+    """The jobs' results in order; on_scans is told from the caller's own thread, which may stop it all by raising."""
+    view.lay_out(positions)
+    several = view.threads > 1 and len(tasks) > 1
+    results = []
+    done = 0
+    for task, result in zip(tasks, workers().map(job, tasks) if several else map(job, tasks), strict=True):
+        results.append(result)
+        done += len(task)
+        on_scans(done)
+    return results
