@@ -153,8 +153,9 @@ def _ouster(sweep: Sweep, lidar: Lidar, epoch_ns: int) -> Cloud:
     """Organised, one row a beam from the top down; (0, 0, 0) where nothing answered; t = 0 in lost columns."""
     del lidar
     columns, channels = sweep.time_ns.shape
-    points = _filled(OUSTER, sweep, slice(None)).reshape(columns, channels).T
-    points = np.ascontiguousarray(points)
+    # Not np.ascontiguousarray: a copy of records leaves what lies between their fields as the memory was.
+    points = np.zeros((channels, columns), OUSTER)
+    points[...] = _filled(OUSTER, sweep, slice(None)).reshape(columns, channels).T
     header_ns = int(sweep.time_ns[0, 0])
     t = np.where(sweep.lost[:, None], 0, sweep.time_ns - header_ns).T
     valid = sweep.valid.T

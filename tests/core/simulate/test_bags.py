@@ -211,10 +211,14 @@ def test_livox_bytes_are_those_of_a_general_serialiser(tmp_path: Path, ros1: boo
             assert bytes(store.serialize_cdr(message, connection.msgtype)) == bytes(payload)
 
 
-def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
-    """Fails when anything is drawn from an unseeded generator, or depends on which thread came first."""
+@pytest.mark.parametrize("scenario", ["walking-person", "ouster", "livox"])
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path, scenario: str) -> None:
+    """Fails when anything is drawn from an unseeded generator, depends on which thread came first, or on what lay in memory.
+
+    Mutation: Ouster's records turned round by a copy, which leaves the bytes between their fields unwritten.
+    """
     for name, seed in (("a.bag", 1), ("b.bag", 1), ("c.bag", 2)):
-        simulate("walking-person", tmp_path / name, seed=seed, duration_s=1.0)
+        simulate(scenario, tmp_path / name, seed=seed, duration_s=1.0)
     a, b, c = ((tmp_path / name).read_bytes() for name in ("a.bag", "b.bag", "c.bag"))
     assert a == b
     assert a != c
