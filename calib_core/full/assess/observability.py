@@ -59,8 +59,8 @@ def assess(
         data = np.asarray(np.linalg.solve(np.eye(CALIBRATION) + data @ added, data), dtype=np.float64)
         data = 0.5 * (data + data.T)
     if frozen_offset:
-        data[6, :] = data[:, 6] = 0.0
-        data[6, 6] = FROZEN
+        data[TIME_OFFSET, :] = data[:, TIME_OFFSET] = 0.0
+        data[TIME_OFFSET, TIME_OFFSET] = FROZEN
     open_directions = undetermined(data)
     outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
     data = outside @ data @ outside
@@ -82,9 +82,9 @@ def assess(
     # Positive definite: priors of 10 m and less hold what the data leave open, which `covariance` would take for round-off.
     covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
     if not frozen_offset:
-        covariance[6, 6] += offset_std_s**2
+        covariance[TIME_OFFSET, TIME_OFFSET] += offset_std_s**2
         data_std[TIME_OFFSET] = np.hypot(data_std[TIME_OFFSET], offset_std_s)
-    rotation = np.linalg.eigvalsh(data[:3, :3])
+    rotation = np.linalg.eigvalsh(data[ROTATION, ROTATION])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / WORDING.known_deg**2))
 
 
@@ -110,7 +110,7 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
 def _mixture(vector: FloatArray) -> str:
     """A direction that is none of the seven parameters alone."""
     rotation, lever = (
-        ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (slice(0, 3), slice(3, 6))
+        ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (ROTATION, TRANSLATION)
     )
     if np.linalg.norm(vector[TRANSLATION]) > WORDING.one_kind:
         return f"the lever arm along ({lever}) of the IMU's axes"
@@ -147,7 +147,7 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
     out: list[str] = []
     weak = np.array([d.vector for d in knowledge.weak])
     axes = "xyz"
-    lever = np.linalg.norm(weak[:, 3:6], axis=0)
+    lever = np.linalg.norm(weak[:, TRANSLATION], axis=0)
     for i in range(3):
         if lever[i] > WORDING.concerned:
             others = [a for a in range(3) if a != i]
@@ -157,7 +157,7 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
                 f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick "
                 "reversals is good)."
             )
-    rotation = np.linalg.norm(weak[:, :3], axis=0)
+    rotation = np.linalg.norm(weak[:, ROTATION], axis=0)
     if (rotation > WORDING.concerned).any():
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))
@@ -165,6 +165,6 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
             "To determine the rotation, turn about two different axes; there is least turning about the lidar's "
             f"{axes[quiet_axis]} axis."
         )
-    if np.abs(weak[:, 6]).max() > WORDING.concerned:
+    if np.abs(weak[:, TIME_OFFSET]).max() > WORDING.concerned:
         out.append("To determine the time offset, turn faster and reverse direction often.")
     return out

@@ -20,6 +20,8 @@ from calib_core.types import FloatArray, IntArray, Scan
 
 #: (sqrt(5) - 1) / 2: its multiples modulo one are spread as evenly as any sequence's.
 _GOLDEN = 0.6180339887498949
+#: What of a scan's motion a tie's twelve are of: those of its pose, and of its change within the sweep.
+TURN, PLACE, RATE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +144,8 @@ def register(
     unknown = settings.unknown_std
     told = 1.0 / np.repeat([unknown if known_rad is None else known_rad, unknown], 3) ** 2
     covariance = np.linalg.inv(sure / variance + np.diag(told))
-    rotation = np.linalg.eigvalsh(covariance[:3, :3])
-    position_, directions = np.linalg.eigh(covariance[3:, 3:])
+    rotation = np.linalg.eigvalsh(covariance[TURN, TURN])
+    position_, directions = np.linalg.eigh(covariance[PLACE, PLACE])
     look = _Look(points_m, tau_s, planes, at, scales[-1], outside, None)
     plane = look.on(settings.inlier_m)
     on = plane >= 0

@@ -19,7 +19,7 @@ import numpy as np
 
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.prediction import other_places, other_starts, predict
-from calib_core.full.odometry.register import Registered, ScanMotion, register, sample_points, straighten
+from calib_core.full.odometry.register import RATE, TURN, Registered, ScanMotion, register, sample_points, straighten
 from calib_core.full.odometry.settings import MAP, TrackSettings
 from calib_core.full.odometry.turning import Turning, rate_within
 from calib_core.geometry import exp, log
@@ -63,7 +63,7 @@ def _first(
     rate = rate_within(scans[reference], turning)
     if rate is not None:
         still = replace(still, omega_rad_s=rate)
-        loose[6:9] = 1 / s.turning_rate_rad_s**2
+        loose[RATE] = 1 / s.turning_rate_rad_s**2
     few = sample_points(scans[reference], s.sample)
     first = register(*few, known, still, tie=loose, settings=s, position=reference).motion
     known.seed(straighten(points, tau, first))
@@ -166,7 +166,7 @@ class _Tracker:
         if turned is not None:
             known_rad = s.turning_rad * max(1.0, self._between_s(previous.position, position) / s.tie_s) ** 0.5
             predicted = replace(predicted, R=turned.R, omega_rad_s=turned.omega_rad_s)
-            tie[:3], tie[6:9] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
+            tie[TURN], tie[RATE] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
         best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position, known_rad=known_rad)
@@ -176,7 +176,7 @@ class _Tracker:
             thorough = self._lost(best.motion, predicted, position)
             starts = other_starts(previous, predicted, s, thorough=thorough)
             if known_rad is not None:
-                loose[:3], loose[6:9] = tie[:3], tie[6:9]
+                loose[TURN], loose[RATE] = tie[TURN], tie[RATE]
                 starts = other_places(predicted, s, thorough=thorough)
             for start in starts:
                 other = register(
