@@ -118,6 +118,17 @@ def test_every_room_has_its_place_in_the_architecture() -> None:
         assert sorted(named) == sorted(rooms | files)
 
 
+def test_every_room_says_what_it_is_for() -> None:
+    """Mutation: a folder whose `__init__` is empty."""
+    silent = [
+        path.relative_to(ROOT).as_posix()
+        for package in ("calib_core", "app", "bench")
+        for path in (ROOT / package).rglob("__init__.py")
+        if ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) is None
+    ]
+    assert silent == []
+
+
 def test_three_questions_are_answered_by_two_files_each() -> None:
     """The page, at the stage that is named, names the file in bold words; the file is there.
 
