@@ -5,8 +5,8 @@
     calibration.result.status, calibration.result.T_imu_lidar
     text = api.export(calibration.result, "fast-lio")
 
-Each function imports what it needs when it is called: SciPy and Open3D take their time, and `unsweep --help` needs
-neither.
+One file, however long: a caller sees every door in it, and each is a signature and a line. A function imports what it needs
+when it is called: SciPy and Open3D take their time, and `unsweep --help` needs neither.
 """
 
 from __future__ import annotations
