@@ -135,8 +135,9 @@ def _passing(seen: FirstLook) -> tuple[BoolArray, FloatArray]:
     steps = _wrapped(np.diff(looked)[np.diff(number) == 1])
     # Packets make a sweep begin a little later or earlier in turn, which a mean knows; the middle of a sweep that lost its other
     # half is elsewhere.
-    steps = steps[np.abs(_wrapped(steps - np.median(steps))) < SWEEPS.alike_rad] if steps.size else np.zeros(1)
-    farther = float(np.mean(steps))
+    about = float(np.median(steps)) if steps.size else 0.0
+    off = _wrapped(steps - about)
+    farther = about + float(np.mean(off[np.abs(off) < SWEEPS.alike_rad])) if steps.size else 0.0
     usual = float(np.angle(np.mean(np.exp(1j * (looked - farther * number)))))
     round_by = np.zeros(len(known))
     round_by[known] = farther * number + _wrapped(looked - farther * number - usual)
