@@ -36,7 +36,7 @@ LASER_BLOCKS: tuple[Block, ...] = (
     "laser_azimuth",
     "laser_range_scale",
 )
-LIDAR_BLOCKS: tuple[Block, ...] = ("eccentricity", "range_offset", "incidence")
+LIDAR_BLOCKS: tuple[Block, ...] = ("eccentricity", "range_offset", "incidence", "grazing")
 #: Of the room, not of the sensors: how far patches of planes lie before them. Admitted where walls turn out to be bent.
 SURFACE: Literal["surface"] = "surface"
 #: Of the IMU's surroundings: shaking faster than it samples. Admitted where the lidar's motion contradicts the readings so.
@@ -222,6 +222,7 @@ def choose_nuisance(
         "eccentricity": lidar.eccentricity_std_rad,
         "range_offset": lidar.range_offset_std_m,
         "incidence": lidar.incidence_std_m,
+        "grazing": lidar.grazing_std_rad,
     }
     blocks = []
     for block in (*IMU_BLOCKS, *CLOCK_BLOCKS, *LASER_BLOCKS, *LIDAR_BLOCKS):
