@@ -11,7 +11,7 @@ Clocks: t_lidar = t_imu + time_offset + rate 1e-6 (t_lidar - time_offset_at): th
 
 Lidar, of the point that laser l returns from true range d at incidence cosine c:
 
-    published range = d (1 + range_scale_l) + range_offset_l + range_offset + incidence (1 / c - 1)
+    published range = d (1 + range_scale_l) + range_offset_l + range_offset + incidence (1 / c - 1) - grazing d tan(acos c)
     true elevation  = published elevation + elevation_l          [from the lidar's xy plane, upwards]
     true azimuth    = published azimuth + azimuth_l + sine sin(published azimuth) + cosine cos(published azimuth)
 
@@ -38,6 +38,7 @@ Block = Literal[
     "eccentricity",
     "range_offset",
     "incidence",
+    "grazing",
 ]
 
 AXES = ("x", "y", "z")
@@ -71,6 +72,7 @@ KINDS: dict[Block, Kind] = {
     "eccentricity": Kind("lidar", "rad", ("sine", "cosine")),
     "range_offset": Kind("lidar", "m", ("all",)),
     "incidence": Kind("lidar", "m", ("all",)),
+    "grazing": Kind("lidar", "rad", ("all",)),
 }
 UNITS: dict[Block, str] = {block: kind.unit for block, kind in KINDS.items()}
 NAMES: dict[Block, tuple[str, ...]] = {block: kind.names for block, kind in KINDS.items() if kind.names}
@@ -98,7 +100,9 @@ class LidarPrior:
     """Standard deviations of a lidar's own parameters. laser_*: of each laser by itself; 0 where it has no lasers to tell.
 
     Azimuths are taken to be as uncertain as elevations: their mean is a turn of the whole lidar, which nothing but this prior
-    limits. A turning lidar's encoder is off its axis by `eccentricity`, once a turn.
+    limits. A turning lidar's encoder is off its axis by `eccentricity`, once a turn. A beam that meets a surface slantwise lights
+    a spot as deep as its divergence times range and tangent, and a leading edge triggers between the spot's near end and halfway:
+    `grazing` is that share of it. Data sheets have beams of 3 mrad, half of which is the near end.
     """
 
     laser_range_offset_std_m: float
@@ -107,6 +111,7 @@ class LidarPrior:
     range_offset_std_m: float
     incidence_std_m: float
     eccentricity_std_rad: float = 3.5e-4
+    grazing_std_rad: float = 1e-3
 
 
 #: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.

@@ -37,6 +37,7 @@ _ONCE = {
     "clock_rate": 1,
     "range_offset": 1,
     "incidence": 1,
+    "grazing": 1,
     "eccentricity": 2,
 }
 _BY_LASER = ("laser_range_offset", "laser_elevation", "laser_azimuth", "laser_range_scale")
@@ -91,6 +92,7 @@ class Blocks:
         errors[:, self.places["clock_rate"].start] = 1e-6 * (seen.t_s - middle_s) * offset
         errors[:, self.places["range_offset"].start] = 1.0
         errors[:, self.places["incidence"].start] = 1.0 / cosine - 1.0
+        errors[:, self.places["grazing"].start] = -seen.range_m * np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
         lasers = {
             "laser_range_offset": np.ones(len(rows)),
             "laser_elevation": raised,

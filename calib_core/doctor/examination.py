@@ -50,6 +50,7 @@ class Examination:
     layout: Layout | None = None
     timing: PointTiming | None = None
     period_s: float = 0.1
+    parts: int = 1
     problems: list[InputError] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     header_ns: list[int] = field(default_factory=list)
@@ -94,6 +95,7 @@ def detect(
     state.first = sample[0]
     state.layout = recognise_layout(sample[0], state.lidar_topic.name)
     state.period_s = scan_period_s(sample)
+    state.parts = parts_of_a_scan(state.period_s, sample)
     try:
         state.decoder, state.timing, found = point_timing(
             sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
@@ -119,7 +121,7 @@ def read(
     total = max(1, sum(t.count for t in (lidar, imu) if t is not None))
     n_scans = lidar.count if lidar else 0
     every = max(1, n_scans // EXAMINED_SCANS)
-    parts = parts_of_a_scan(state.period_s)
+    parts = state.parts
     if lidar is not None and parts > 1:
         state.gathering = Gathering(lasting_ns(parts, state.period_s))
         state.findings.append(gathered_finding(lidar.name, parts, state.period_s))

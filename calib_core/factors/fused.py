@@ -65,8 +65,9 @@ def scan_moments(
     scatter, count = np.zeros((slices * n_planes, 15)), np.zeros(slices * n_planes, np.int64)
     cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((clusters, FEATURES, FEATURES))
     of_cluster = np.zeros(clusters, np.int64)
+    slant = np.zeros(2) if errors is None else errors.slant()
     moments_kernel(
-        points["xyz"], points["offset_ns"], points["ring"], off.table(), 0.0 if errors is None else errors.incidence_m, seen,
+        points["xyz"], points["offset_ns"], points["ring"], off.table(), slant, seen,
         extra, weighing_of(noise, gate), cells, inside, scatter, count, told_apart, group, R, p, cross, gram, of_cluster,
     )  # fmt: skip
     filled = np.flatnonzero(count)
@@ -82,7 +83,7 @@ def moments_kernel(
     offset_ns: CountArray,
     laser: LaserArray,
     off: LaserTable,
-    incidence_m: float,
+    slant: FloatArray,
     seen: SeenPlanes,
     extra_of_plane_m: FloatArray,
     weighing: Weighing,
@@ -98,10 +99,10 @@ def moments_kernel(
     gram: FloatArray,
     of_cluster: IntArray,
 ) -> None:
-    """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 7, 5), gram (G Q L, 7, 7), of_cluster (G Q L,).
+    """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 8, 5), gram (G Q L, 8, 8), of_cluster (G Q L,).
 
     Of the seen planes the first Q = len(extra_of_plane_m) take points.   off: of no laser where nothing is to be corrected.
-    inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
+    slant: (2,) LaserErrors.slant.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
     else all are laser 0.   group: (S,), (0,) where the lidar is taken for ideal; R, p as in collapse_features_kernel.
     """
     range_offset_m, range_scale, elevation_rad, azimuth_rad, eccentricity_rad = off
@@ -132,7 +133,10 @@ def moments_kernel(
         j = meet(x0, x1, x2, t, n_lidar[k], w_lidar[k], omega[k], v[k], min_cosine, D, along, hit)
         if j < 0 or j >= n_planes:
             continue
-        d = hit[3] + incidence_m * (1.0 + hit[4])
+        d = hit[3] + slant[0] * (1.0 + hit[4])
+        if slant[1] != 0.0:
+            range_m = np.sqrt(hit[0] * hit[0] + hit[1] * hit[1] + hit[2] * hit[2])
+            d -= slant[1] * range_m * np.sqrt(max(1.0 - hit[4] * hit[4], 0.0))
         weight = weight_of(d, hit[4], hit[5], extra_of_plane_m[j], weighing)
         if weight < 0.0 or (
             inside.shape[0] > 0 and not lies_within(hit, u[k, j], origin[k, j], cell_m, half, inside[j])

@@ -5,9 +5,10 @@ elevation (signs: calib_core/intrinsics.py):
 
     range offset  f = c        elevation  f = r n . e        azimuth  f = n . (z x point)
     range scale   f = c r      incidence  f = 1 - c          eccentricity  f = azimuth's, times sine and cosine of the azimuth
+    grazing       f = -r sqrt(1 - c^2)
 
 Beside the scatter matrix M of [x, 1, d] (factors/lidar_plane.py), what the normal equations ask for are first moments of the
-features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: 84 numbers for a laser's points on a
+features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: 104 numbers for a laser's points on a
 plane within ten milliseconds, whatever their number. The blocks couple through the state alone, so that 128 lasers cost
 128 columns, not 128 problems. Ranges are corrected by the present values before points are asked where they lie.
 """
@@ -35,7 +36,9 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, Lase
 
 @dataclass(frozen=True, slots=True)
 class LaserErrors:
-    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. incidence_m, eccentricity_rad (2,): of all."""
+    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. Of all: incidence_m, eccentricity_rad (2,),
+    grazing_rad.
+    """
 
     range_offset_m: FloatArray
     range_scale: FloatArray
@@ -43,16 +46,27 @@ class LaserErrors:
     azimuth_rad: FloatArray
     incidence_m: float
     eccentricity_rad: FloatArray = field(default_factory=lambda: np.zeros(2))
+    grazing_rad: float = 0.0
 
     def any(self) -> bool:
         """Whether there is anything to correct."""
         return bool(any(part.any() for part in self.table()))
 
     def table(self) -> LaserTable:
-        """All but the incidence's, as the kernels take them."""
+        """All but what the surface's slant makes, as the kernels take them."""
         return LaserTable(
             self.range_offset_m, self.range_scale, self.elevation_rad, self.azimuth_rad, self.eccentricity_rad
         )
+
+    def slant(self) -> FloatArray:
+        """(2,) incidence [m] and grazing [rad]: of what a point is off that depends on the surface it lies on."""
+        return np.array([self.incidence_m, self.grazing_rad])
+
+    def straightened(self, d: FloatArray, cosine: FloatArray, x_hit: FloatArray) -> FloatArray:
+        """Distances (N,) as they would be without it. cosine: (N,) of the incidence, negative.   x_hit: (N, 3)."""
+        out = d + self.incidence_m * (1.0 + cosine)
+        depth_m = np.linalg.norm(x_hit, axis=1) * np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+        return np.asarray(out - self.grazing_rad * depth_m)
 
     def corrected(self, xyz: Float32Array, laser: LaserArray) -> Float32Array:
         """(N, 3) points as they would be without their laser's errors."""
@@ -63,7 +77,7 @@ class LaserErrors:
 
 @dataclass(frozen=True)
 class LaserSums:
-    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, 7, 5), gram: (B, 7, 7), float32."""
+    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, 8, 5), gram: (B, 8, 8), float32."""
 
     group: IntArray
     plane: IntArray
@@ -144,7 +158,7 @@ def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tu
 class LaserFactors:
     """Moments by knot, plane and laser, as the joint problem takes them. Q pairs of a knot and a plane, B clusters.
 
-    knot, plane: (Q,).   pair, laser: (B,).   cross: (B, 7, 5), gram: (B, 7, 7), hits in the lidar's frame at the knot.
+    knot, plane: (Q,).   pair, laser: (B,).   cross: (B, 8, 5), gram: (B, 8, 8), hits in the lidar's frame at the knot.
     """
 
     knot: IntArray
@@ -193,7 +207,7 @@ def move_and_sum_features(
 
 
 def feature_changes(change: FloatArray) -> FloatArray:
-    """(L, 7) what the features' coefficients change by, from the changes of the columns: (L, 9), or (L, 9, ..)."""
+    """(L, 8) what the features' coefficients change by, from the changes of the columns: (L, 10), or (L, 10, ..)."""
     out = np.zeros((len(change), FEATURES, *change.shape[2:]))
     for column, feature in enumerate(OF_COLUMN):
         out[:, feature] += change[:, column]
@@ -203,7 +217,7 @@ def feature_changes(change: FloatArray) -> FloatArray:
 
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
-    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 9)."""
+    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 10)."""
     squares = np.empty(len(factors.laser))
     features_squares_kernel(
         factors.pair, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares

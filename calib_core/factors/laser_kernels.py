@@ -10,14 +10,14 @@ import numpy as np
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 #: Of a point: by its range, elevation, azimuth, its range's scale, its incidence, its azimuth as the encoder's eccentricity
-#: moves it, sine and cosine (factors/laser_features.py).
-FEATURES = 7
+#: moves it, sine and cosine, the depth of its spot (factors/laser_features.py).
+FEATURES = 8
 #: Columns of a cluster, and what a unit of each adds to the features' coefficients: the laser's offset, elevation, azimuth and
-#: scale, everybody's offset, incidence, sine and cosine; last the surface's height where the points lie, towards the lidar,
-#: which shortens every distance alike: minus the cosine and minus one less the cosine.
-COLUMNS = 9
+#: scale, everybody's offset, incidence, sine and cosine, grazing; last the surface's height where the points lie, towards the
+#: lidar, which shortens every distance alike: minus the cosine and minus one less the cosine.
+COLUMNS = 10
 HEIGHT = COLUMNS - 1
-OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6])
+OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6, 7])
 
 
 class LaserTable(NamedTuple):
@@ -97,7 +97,7 @@ def add_features(
     f: FloatArray,
     y: FloatArray,
 ) -> None:
-    """Adds weight f y' to cross (7, 5) and weight f f' to gram (7, 7) of one hit. f (7,), y (5,): room to work."""
+    """Adds weight f y' to cross (8, 5) and weight f f' to gram (8, 8) of one hit. f (8,), y (5,): room to work."""
     x0, x1, x2 = x_hit[0], x_hit[1], x_hit[2]
     level = np.sqrt(x0 * x0 + x1 * x1)
     rise = 0.0 if level < 1e-9 else -x2 / level
@@ -105,11 +105,13 @@ def add_features(
     f[0] = seen
     f[1] = rise * (n_lidar[0] * x0 + n_lidar[1] * x1) + level * n_lidar[2]
     f[2] = n_lidar[1] * x0 - n_lidar[0] * x1
-    f[3] = seen * np.sqrt(level * level + x2 * x2)
+    r = np.sqrt(level * level + x2 * x2)
+    f[3] = seen * r
     f[4] = 1.0 - seen
     f[5], f[6] = 0.0, 0.0
     if level > 1e-9:
         f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
+    f[7] = -r * np.sqrt(max(1.0 - seen * seen, 0.0))
     for c in range(3):
         y[c] = R[c, 0] * x0 + R[c, 1] * x1 + R[c, 2] * x2 + p[c]
     y[3] = 1.0
@@ -144,7 +146,7 @@ def collapse_features_kernel(
 ) -> None:
     """Adds weight f y' to cross and weight f f' to gram of (group, plane, laser), f the features, y = [x_hit, 1, d].
 
-    cross: (G P L, 7, 5).   gram: (G P L, 7, 7).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
+    cross: (G P L, 8, 5).   gram: (G P L, 8, 8).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
     group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.   cluster:
     (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.
     """
@@ -171,7 +173,7 @@ def gather_features_kernel(
     total_cross: FloatArray,
     total_gram: Float32Array,
 ) -> None:
-    """Adds moments (B, 7, 5), (B, 7, 7) to those at their places, with their hits moved by x -> R x + p of their pose.
+    """Adds moments (B, 8, 5), (B, 8, 8) to those at their places, with their hits moved by x -> R x + p of their pose.
 
     use: (U,) which of them, pose, place: (U,) each one's pose and place.   R: (T, 3, 3), p: (T, 3).
     """
@@ -197,7 +199,7 @@ def features_squares_kernel(
     change: FloatArray,
     squares: FloatArray,
 ) -> None:
-    """Fills squares (B,) with what changed coefficients add to the sum of squares of each cluster. change: (L, 7)."""
+    """Fills squares (B,) with what changed coefficients add to the sum of squares of each cluster. change: (L, 8)."""
     for b in range(pair.shape[0]):
         q, j = pair[b], laser[b]
         total = 0.0
@@ -234,8 +236,8 @@ def add_features_kernel(
 ) -> None:
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
 
-    pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 7, 5),
-    gram: (B, 7, 7).   column_of: (L, 9) shared columns, -1 for none.   change: (L, 7) of the features' coefficients since
+    pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 8, 5),
+    gram: (B, 8, 8).   column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients since
     the clusters were made.   gradient: (K, 9).
     """
     width = J.shape[2]

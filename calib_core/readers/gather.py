@@ -1,12 +1,16 @@
-"""Clouds that are a part of a sweep each, as drivers send them packet by packet: gathered into scans that show enough at once."""
+"""Clouds that are a part of a sweep each, as drivers send them packet by packet or by halves of a turn: gathered into scans that
+show enough at once.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.types import Evidence, Finding, Scan
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.types import BoolArray, Evidence, Finding, Scan
 
 #: The usual turn of a lidar, and the usual frame of one that does not turn: a scan is gathered to this length.
 _SCAN_S = 0.1
@@ -14,9 +18,38 @@ _SCAN_S = 0.1
 _SHORTEST_S = 0.04
 
 
-def parts_of_a_scan(period_s: float) -> int:
-    """How many clouds make a scan, 1 where each is one. period_s: usual, between clouds."""
-    return max(1, round(_SCAN_S / period_s)) if 0.0 < period_s < _SHORTEST_S else 1
+#: Azimuths are counted in so many bins.
+_BINS = 72
+#: Clouds make a turn if together they see so much of it, and each little more than its part of it.
+_WHOLE, _MORE = 0.9, 1.2
+#: More parts than this come quicker than any scan.
+_MOST_OF_A_TURN = 4
+
+
+def parts_of_a_scan(period_s: float, clouds: Sequence[RawCloud]) -> int:
+    """How many clouds make a scan, 1 where each is one. period_s: usual, between clouds.   clouds: the first of them, in order.
+
+    Those that come quicker than any scan, by time; those that see a part of a turn each, by what so many see together: half of a
+    room is two walls, and every other cloud sees others.
+    """
+    if 0.0 < period_s < _SHORTEST_S:
+        return max(1, round(_SCAN_S / period_s))
+    seen = np.array([_bearings(cloud) for cloud in clouds if cloud.points.size]).reshape(-1, _BINS)
+    for parts in range(2, _MOST_OF_A_TURN + 1):
+        together = np.array([np.mean(seen[k : k + parts].any(axis=0)) for k in range(len(seen) - parts + 1)])
+        if not together.size or np.median(np.mean(seen, axis=1)) > _MORE / parts:
+            return 1
+        if np.median(together) >= _WHOLE:
+            return parts
+    return 1
+
+
+@np.errstate(invalid="ignore")  # damaged floats are masked, not warned of
+def _bearings(cloud: RawCloud) -> BoolArray:
+    """(72,) whether any point lies at an azimuth."""
+    x, y = cloud.points["x"].astype(np.float64), cloud.points["y"].astype(np.float64)
+    known = np.isfinite(x) & np.isfinite(y) & ((x != 0.0) | (y != 0.0))
+    return np.asarray(np.histogram(np.arctan2(y[known], x[known]), _BINS, (-np.pi, np.pi))[0] > 0, dtype=np.bool_)
 
 
 def lasting_ns(parts: int, period_s: float) -> int:

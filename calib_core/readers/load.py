@@ -82,8 +82,8 @@ def _load_open(
     preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
+    parts, cloud_s = parts_of_a_scan(info.period_s, sample), info.period_s
     del sample  # tens of megabytes that the pass below does not need
-    parts, cloud_s = parts_of_a_scan(info.period_s), info.period_s
     gathering = None
     if parts > 1:
         gathering = Gathering(lasting_ns(parts, cloud_s))

@@ -38,6 +38,7 @@ def parameters_of(simulation: Simulation) -> np.ndarray:
         "accelerometer_delay": imu.accel_delay_s,
         "clock_rate": simulation.faults.clock_rate_ppm,
         "range_offset": lidar.range_offset_m,
+        "grazing": lidar.grazing_rad,
         "eccentricity": (lidar.eccentricity_rad * np.cos(phase), lidar.eccentricity_rad * np.sin(phase)),
         "laser_range_offset": lidar.laser_range_offset_m or 0.0,
         "laser_elevation": lidar.laser_elevation_rad or 0.0,
@@ -57,11 +58,12 @@ def parameters_of(simulation: Simulation) -> np.ndarray:
         "laser-azimuth=1e-5",
         "eccentricity=1e-5",
         "range-offset=1e-4",
+        "incidence=1e-5",
     ],
 )
 def test_ranges_err_as_the_columns_say(faults: str) -> None:
     """What the simulator's lasers read too much, against the columns. Mutations: elevation's sign; the laser's ring for its
-    channel; sine and cosine of the eccentricity swapped."""
+    channel; sine and cosine of the eccentricity swapped; grazing's sign."""
     simulation = spoiled(faults)
     truth, faces = simulation.truth, faces_of(simulation)
     seen = returns_of(simulation, truth, faces, 45).chosen(slice(None, None, 7))

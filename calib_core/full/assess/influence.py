@@ -135,7 +135,7 @@ def _response(
 
 
 def _feature_response(problem: JointProblem, layout: Layout, border: FloatArray) -> FloatArray:
-    """(lasers, 7, 7) what each laser's features follow of them."""
+    """(lasers, 8, 7) what each laser's features follow of them."""
     places = problem.sensors.laser_places
     own = np.where(places[..., None] >= 0, border[layout.nuisance().start + np.maximum(places, 0)], 0.0)
     return feature_changes(own)

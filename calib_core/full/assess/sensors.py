@@ -80,6 +80,10 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         who = f"laser {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
         text = f"{who} {most_deg:.2f} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
         told.append(("sensor.laser_elevation", text))
+    if grazing := by["grazing"]:
+        short_mm, how = grazing[0].value * 1e3, "short" if grazing[0].value > 0 else "long"
+        text = f"walls met slantwise read {how}, by {abs(short_mm):.1f} mm a metre at 45 deg; {ranges}"
+        told.append(("sensor.grazing", text))
     for kind in ("gyroscope", "accelerometer"):
         if off := by[f"{kind}_scale"]:
             worst = max(off, key=lambda p: abs(p.value))

@@ -22,7 +22,7 @@ class SensorColumns:
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
     links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
-    lidar's time at which it adds nothing.   laser_places: (lasers, 9), columns as in factors/laser_kernels.py.
+    lidar's time at which it adds nothing.   laser_places: (lasers, 10), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -89,6 +89,7 @@ def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
         azimuth,
         float(nuisance.values(values, "incidence")[0]),
         nuisance.values(values, "eccentricity"),
+        float(nuisance.values(values, "grazing")[0]),
     )
 
 
@@ -136,7 +137,7 @@ def sensor_columns(
 
 
 def laser_places(nuisance: Nuisance) -> IntArray:
-    """(U, 9) of each laser's parameters, of everybody's, and of each patch; -1 for what is not in play.
+    """(U, 10) of each laser's parameters, of everybody's, and of each patch; -1 for what is not in play.
 
     U: lasers, or each of these on each patch, and on none: patch * lasers + laser.
     """
@@ -149,7 +150,8 @@ def laser_places(nuisance: Nuisance) -> IntArray:
     places[:, len(LASER_BLOCKS)] = nuisance.start("range_offset")
     places[:, len(LASER_BLOCKS) + 1] = nuisance.start("incidence")
     if nuisance.start("eccentricity") >= 0:
-        places[:, len(LASER_BLOCKS) + 2 : HEIGHT] = nuisance.start("eccentricity") + np.arange(2)
+        places[:, len(LASER_BLOCKS) + 2 : HEIGHT - 1] = nuisance.start("eccentricity") + np.arange(2)
+    places[:, HEIGHT - 1] = nuisance.start("grazing")
     if patches:
         places = np.tile(places, (patches + 1, 1))
         places[: patches * lasers, HEIGHT] = nuisance.places[SURFACE].start + np.arange(patches).repeat(lasers)

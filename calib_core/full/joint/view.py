@@ -104,8 +104,9 @@ class View:
             field_of_view_deg=self.settings.field_of_view_deg,
         )
         hits.plane[hits.plane >= len(e.normals)] = -1
-        if errors is not None and errors.incidence_m:
-            hits.d[hits.plane >= 0] += errors.incidence_m * (1.0 + hits.cosine[hits.plane >= 0])
+        if errors is not None and errors.slant().any():
+            on = hits.plane >= 0
+            hits.d[on] = errors.straightened(hits.d[on], hits.cosine[on], hits.x_hit[on])
         if self.nuisance.surface is not None:
             # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
             hits.d[:] -= self.nuisance.surface.heights_m(hits, self.nuisance.values(e.nuisance, SURFACE))

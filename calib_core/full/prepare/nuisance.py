@@ -207,6 +207,7 @@ def choose_nuisance(
         "eccentricity": lidar.eccentricity_std_rad,
         "range_offset": lidar.range_offset_std_m,
         "incidence": lidar.incidence_std_m,
+        "grazing": lidar.grazing_std_rad,
     }
     blocks = []
     for block in KINDS:

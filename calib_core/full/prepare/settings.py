@@ -123,6 +123,9 @@ class Sweeps:
     #: derived: directions, turned back by the rotor's turn, are one: their mean is as long as a direction. A rosette's, all
     #: over its circle, is half as long or less; what is nearer to one is a rotor's.
     turning: float = 0.9
+    #: derived: a packet of sixteen lasers holds 1.3 ms, 9.6 deg at 20 turns a second, and one more or less of them makes two
+    #: sweeps in turn look elsewhere by as much. Two that look elsewhere by three times that are no two whole turns.
+    alike_rad: float = 0.5
     #: judged: with fewer of the scans on a line there is none. Stamps stay as they are then.
     least_share: float = 0.8
     #: measured on two real ones (VLP-16, HDL-32E, sweep_stamps.py): 8 microseconds from turn to turn. A rotor is off its

@@ -9,7 +9,8 @@ a line over a second and a half. So each scan's time of passing is
 
 t_k being the middle of the sweep by its stamp and phi_k where the lidar looked then; a line through the c_k (`rows.py`) has the
 true times, and what a stamp is off it is taken away. That drivers cut their sweeps at packets, a millisecond apart, is in phi_k
-and no error.
+and no error; nor that some cut after so many packets or so much time, whatever the rotor does: phi then goes round, and what it
+goes by in a sweep is what the rotor's turn is shorter or longer than one.
 """
 
 from __future__ import annotations
@@ -118,14 +119,31 @@ def study_sweeps(seen: FirstLook) -> SweepTimes | None:
 
 
 def _passing(seen: FirstLook) -> tuple[BoolArray, FloatArray]:
-    """(M,) whether a scan is a turn of a rotor, and when it passed the direction in which most middles of sweeps look [s]."""
+    """(M,) whether a scan is a turn of a rotor, and when that passed the direction in which middles of sweeps look [s].
+
+    Where they look farther and farther round: the one that they began with, as many turns ago as they went round.
+    """
     length = np.abs(seen.facing)
     way = int(np.argmax(np.median(length, axis=1)))
     known = np.greater(length[way], SWEEPS.turning)
     if not known.any():
         return known, np.zeros(len(known))
-    facing = seen.facing[way]
-    usual = np.mean(facing[known] / length[way][known])
-    behind = np.angle(usual * facing.conj()) * (1.0 if way == 0 else -1.0)
+    # As a rotor that turns from x to y has it.
+    facing = seen.facing[way] if way == 0 else seen.facing[way].conj()
+    number = np.cumsum(np.rint(np.diff(seen.stamps_ns, prepend=seen.stamps_ns[0]) * 1e-9 / seen.period_s))[known]
+    looked = np.angle(facing[known])
+    steps = _wrapped(np.diff(looked)[np.diff(number) == 1])
+    # Packets make a sweep begin a little later or earlier in turn, which a mean knows; the middle of a sweep that lost its other
+    # half is elsewhere.
+    about = float(np.median(steps)) if steps.size else 0.0
+    off = _wrapped(steps - about)
+    farther = about + float(np.mean(off[np.abs(off) < SWEEPS.alike_rad])) if steps.size else 0.0
+    usual = float(np.angle(np.mean(np.exp(1j * (looked - farther * number)))))
+    round_by = np.zeros(len(known))
+    round_by[known] = farther * number + _wrapped(looked - farther * number - usual)
     middle_s = (seen.stamps_ns - seen.stamps_ns[0]) * 1e-9 + 0.5 * seen.sweep_s
-    return known, middle_s + behind / (2.0 * np.pi) * seen.period_s
+    return known, middle_s - round_by / (2.0 * np.pi + farther) * seen.period_s
+
+
+def _wrapped(angle_rad: FloatArray) -> FloatArray:
+    return np.asarray((angle_rad + np.pi) % (2.0 * np.pi) - np.pi, dtype=np.float64)

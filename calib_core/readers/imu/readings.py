@@ -10,10 +10,11 @@ from calib_core.errors import InputError
 from calib_core.readers.imu.bundles import Bundles, spread, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.repeats import first_of_each
+from calib_core.readers.imu.spikes import spikes
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
-from calib_core.types import BoolArray, Evidence, Finding, ImuData, IntArray
+from calib_core.types import BoolArray, Evidence, Finding, FloatArray, ImuData, IntArray
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 #: A pause longer than this many sample periods is a gap.
@@ -120,6 +121,10 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     gyro_unit, more = detect_gyroscope(taken_ns, gyro, accel, settings, topic)
     findings.extend(more)
     gyro = gyro * (np.pi / 180.0 if gyro_unit == "deg_s" else 1.0)
+    leapt = spikes(gyro, accel)
+    if leapt.any():
+        findings.append(_spikes_finding(leapt, gyro, accel, topic))
+        taken_ns, gyro, accel = taken_ns[~leapt], gyro[~leapt], accel[~leapt]
     data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id)
     return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
 
@@ -131,6 +136,23 @@ def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
         text=f"{n_bad} of {total} readings on {topic} are not finite, impossible or malformed and were left out.",
         evidence=(Evidence("bad readings", n_bad), Evidence("readings", total)),
         consequence="the motion between their neighbours is interpolated",
+    )
+
+
+def _spikes_finding(leapt: BoolArray, gyro: FloatArray, accel: FloatArray, topic: str) -> Finding:
+    n_leapt = int(np.count_nonzero(leapt))
+    return Finding(
+        "imu.spikes",
+        "warning",
+        f"{n_leapt} of {len(leapt)} readings on {topic} leap away from their neighbours for a single reading, as damaged ones"
+        " do; they were left out.",
+        (
+            Evidence("spikes", n_leapt),
+            Evidence("readings", len(leapt)),
+            Evidence("fastest of them", round(float(np.abs(gyro[leapt]).max()), 3), "rad/s"),
+            Evidence("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s2"),
+        ),
+        consequence="the motion between their neighbours is interpolated; look for what damages them",
     )
 
 

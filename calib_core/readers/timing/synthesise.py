@@ -1,7 +1,9 @@
 """Point times made up where a cloud carries none: degraded, asked for explicitly, and labelled so.
 
 A spinning lidar sweeps its azimuth evenly, so the azimuth since the sweep's first point is the time; which way it
-turns is seen from the order of the points. Any other lidar is taken to send its points in the order it took them.
+turns is seen from the order of the points. Drivers cut sweeps at an azimuth, which stays, or after so many packets: then
+each begins a little farther round than the one before, is a little more or less than a turn, and says so itself. Any
+other lidar is taken to send its points in the order it took them.
 """
 
 from __future__ import annotations
@@ -23,42 +25,120 @@ from calib_core.types import Evidence, Finding, FloatArray
 
 #: A sweep that covers this much of the circle is a spinning lidar's.
 _SPINNING_RAD = np.deg2rad(300.0)
+#: Sweeps that are cut at an azimuth begin there to a column; so far over those looked at, and their beginning moves.
+_MOVING_RAD = np.deg2rad(1.5)
+#: A message's order tells how far through the sweep a point was taken if that many points lie within a quarter of a turn of
+#: where their azimuth has them; a senseless order has half of them there.
+_TOLD_SHARE = 0.9
 FIELD = "time"
+
+Order = Literal["taken", "rows", "rings", "none"]
 
 
 @dataclass(frozen=True, slots=True)
 class Synthesis:
-    """How times are made: direction +1 for growing azimuth, -1 for falling; start_rad where a sweep begins."""
+    """How times are made: direction +1 for growing azimuth, -1 for falling; turned_rad by the head in a period.
+
+    start_rad: where every sweep begins, None where each begins at its own first point.   order: what of a message's order
+    goes with the time: the whole, that within each row of an organised cloud, that within each ring, or nothing.
+    """
 
     kind: Literal["azimuth", "order"]
     period_s: float
     direction: int = 1
-    start_rad: float = 0.0
+    start_rad: float | None = 0.0
+    turned_rad: float = 2 * np.pi
+    order: Order = "none"
 
 
 @np.errstate(invalid="ignore")
 def plan_synthesis(clouds: Sequence[RawCloud]) -> Synthesis:
-    """The rule for the clouds of one topic, from a sample of them."""
+    """The rule for the clouds of one topic, from the first of them, in their order."""
     period_s = scan_period_s(clouds)
     turns: list[float] = []
     starts: list[float] = []
     covered: list[float] = []
+    seen: list[RawCloud] = []
     for cloud in clouds[1:] if len(clouds) > 3 else clouds:
         azimuth = _azimuth(cloud)
         azimuth = azimuth[np.isfinite(azimuth)]
         if azimuth.size < 10:
             continue
-        steps = (np.diff(azimuth) + np.pi) % (2 * np.pi) - np.pi
+        steps = _wrapped(np.diff(azimuth))
         small = steps[(steps != 0) & (np.abs(steps) < np.deg2rad(20))]
         turns.append(float(np.median(np.sign(small))) if small.size else 0.0)
         starts.append(float(azimuth[0]))
         covered.append(float(np.count_nonzero(np.histogram(azimuth, 72, (-np.pi, np.pi))[0]) / 72 * 2 * np.pi))
+        seen.append(cloud)
     if not covered or np.median(covered) < _SPINNING_RAD:
         return Synthesis("order", period_s)
     # Clockwise seen from above is what most spinning lidars do; it is the answer where the order says nothing.
     direction = 1 if np.median(turns) > 0 else -1
     start = float(np.angle(np.mean(np.exp(1j * np.array(starts)))))
-    return Synthesis("azimuth", period_s, direction, start)
+    a_scan = _start_moves(np.array(starts))
+    moving = abs(a_scan) * len(starts) > _MOVING_RAD
+    plan = Synthesis(
+        "azimuth",
+        period_s,
+        direction,
+        None if moving else start,
+        2 * np.pi + direction * a_scan if moving else 2 * np.pi,
+    )
+    return replace(plan, order=_telling_order(seen, plan))
+
+
+def _start_moves(starts_rad: FloatArray) -> float:
+    """How much farther round, by azimuth, each sweep begins than the one before [rad]; starts_rad: (N,) one after another."""
+    if starts_rad.size < 8:
+        return 0.0
+    followed = np.unwrap(starts_rad)
+    quarter = followed.size // 4
+    return float((np.median(followed[-quarter:]) - np.median(followed[:quarter])) / (followed.size - quarter))
+
+
+def _telling_order(clouds: Sequence[RawCloud], plan: Synthesis) -> Order:
+    """What of the messages' order goes with the azimuth that the head has turned through."""
+    orders: tuple[Order, ...] = ("taken", "rows", "rings")
+    for order in orders:
+        shares = []
+        for cloud in clouds:
+            through = _through(cloud, order)
+            if through is not None:
+                off = _wrapped(_progress(cloud, plan) - through * plan.turned_rad)
+                shares.append(float(np.mean(np.abs(off[np.isfinite(off)]) < np.pi / 2)))
+        if shares and np.median(shares) > _TOLD_SHARE:
+            return order
+    return "none"
+
+
+def _through(cloud: RawCloud, order: Order) -> FloatArray | None:
+    """(N,) from 0 to 1, how far through the sweep each point stands by its place in the message; None where it has no such."""
+    place = np.arange(cloud.points.size, dtype=np.float64)
+    if order == "taken":
+        return place / max(cloud.points.size, 1)
+    if order == "rows":
+        return (place % cloud.width) / cloud.width if cloud.height > 1 and cloud.width > 1 else None
+    if order == "rings" and "ring" in cloud.names:
+        _, ring, count = np.unique(cloud.points["ring"], return_inverse=True, return_counts=True)
+        sorted_by_ring = np.argsort(ring, kind="stable")
+        within = np.empty(place.size)
+        within[sorted_by_ring] = place - np.repeat(np.cumsum(count) - count, count)
+        return np.asarray(within / count[ring], np.float64)
+    return None
+
+
+def _progress(cloud: RawCloud, synthesis: Synthesis) -> FloatArray:
+    """(N,) azimuth [rad] since the sweep's beginning, in the direction of turning, from -pi to pi."""
+    azimuth = _azimuth(cloud)
+    start = synthesis.start_rad
+    if start is None:
+        seen = azimuth[np.isfinite(azimuth)]
+        start = float(seen[0]) if seen.size else 0.0
+    return _wrapped(synthesis.direction * (azimuth - start))
+
+
+def _wrapped(angle_rad: FloatArray) -> FloatArray:
+    return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi, np.float64)
 
 
 @np.errstate(invalid="ignore")
@@ -66,12 +146,15 @@ def synthesised_times_s(cloud: RawCloud, synthesis: Synthesis) -> FloatArray:
     """(N,) seconds from the sweep's start; NaN for points without a bearing."""
     if synthesis.kind == "order":
         return np.asarray(np.arange(cloud.points.size) / max(cloud.points.size, 1) * synthesis.period_s, np.float64)
-    progress = synthesis.direction * (_azimuth(cloud) - synthesis.start_rad)
-    # A hair before the start is the first column's own scatter, not the end of the sweep.
-    slack = np.deg2rad(1.0)
-    return np.asarray(
-        np.maximum((progress + slack) % (2 * np.pi) - slack, 0.0) / (2 * np.pi) * synthesis.period_s, np.float64
-    )
+    progress = _progress(cloud, synthesis)
+    through = _through(cloud, synthesis.order)
+    if through is None:
+        # A hair before the start is the first column's own scatter, not the end of the sweep.
+        slack = np.deg2rad(1.0)
+        turned = (progress + slack) % (2 * np.pi) - slack
+    else:
+        turned = progress + 2 * np.pi * np.round((through * synthesis.turned_rad - progress) / (2 * np.pi))
+    return np.asarray(np.maximum(turned, 0.0) / synthesis.turned_rad * synthesis.period_s, np.float64)
 
 
 def _azimuth(cloud: RawCloud) -> FloatArray:
@@ -96,6 +179,12 @@ class SynthesisingDecoder:
             points[name] = cloud.points[name]
         points[FIELD] = synthesised_times_s(cloud, self.synthesis)
         return RawCloud(cloud.header_ns, cloud.receive_ns, cloud.frame_id, points, cloud.width, cloud.height)
+
+
+def _start_evidence(synthesis: Synthesis) -> Evidence:
+    if synthesis.start_rad is None:
+        return Evidence("turned in a scan", round(float(np.rad2deg(synthesis.turned_rad)), 2), "deg")
+    return Evidence("start azimuth", round(float(np.rad2deg(synthesis.start_rad)), 2), "deg")
 
 
 def point_timing(
@@ -128,7 +217,7 @@ def point_timing(
         evidence=(
             Evidence("scan period", synthesis.period_s, "s"),
             Evidence("direction", synthesis.direction),
-            Evidence("start azimuth", round(float(np.rad2deg(synthesis.start_rad)), 2), "deg"),
+            _start_evidence(synthesis),
         ),
         confidence=0.3,
         consequence="the result is degraded: the sweep's true timing is unknown",

@@ -41,6 +41,11 @@ class LidarDeviations:
     eccentricity_rad: float = 0.0
     eccentricity_phase_rad: float = 0.0
 
+    @property
+    def grazing_rad(self) -> float:
+        """What the beam's divergence takes of a range, times range and tangent."""
+        return _TRIGGERS_EARLY_BY * self.beam_divergence_rad
+
     def fired(self, published: Firings) -> Firings:
         """Where the lasers really look when the driver publishes these directions."""
         if not (self.laser_elevation_rad or self.laser_azimuth_rad or self.eccentricity_rad):
@@ -64,7 +69,7 @@ class LidarDeviations:
         if self.beam_divergence_rad:
             cosine = np.clip(cos_incidence, 1e-6, 1.0)
             tangent = np.minimum(np.sqrt(1.0 - cosine**2) / cosine, _STEEPEST_TANGENT)
-            published = published - _TRIGGERS_EARLY_BY * self.beam_divergence_rad * range_m * tangent
+            published = published - self.grazing_rad * range_m * tangent
         return published + self.range_offset_m if self.range_offset_m else published
 
 

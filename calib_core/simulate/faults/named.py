@@ -65,5 +65,6 @@ def _of_lidar(lidar: LidarDeviations, rings: Sequence[int]) -> Iterator[Paramete
         ("eccentricity", "sine", lidar.eccentricity_rad * math.cos(lidar.eccentricity_phase_rad)),
         ("eccentricity", "cosine", lidar.eccentricity_rad * math.sin(lidar.eccentricity_phase_rad)),
         ("beam_divergence", "all", lidar.beam_divergence_rad),
+        ("grazing", "all", lidar.grazing_rad),
     )
     yield from ((block, name, "rad", value) for block, name, value in once if value)

@@ -48,6 +48,20 @@ def test_points_come_back_from_what_a_wrong_lidar_publishes() -> None:
     np.testing.assert_allclose(errors.corrected(published, laser.astype(np.uint16)), xyz, atol=3e-6)
 
 
+def test_slant_is_taken_off_as_it_is_published() -> None:
+    """Points of a wall at 3 m, met at all angles: a range r falls short by grazing r tan(i), and long by incidence (1 / c - 1).
+
+    Mutations: grazing's sign; by the cosine instead of the sine; without the range.
+    """
+    angle = np.linspace(-1.2, 1.2, 41)
+    true_m, c = 3.0 / np.cos(angle), np.cos(angle)
+    none = [np.zeros(LASERS) for _ in range(4)]
+    errors = LaserErrors(*none, 0.004, np.zeros(2), 0.0007)
+    published_m = true_m + 0.004 * (1.0 / c - 1.0) - 0.0007 * true_m * np.tan(np.abs(angle))
+    hit = 3.0 / np.cos(angle)[:, None] * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(41)])
+    np.testing.assert_allclose(errors.straightened((3.0 - published_m * c), -c, hit), 0.0, atol=1e-12)
+
+
 def test_points_of_no_known_laser_stay_as_they_are() -> None:
     """Mutation: the number of a laser taken modulo how many there are."""
     errors = _errors(np.random.default_rng(1))
@@ -57,7 +71,7 @@ def test_points_of_no_known_laser_stay_as_they_are() -> None:
     assert (out[1] != xyz[1]).any()
 
 
-@pytest.mark.parametrize("column", range(7))
+@pytest.mark.parametrize("column", range(8))
 def test_features_are_the_derivatives_of_distances(column: int) -> None:
     """Finite differences through the correction and the plane. Mutations: two features exchanged, a sign, cosine for its
     negative."""
@@ -69,7 +83,7 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
         parts, off_axis = [np.zeros(LASERS) for _ in range(4)], np.zeros(2)
         if column < 4:
             parts[(0, 2, 3, 1)[column]] += parameter
-        elif column > 4:
+        elif column in (5, 6):
             off_axis[column - 5] = parameter
         moved = LaserErrors(*parts, 0.0, off_axis).corrected(scene.xyz, laser)
         return find_hits(moved, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, gate)
@@ -77,7 +91,10 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
     size = 1e-3
     forth, back, here = hits(size), hits(-size), hits(0.0)
     same = (forth.plane == back.plane) & (forth.plane == here.plane) & (here.plane >= 0)
-    numerical = 1.0 + here.cosine if column == 4 else (forth.d - back.d) / (2 * size)
+    numerical = (forth.d - back.d) / (2 * size)
+    if column in (4, 7):
+        unit = LaserErrors(*(np.zeros(LASERS) for _ in range(4)), *((1.0,) if column == 4 else (0.0, np.zeros(2), 1.0)))
+        numerical = unit.straightened(here.d, here.cosine, here.x_hit) - here.d
     for laser_of in range(LASERS):
         some = same & (laser == laser_of)
         keep = np.zeros(len(same), bool)
@@ -118,7 +135,7 @@ def test_moments_are_those_of_the_points_and_move_with_them() -> None:
 def test_changed_parameters_add_what_their_points_say() -> None:
     """Mutation: the cross term once instead of twice."""
     rng = np.random.default_rng(5)
-    y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 7))
+    y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
     factors = LaserFactors(
         np.zeros(1, np.int64),
         np.zeros(1, np.int64),
@@ -127,7 +144,7 @@ def test_changed_parameters_add_what_their_points_say() -> None:
         (f.T @ y)[None],
         (f.T @ f)[None],
     )
-    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 9))
+    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 10))
     moved = feature_changes(change)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
     assert features_squares(factors, a, change)[0] == pytest.approx(after @ after - before @ before)
@@ -153,8 +170,8 @@ def test_a_patch_s_height_shortens_every_distance_alike() -> None:
         hits, keep, weight, bins.NORMALS, laser=laser, lasers=LASERS,
         group=np.zeros(3, np.int64), middle=np.array([1]), patch=patch, patches=4,
     )  # fmt: skip
-    change = np.zeros((1, 9))
-    change[0, 8] = 1.0
+    change = np.zeros((1, 10))
+    change[0, 9] = 1.0
     coefficients = feature_changes(change)[0]
     seen = 0
     for plane, unit, cross in zip(sums.plane, sums.laser, sums.cross, strict=True):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.gather import Gathering, parts_of_a_scan
 from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
@@ -21,7 +22,37 @@ PERIOD_NS = 100_000_000
 )
 def test_a_tenth_of_a_second_makes_a_scan(period_s: float, parts: int) -> None:
     """Mutation: a rotor of 20 turns a second has two of them put together."""
-    assert parts_of_a_scan(period_s) == parts
+    assert parts_of_a_scan(period_s, []) == parts
+
+
+@pytest.mark.parametrize(
+    ("seen_deg", "step_deg", "parts"),
+    [
+        (360, 360, 1),
+        (180, 180, 2),
+        (120, 120, 3),
+        (240, 240, 1),
+        (180, 0, 1),
+        (120, 0, 1),
+        (365, 365, 1),
+        (178, 184, 2),
+    ],
+)
+def test_clouds_of_a_part_of_a_turn_make_a_scan_together(seen_deg: float, step_deg: float, parts: int) -> None:
+    """Each of so many degrees, so many farther round than the one before; every tenth return is missing.
+
+    Mutations: two thirds of a turn put together; what looks one way only, too; a part told by how often it comes alone.
+    """
+    rng = np.random.default_rng(1)
+    clouds = []
+    for k in range(20):
+        azimuth = np.deg2rad(k * step_deg + rng.uniform(0.0, seen_deg, 3000))
+        points = np.zeros(azimuth.size, np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
+        points["x"], points["y"] = 5.0 * np.cos(azimuth), 5.0 * np.sin(azimuth)
+        points["x"][::10] = np.nan
+        stamp_ns = build.EPOCH_NS + k * PERIOD_NS // 2
+        clouds.append(RawCloud(stamp_ns, stamp_ns, "lidar", points, points.size, 1))
+    assert parts_of_a_scan(0.05, clouds) == parts
 
 
 def _cut(parts: int, *, lost: frozenset[int] = frozenset(), twice: bool = False) -> list[build.Message]:
@@ -50,7 +81,7 @@ def _read(folder: Path, clouds: list[build.Message]) -> Recording:
     return load(bag, ReadSettings())
 
 
-@pytest.mark.parametrize("parts", [5, 10])
+@pytest.mark.parametrize("parts", [2, 5, 10])
 @pytest.mark.parametrize("twice", [False, True])
 def test_parts_make_the_sweep_that_they_were_cut_from(tmp_path: Path, parts: int, twice: bool) -> None:
     """To the nanosecond that the points' times are sent with. Mutations: offsets left those of the parts; the last scan lost; a

@@ -181,6 +181,41 @@ def test_synthesised_times_follow_the_azimuth(mirror: int) -> None:
     assert np.abs(made - column_s).max() < 2e-4
 
 
+@pytest.mark.parametrize("columns", [92, 90, 87])
+@pytest.mark.parametrize("order", ["taken", "rows", "rings"])
+def test_sweeps_cut_by_time_begin_where_they_begin(order: str, columns: int) -> None:
+    """A head of 90 columns a turn, clouds of more or fewer: each begins farther round, and a long one passes its own start.
+
+    Every tenth return is missing. Within a column's time of the truth. Mutations: one start for all; a turn for a period; the
+    order of the message not asked which of two turns it was; only the order as taken known.
+    """
+    lasers, kept = 16, np.random.default_rng(3).random((N, columns * 16)) > 0.1
+    clouds, truth_s = [], []
+    period_s = 0.1 * columns / 90
+    for k in range(N):
+        column, laser = (each.ravel() for each in np.meshgrid(np.arange(columns), np.arange(lasers), indexing="ij"))
+        azimuth = np.deg2rad(40.0) - 2 * np.pi / 90 * (k * columns + column)
+        points = np.zeros(column.size, np.dtype(FREE if order == "rings" else FREE[:4]))
+        points["x"], points["y"], points["z"] = 5.0 * np.cos(azimuth), 5.0 * np.sin(azimuth), laser * 0.1 + 0.1
+        points["x"][~kept[k]] = np.nan
+        by_row = np.lexsort((column, laser))
+        if order == "rings":
+            points["ring"] = laser
+            by_row = by_row[kept[k][by_row]]  # a dense cloud
+        elif order == "taken":
+            by_row = np.arange(column.size)
+        width, height = (columns, lasers) if order == "rows" else (by_row.size, 1)
+        stamp_ns = build.EPOCH_NS + round(k * period_s * 1e9)
+        clouds.append(RawCloud(stamp_ns, stamp_ns + 105_000_000, "lidar", points[by_row], width, height))
+        truth_s.append((column / columns * period_s)[by_row])
+    plan = plan_synthesis(clouds)
+    assert plan.order == order
+    for k in (0, 7, N - 1):
+        made = synthesised_times_s(clouds[k], plan)
+        bearing = np.isfinite(clouds[k].points["x"])
+        assert np.abs(made - truth_s[k])[bearing].max() < 1.01 * 0.1 / 90
+
+
 def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
     """Mutation: drop `if not settings.synthesise_point_time: raise`."""
     clouds = [cloud(k, None, "", lambda t, s: t) for k in range(N)]

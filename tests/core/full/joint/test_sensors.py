@@ -24,8 +24,8 @@ from tests.core.full.joint import test_problem as plain
 
 LASERS, POINTS = 3, 11
 NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate_std_ppm=40.0)
-#: Columns of a laser -> features of a point: offset, elevation, azimuth, scale, everybody's offset, incidence, eccentricity.
-FEATURE = (0, 1, 2, 3, 0, 4, 5, 6)
+#: Columns of a laser -> features of a point: offset, elevation, azimuth, scale; of all: offset, incidence, eccentricity, grazing.
+FEATURE = (0, 1, 2, 3, 0, 4, 5, 6, 7)
 MIDDLE_S = 0.11
 #: The same in a room of two patches, each of its own height.
 BENT = NUISANCE.with_surface(
@@ -53,7 +53,7 @@ class Case:
         self.laser = rng.integers(0, LASERS, len(self.pair))
         n = len(self.pair)
         self.y = np.concatenate([rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1)
-        self.f = rng.normal(size=(n, 7))
+        self.f = rng.normal(size=(n, 8))
         self.patch = rng.integers(0, nuisance.patches + 1, n)
         unit = self.patch * LASERS + self.laser
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
@@ -101,7 +101,7 @@ class Case:
             R, origin = e.states.R[k] @ exp(-omega * delta), e.states.p[k] - e.states.v[k] * delta
             n = e.normals[j]
             seen = np.append(e.R_imu_lidar.T @ R.T @ n, n @ (R @ e.p_imu_lidar + origin) + e.offsets_m[j])
-            own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(8))
+            own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(9))
             own -= heights[self.patch[i]] * (self.f[i, 0] + self.f[i, 4])
             out.append(seen @ self.y[i, :4] + self.y[i, 4] + own)
         prior, _ = prior_rows(p.priors, p.nodes, e, p.layout(e))
@@ -151,7 +151,8 @@ def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT)])
 def test_normal_equations_are_those_of_single_points_with_their_lasers(seed: int, nuisance: Nuisance) -> None:
-    """Mutations: the incidence's feature read for the scale's column, the rate's lever without the middle, a parameter's
+    """Mutations: the incidence's feature read for the scale's column, grazing's for the eccentricity's, the rate's lever
+    without the middle, a parameter's
     change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's; a patch's height
     with the other sign, or by the cosine alone, or without what two heights share."""
     case = Case(seed, nuisance)

@@ -57,6 +57,11 @@ def _cut_at_packets() -> FloatArray:
     return np.asarray(np.ceil(_even() / 1.327e-3) * 1.327e-3, dtype=np.float64)
 
 
+def _cut_by_time(every_s: float) -> FloatArray:
+    """As drivers do that begin a scan every so many packets: farther and farther round, more or less than a turn long."""
+    return np.asarray(0.013 + every_s * np.arange(COUNT), dtype=np.float64)
+
+
 def _host(count: int = COUNT) -> IntArray:
     rng = np.random.default_rng(7)
     stalls = np.where(rng.random(count) < 0.03, rng.uniform(5e6, 2e7, count), 0.0)
@@ -64,11 +69,16 @@ def _host(count: int = COUNT) -> IntArray:
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-@pytest.mark.parametrize("begin_s", [_even(), _cut_at_packets()], ids=["even", "cut at packets"])
+@pytest.mark.parametrize(
+    "begin_s",
+    [_even(), _cut_at_packets(), _cut_by_time(0.1013), _cut_by_time(0.0987)],
+    ids=["even", "cut at packets", "longer than a turn", "shorter"],
+)
 @pytest.mark.parametrize("stagger_deg", [0.0, 3.0])
 def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArray, stagger_deg: float) -> None:
     """Their mean stays, which is part of the time offset; stalls do not count in it. Mutations: the rotor's sense; stamps
-    alone instead of what the points tell (1.3 ms where drivers cut at packets); the late ones left where they are.
+    alone instead of what the points tell (1.3 ms where drivers cut at packets); the late ones left where they are; a sweep taken
+    for a turn (0.4 ms where drivers cut by time).
     """
     late = _host()
     said: list[Event] = []
@@ -87,17 +97,31 @@ def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArr
 
 
 @pytest.mark.parametrize(
-    "case", ["even", "cut at packets", "a rotor that wanders", "a rosette", "too few", "asked for"]
+    "case",
+    [
+        "even",
+        "cut at packets",
+        "longer than a turn",
+        "shorter",
+        "a rotor that wanders",
+        "a rosette",
+        "too few",
+        "asked for",
+    ],
 )
 def test_stamps_that_follow_the_rotor_are_left_alone(case: str) -> None:
     """To the nanosecond. A rotor wanders by 17 microseconds (two real ones). Mutations: no threshold; a rosette's sweeps
-    taken as turns; the setting ignored.
+    taken as turns; the setting ignored; sweeps that are cut by time taken for turns.
     """
     late = np.zeros(COUNT, dtype=np.int64)
     settings = CalibrateSettings()
     match case:
         case "cut at packets":
             given = _recording(_cut_at_packets(), late)
+        case "longer than a turn":
+            given = _recording(_cut_by_time(0.1013), late)
+        case "shorter":
+            given = _recording(_cut_by_time(0.0925), late)
         case "a rotor that wanders":
             given = _recording(_even(), late, wander_s=1.7e-5)
         case "a rosette":

@@ -1,0 +1,45 @@
+"""What is said of the sensors' own parameters."""
+
+from __future__ import annotations
+
+import pytest
+
+from calib_core.full.assess.sensors import _sentences
+from calib_core.intrinsics import NAMES, UNITS, Block
+from calib_core.result import Intrinsic
+
+
+def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic:
+    name = NAMES[block][0] if block in NAMES else "4"
+    told = {"block": block, "name": name, "unit": UNITS[block], "value": value, "std": 1e-5, "prior_std": 1e-3}
+    return Intrinsic.model_validate({**told, "state": "estimated", "significant": significant})
+
+
+@pytest.mark.parametrize(
+    ("block", "value", "corrected", "code", "text"),
+    [
+        (
+            "grazing",
+            7e-4,
+            True,
+            "sensor.grazing",
+            "read short, by 0.7 mm a metre at 45 deg; ranges were corrected for it",
+        ),
+        (
+            "grazing",
+            -2e-3,
+            False,
+            "sensor.grazing",
+            "read long, by 2.0 mm a metre at 45 deg; ranges were not corrected",
+        ),
+        ("laser_range_offset", -0.009, True, "sensor.laser_range", "laser 4 reads 9 mm short"),
+        ("accelerometer_delay", 2e-3, True, "sensor.delay", "the accelerometer is 2.00 ms behind the gyroscope"),
+        ("gyroscope_scale", -4e-3, True, "sensor.gyroscope_scale", "x axis reads 0.40% too little; it was taken out"),
+    ],
+)
+def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bool, code: str, text: str) -> None:
+    """And nothing of what is not. Mutations: short and long exchanged; said whether or not; corrected whether or not."""
+    ((told, sentence),) = _sentences([_found(block, value)], corrected=corrected)
+    assert told == code
+    assert text in sentence
+    assert _sentences([_found(block, value, significant=False)], corrected=corrected) == []
