@@ -1492,6 +1492,12 @@ export interface components {
         FolderListing: {
             /** Entries */
             entries: components["schemas"]["FolderEntry"][];
+            /**
+             * Links Out
+             * @description links that lead out of the recordings folder; it is never left, so they are no entries
+             * @default 0
+             */
+            links_out: number;
             /** Parent */
             parent: string | null;
             /** Path */
@@ -1785,6 +1791,11 @@ export interface components {
              * @enum {string}
              */
             event: "iteration";
+            /**
+             * Gravity M S2
+             * @description in the frame of `sweeps`, which need not be that of the planes; empty: not told
+             */
+            gravity_m_s2?: number[];
             /** Iteration */
             iteration: number;
             /** Matrix */
