@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,39 @@ def test_everything_can_be_taken_away(page: Page, solved: tuple[str, str], tmp_p
     with page.context.expect_page() as opened:
         page.get_by_role("link", name="Report to print").click()
     expect(opened.value.get_by_role("heading", name="Calibration of room.bag")).to_be_visible()
+
+
+#: Pieces of the cloud that are drawn now in a page that was taken away, as the viewer itself says.
+DRAWN = """() => Object.entries(window.__viserMutable?.nodeRefFromName ?? {})
+  .filter(([name, node]) => name.startsWith('/deskewed/') && node.visible).map(([name]) => name)"""
+PIECES = "() => Object.keys(window.__viserMutable?.nodeRefFromName ?? {}).filter(name => name.startsWith('/deskewed/'))"
+
+
+def test_a_page_that_was_taken_away_stays_open_towards_whoever_looks(
+    page: Page, api: Api, solved: tuple[str, str], tmp_path: Path
+) -> None:
+    """Without a server, and without a network: turned half round, the walls that were in the way are back, and others have gone.
+
+    Mutations: the page as the viewer makes it, whose missing walls are missing for ever; its camera taken in the viewer's axes.
+    """
+    path = tmp_path / "scene.html"
+    with urllib.request.urlopen(f"{api.address}/api/results/{solved[1]}/scene.html", timeout=60) as answer:
+        path.write_bytes(answer.read())
+    page.context.set_offline(True)
+    page.goto(path.as_uri())
+    until(lambda: 0 < len(page.evaluate(DRAWN)) < len(page.evaluate(PIECES)))
+    page.wait_for_timeout(1000)  # the first camera has come to rest
+    missing = set(page.evaluate(PIECES)) - set(page.evaluate(DRAWN))
+    # Half the canvas's height is half a turn.
+    page.mouse.move(900, 400)
+    page.mouse.down()
+    page.mouse.move(900 - 360, 400, steps=8)
+    page.mouse.up()
+    until(lambda: set(page.evaluate(PIECES)) - set(page.evaluate(DRAWN)) != missing)
+    page.wait_for_timeout(1000)
+    behind = set(page.evaluate(PIECES)) - set(page.evaluate(DRAWN))
+    assert missing - behind, "no wall came back"
+    assert behind - missing, "the room is closed towards who looks now"
 
 
 @pytest.fixture(scope="module")
