@@ -52,7 +52,15 @@ STAGES = (
     "known_extrinsic",
 )
 #: What the application sees of the library.
-APP_MAY_IMPORT = RECORDS | {"api", "doctor.kinds", "doctor.report", "audit.report", "audit.given", "audit.pose", "audit.limits"}
+APP_MAY_IMPORT = RECORDS | {
+    "api",
+    "doctor.kinds",
+    "doctor.report",
+    "audit.report",
+    "audit.given",
+    "audit.pose",
+    "audit.limits",
+}
 #: Third parties by part; anything else in these lists' parts is refused.
 HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets", "distributed"}
 
