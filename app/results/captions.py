@@ -128,7 +128,7 @@ def imu(compared: ImuComparison) -> str:
     return (
         "Black dashes, what the solved motion foretells, should lie on the coloured lines, and the differences below should "
         "be noise without the motion's shape. The motion is bound to both sensors, so what is left is what the lidar had to "
-        f"bend: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and {compared.accel_rms_m_s2:.3g} m/s2 rms over the whole "
+        f"bend: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and {compared.accel_rms_m_s2:.3g} m/s² rms over the whole "
         "recording."
     )
 

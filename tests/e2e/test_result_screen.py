@@ -166,7 +166,7 @@ def test_two_answers_and_limits_of_ones_own(page: Page, api: Api, solved: tuple[
     """An answer is held against another recording's, with the sigma of the difference, and against one's own needs.
 
     Oracle: the two documents. Mutations: the sigma of one of the two; the other extrinsic not taken along to the clouds;
-    limits in metres; limits forgotten by a reload.
+    limits in metres; limits forgotten by a reload; a lever arm called unknown because it is not known to 0.1 mm.
     """
     page.goto(f"/r/{solved[0]}/result?job={solved[1]}")
     page.get_by_role("combobox", name="From").select_option(one_axis[1])
@@ -182,6 +182,7 @@ def test_two_answers_and_limits_of_ones_own(page: Page, api: Api, solved: tuple[
     own.get_by_role("button", name="Use").click()
     verdict = page.get_by_role("status", name="By your own limits")
     expect(verdict).to_contain_text("Not enough for your use (0.1 mm, 0.5° and 2 ms): position x ±")
+    expect(page.get_by_role("figure", name=re.compile(r"axes drawn.*\d millimetres apart"))).to_be_visible()
     page.reload()
     expect(verdict).to_contain_text("Not enough")
     own.get_by_role("textbox", name="Position, mm").fill("50")
