@@ -48,7 +48,9 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
                 state = replace(state, support=PlaneExtents(state.support.normals, cells[-1] & cells[-2]))
         state = measure(data, state, learning, sampling)
         gate = gate_of(state, settling.settling_m, sampling)
-        state = associate(_nearer(data, k, WATCHING.settling_round), state, gate, stride=coarse_stride(data, state, sampling))
+        state = associate(
+            _nearer(data, k, WATCHING.settling_round), state, gate, stride=coarse_stride(data, state, sampling)
+        )
         before = state.estimate
         # A single step: what another one would add, the next round's first step does.
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)

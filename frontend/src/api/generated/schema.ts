@@ -2381,7 +2381,10 @@ export interface components {
             outline_m?: number[][] | null;
             /** Points */
             points: number;
-            /** Rms M */
+            /**
+             * Rms M
+             * @description of their distances, a surer one (seen at a grazing angle) counting more: less than their plain spread
+             */
             rms_m: number;
         };
         /**
@@ -2583,7 +2586,10 @@ export interface components {
             iterations: number;
             /** Planes */
             planes: components["schemas"]["PlaneQuality"][];
-            /** Point To Plane Rms M */
+            /**
+             * Point To Plane Rms M
+             * @description of the distances of all points used, as of each plane's
+             */
             point_to_plane_rms_m: number;
             /** Points Used */
             points_used: number;

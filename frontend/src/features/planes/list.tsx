@@ -44,7 +44,7 @@ export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
           <th scope="col" className={css.right} title="Points of the cloud that lie on it">
             Points
           </th>
-          <th scope="col" className={css.right} title="Root mean square distance of its points">
+          <th scope="col" className={css.right} title="Root mean square distance of its points, all alike">
             Noise <span>mm</span>
           </th>
           <th scope="col">

@@ -176,7 +176,12 @@ function Estimate({ run, looks, answer }: EstimateProps) {
         {last === undefined ? (
           <p className="dim small">Shown once the joint solve begins.</p>
         ) : (
-          <ResidualBars rows={last.planes} looks={looks} />
+          <>
+            <ResidualBars rows={last.planes} looks={looks} />
+            <p className="dim small">
+              Surer distances count more, so it is less than the plain spread on Planes and the thickness on Inspect.
+            </p>
+          </>
         )}
       </Section>
     </>
