@@ -72,6 +72,10 @@ class IterationEvent(_Event):
     time_offset_std_s: float
     planes: list[PlaneResidual]
     sweeps: tuple[SweepMotion, ...] = Field(default=(), description="some sweeps where this step puts them")
+    gravity_m_s2: list[float] = Field(
+        default_factory=list,
+        description="in the frame of `sweeps`, which need not be that of the planes; empty: not told",
+    )
 
 
 class LogEvent(_Event):

@@ -74,7 +74,9 @@ class PlaneQuality(_Model):
     normal: list[float]
     offset_m: float
     points: int
-    rms_m: float
+    rms_m: float = Field(
+        description="of their distances, a surer one (seen at a grazing angle) counting more: less than their plain spread"
+    )
     outline_m: list[list[float]] | None = Field(
         default=None,
         description="corners of the convex polygon that it was restricted to, map frame, as given; absent without one",
@@ -159,7 +161,7 @@ class Evidence(_Model):
 
 
 class Quality(_Model):
-    point_to_plane_rms_m: float
+    point_to_plane_rms_m: float = Field(description="of the distances of all points used, as of each plane's")
     points_used: int
     scans_used: int
     scans_total: int

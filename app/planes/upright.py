@@ -1,18 +1,21 @@
-"""The doctor's names and its vertical, carried over to the proposals.
+"""The doctor's vertical, carried over to the proposals, and the names that it gives them.
 
 The doctor looks for planes in samples of the same scans, knows gravity from the motion, and calls planes what they are to
-someone who stands upright. A plane of ours that faces the same way at the same distance is the same plane, so it gets the
-doctor's name; where enough of them are, both frames are one, and the doctor's vertical is ours. Nothing else names planes.
+someone who stands upright. A plane of ours that faces the same way at the same distance is the same plane; where enough of them
+are, both frames are one, and the doctor's vertical is ours. Then all planes are called what they are, numbered in the doctor's
+order and without a gap: what only its sample shows is no plane here, and what the sample missed comes last.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet
+from calib_core.doctor.kinds import kind_of, names_of
 from calib_core.doctor.report import Forecast, PlanesReport
 from calib_core.types import FloatArray, PlaneProposals
 
@@ -41,19 +44,22 @@ def room_of(report: PlanesReport | None, proposals: PlaneProposals, forecast: Fo
     """What the report says of the proposals' planes; nothing where the two are not in one frame."""
     if report is None:
         return Room(forecast=forecast)
-    names: dict[int, str] = {}
-    for plane in report.planes:
+    ranks: dict[int, int] = {}
+    for rank, plane in enumerate(report.planes):
         if plane.normal is None:
             return Room(forecast=forecast)
         for place, patch in enumerate(proposals.patches):
             faces = float(patch.plane.normal @ np.array(plane.normal))
             apart_m = abs(abs(patch.plane.offset_m) - plane.distance_m)
-            if place not in names and faces > SAME_COS and apart_m < SAME_DISTANCE_M:
-                names[place] = plane.name
+            if place not in ranks and faces > SAME_COS and apart_m < SAME_DISTANCE_M:
+                ranks[place] = rank
                 break
-    if len(names) < LEAST_MATCHED:
+    if len(ranks) < LEAST_MATCHED or report.up is None:
         return Room(forecast=forecast)
-    return Room(names, None if report.up is None else np.array(report.up), forecast)
+    up = np.array(report.up)
+    order = sorted(range(len(proposals.patches)), key=lambda place: (ranks.get(place, len(report.planes)), place))
+    kinds = [kind_of(proposals.patches[place].plane.normal, up)[0] for place in order]
+    return Room(dict(zip(order, names_of(kinds), strict=True)), up, forecast)
 
 
 def named(history: PlaneHistory, room: Room) -> PlaneHistory:
@@ -65,11 +71,21 @@ def named(history: PlaneHistory, room: Room) -> PlaneHistory:
 
 def _named(planes: PlaneSet, room: Room) -> PlaneSet:
     taken = {patch.name for patch in planes.patches}
+    patches = []
+    for patch in planes.patches:
+        if PLAIN_NAME.fullmatch(patch.name) is not None:
+            wanted = room.names.get(patch.color) or _next_name(patch, room, taken | set(room.names.values()))
+            if wanted not in taken:
+                taken.add(wanted)
+                patch = patch.model_copy(update={"name": wanted})  # noqa: PLW2901 - the same patch under its name
+        patches.append(patch)
+    return planes.model_copy(update={"patches": tuple(patches)})
 
-    def name(patch: EditedPatch) -> EditedPatch:
-        wanted = room.names.get(patch.color)
-        if wanted is None or wanted in taken or PLAIN_NAME.fullmatch(patch.name) is None:
-            return patch
-        return patch.model_copy(update={"name": wanted})
 
-    return planes.model_copy(update={"patches": tuple(name(patch) for patch in planes.patches)})
+def _next_name(patch: EditedPatch, room: Room, taken: set[str]) -> str:
+    """What a plane is called that was grown by hand: its kind, with the next number where there are some."""
+    kind, _ = kind_of(np.array(patch.normal), room.up)
+    (word,) = names_of([kind])
+    if word not in taken and f"{word} 1" not in taken:
+        return word
+    return next(name for number in itertools.count(2) if (name := f"{word} {number}") not in taken)

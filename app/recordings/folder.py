@@ -33,9 +33,12 @@ class RecordingsFolder:
             raise NotFound(
                 "folder.not_found", f"The recordings folder has no folder {path[:80]!r}; go up and choose again."
             )
-        entries = [entry for child in sorted(folder.iterdir()) if (entry := _entry(child, root)) is not None]
+        shown = [child for child in sorted(folder.iterdir()) if not child.name.startswith(".")]
+        inside = [child for child in shown if child.resolve().is_relative_to(root)]
+        entries = [entry for child in inside if (entry := _entry(child, root)) is not None]
         parent = None if folder == root else _below(folder.parent, root)
-        return FolderListing(path=_below(folder, root), parent=parent, entries=entries)
+        links_out = len(shown) - len(inside)
+        return FolderListing(path=_below(folder, root), parent=parent, entries=entries, links_out=links_out)
 
     def recording(self, path: str) -> Path:
         """The recording at `path` below the root: a bag file or a ROS 2 bag folder."""
@@ -85,9 +88,7 @@ def is_text(path: Path) -> bool:
 
 
 def _entry(child: Path, root: Path) -> FolderEntry | None:
-    """What is shown of a child; None for hidden things and for links that lead out."""
-    if child.name.startswith(".") or not child.resolve().is_relative_to(root):
-        return None
+    """What is shown of a child; None for what is neither file nor folder."""
     if not is_text(child):  # nobody could ask for it by a name that is none
         name = os.fsencode(child.name).decode("utf-8", "replace")
         return FolderEntry(name=name, path=name, kind="file", size_bytes=0)

@@ -60,9 +60,9 @@ def planes(result: CalibrationResult) -> str:
     """Of the bars."""
     worst = max(result.quality.planes, key=lambda plane: plane.rms_m)
     return (
-        f"Grey: the spread that the solve left on the points it used, largest on {worst.name} with "
-        f"{1e3 * worst.rms_m:.1f} mm. Dots: all points near the plane, which should move left from orange to blue. One plane "
-        "far wider than the others is no plane, or has moved."
+        f"Grey: the spread that the solve left on the points it used, surer distances counting more, largest on {worst.name} "
+        f"with {1e3 * worst.rms_m:.1f} mm. Dots: all points near the plane alike, which should move left from orange to blue. "
+        "One plane far wider than the others is no plane, or has moved."
     )
 
 
@@ -128,7 +128,7 @@ def imu(compared: ImuComparison) -> str:
     return (
         "Black dashes, what the solved motion foretells, should lie on the coloured lines, and the differences below should "
         "be noise without the motion's shape. The motion is bound to both sensors, so what is left is what the lidar had to "
-        f"bend: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and {compared.accel_rms_m_s2:.3g} m/s2 rms over the whole "
+        f"bend: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and {compared.accel_rms_m_s2:.3g} m/s² rms over the whole "
         "recording."
     )
 

@@ -187,8 +187,13 @@ def _of_parts(result: CalibrationResult) -> list[Figure]:
 def _messages(result: CalibrationResult) -> list[tuple[str, str]]:
     """Level and text, each said once, what matters most first."""
     order = {"error": 0, "warning": 1, "info": 2}
-    said = {message.text: message.level for message in result.messages}
+    said = {_unit_signs(message.text): message.level for message in result.messages}
     return sorted(((level, text) for text, level in said.items()), key=lambda pair: order[pair[0]])
+
+
+def _unit_signs(text: str) -> str:
+    """A sentence that a terminal takes too, as one prints it."""
+    return text.replace("m/s2", "m/s²").replace("/sqrt(Hz)", "/√Hz")
 
 
 def _settings(result: CalibrationResult) -> list[tuple[str, str, bool]]:

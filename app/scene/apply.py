@@ -18,6 +18,7 @@ from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item
 from app.scene.nodes import Put, put
 from app.scene.readout import read_out
 from app.scene.region import frustum_sides
+from app.scene.takeaway import cutting_itself
 from app.scene.wipe import Camera
 from calib_core.types import FloatArray
 
@@ -159,7 +160,8 @@ class ShownScene:
 
     def export_html(self) -> str:
         """The scene as one self-contained page."""
-        return self._server.scene.as_html(dark_mode=bool(self._dark))
+        wall_of = {path: each.wall for path, each in list(self._nodes.items()) if each.wall is not None}
+        return cutting_itself(self._server.scene.as_html(dark_mode=bool(self._dark)), self._stage.walls, wall_of)
 
     def close(self) -> None:
         """Stop the server; browsers lose their connection. What was shown is let go now, not when somebody counts references:

@@ -13,7 +13,7 @@ from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.scene.aim import Stage
 from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty, solved_stage
-from app.scene.converge import build_converging
+from app.scene.converge import build_converging, steady_up
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Cloud, Content
 from app.scene.nudge import nudged, wall_blur, with_old
@@ -100,11 +100,11 @@ class Composer:
 
     def _solve_scene(self, record: RecordingRecord, recording: Recording, state: ViewState) -> Content:
         """The sweeps straightened by the estimate of the moment, as it says where they were; else by the gyroscope."""
-        step = self._latest_step(record, state)
+        steps = self._steps(record, state)
+        step = steps[-1] if steps else None
         if step is not None and step.sweeps:
-            return build_converging(
-                recording, step, limit=self._limit, up=self._planes.up(record.id), straight=state.straight
-            )
+            up = steady_up(steps[0], self._planes.up(record.id))
+            return build_converging(recording, step, limit=self._limit, up=up, straight=state.straight)
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
         if step is None:
             note = "No estimate yet: the sweep that turned fastest, raw."
@@ -115,12 +115,11 @@ class Composer:
         R_lidar_imu = matrix[:3, :3].T
         return build_straightened(scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3])
 
-    def _latest_step(self, record: RecordingRecord, state: ViewState) -> IterationEvent | None:
+    def _steps(self, record: RecordingRecord, state: ViewState) -> list[IterationEvent]:
         for job in self._jobs.records_of(record.id):
             if job.kind == "solve" and state.job_id in {None, job.id}:
-                steps = self._jobs.logs.iterations(job.id)
-                return steps[-1] if steps else None
-        return None
+                return self._jobs.logs.iterations(job.id)
+        return []
 
     def _inspect_scene(
         self, record: RecordingRecord, recording: Recording, state: ViewState, camera: Camera | None

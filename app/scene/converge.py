@@ -21,6 +21,8 @@ from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
 
 #: Walls are taken as what lies this near to a plane when the thickness in the caption is worked out.
 WALL_GATE_M = 0.10
+#: Verticals nearer to each other than this are one: a camera that somebody has turned is not turned back for less.
+SAME_UP_COS = float(np.cos(np.radians(3.0)))
 
 
 def build_converging(
@@ -61,6 +63,19 @@ def build_converging(
         legend=f"{len(pairs)} sweeps as this estimate has them: walls {after_m * 1e3:.1f} mm thick "
         f"({before_m * 1e3:.1f} mm with the motion left in). Colour: distance to plane, blue -50, white 0, orange +50 mm.",
     )
+
+
+def steady_up(first: IterationEvent, up_of_planes: FloatArray | None) -> FloatArray | None:
+    """(3,) against gravity in the frame of a run's sweeps, the same for all of its steps; None where it is not known.
+
+    first: step of the run.   up_of_planes: in the frame of the planes that were proposed. The two frames are one but where the
+    IMU was not yet recorded when the planes were seen: such a run is told from a later scan.
+    """
+    if not first.gravity_m_s2:
+        return up_of_planes
+    felt = np.array(first.gravity_m_s2)
+    up: FloatArray = -felt / np.linalg.norm(felt)
+    return up_of_planes if up_of_planes is not None and float(up @ up_of_planes) > SAME_UP_COS else up
 
 
 def motion_of(sweep: SweepMotion) -> Trajectory:

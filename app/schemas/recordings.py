@@ -114,6 +114,9 @@ class FolderListing(WireModel):
     path: str
     parent: str | None
     entries: list[FolderEntry]
+    links_out: int = Field(
+        default=0, description="links that lead out of the recordings folder; it is never left, so they are no entries"
+    )
 
 
 class UploadTarget(WireModel):

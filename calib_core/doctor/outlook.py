@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.doctor.kinds import kind_of, names_of
 from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, PlanesReport
 from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
@@ -22,8 +23,6 @@ _UNITS = ("deg", "deg", "deg", "m", "m", "m", "s")
 _TURNS = COVARIANCE_ORDER[:3]
 #: As the search for a reference scan has it: below this, some direction is seen by hardly any plane.
 _LEAST_DETERMINACY = 0.02
-_LEVEL_DEG = 25.0
-_UPRIGHT_DEG = 65.0
 
 
 def foresee(
@@ -47,52 +46,38 @@ def foresee(
 
 def planes_report(proposals: PlaneProposals, gravity: FloatArray | None) -> PlanesReport:
     """The expected planes. gravity: (3,) [m/s2] in the planes' frame, None where it is not known."""
-    kinds, tilts = [], []
-    for patch in proposals.patches:
-        kind, tilt = _kind(patch.plane.normal, gravity)
-        kinds.append(kind)
-        tilts.append(tilt)
-    several = {kind for kind, count in Counter(kinds).items() if count > 1 or kind == "plane"}
-    seen: Counter[str] = Counter()
-    planes = []
-    for patch, kind, tilt in zip(proposals.patches, kinds, tilts, strict=True):
-        seen[kind] += 1
-        word = "slope" if kind == "slanted" else kind
-        planes.append(
-            PlaneReport(
-                name=f"{word} {seen[kind]}" if kind in several else word,
-                kind=kind,
-                tilt_deg=tilt,
-                area_m2=round(patch.area_m2, 2),
-                distance_m=round(abs(patch.plane.offset_m), 3),
-                points=patch.n_points,
-                rms_m=round(patch.rms_m, 5),
-                normal=_rounded(patch.plane.normal),
-            )
+    up = None if gravity is None else -gravity / np.linalg.norm(gravity)
+    found = [kind_of(patch.plane.normal, up) for patch in proposals.patches]
+    planes = [
+        PlaneReport(
+            name=name,
+            kind=kind,
+            tilt_deg=tilt,
+            area_m2=round(patch.area_m2, 2),
+            distance_m=round(abs(patch.plane.offset_m), 3),
+            points=patch.n_points,
+            rms_m=round(patch.rms_m, 5),
+            normal=_rounded(patch.plane.normal),
         )
+        for patch, name, (kind, tilt) in zip(proposals.patches, names_of([k for k, _ in found]), found, strict=True)
+    ]
     normals = np.array([patch.plane.normal for patch in proposals.patches])
     spread = 3.0 * determinacy(normals) if len(normals) >= 3 else 0.0
     determined = spread >= 3.0 * _LEAST_DETERMINACY
     text = _planes_in_words(planes, determined=determined)
-    up = None if gravity is None else _rounded(-gravity / np.linalg.norm(gravity))
-    return PlanesReport(planes=tuple(planes), determinacy=round(spread, 4), determined=determined, text=text, up=up)
+    return PlanesReport(
+        planes=tuple(planes),
+        determinacy=round(spread, 4),
+        determined=determined,
+        text=text,
+        up=None if up is None else _rounded(up),
+    )
 
 
 def _rounded(direction: FloatArray) -> tuple[float, float, float]:
     """A unit vector to a hundredth of a degree."""
     x, y, z = (round(float(component), 5) for component in direction)
     return x, y, z
-
-
-def _kind(normal: FloatArray, gravity: FloatArray | None) -> tuple[str, float | None]:
-    """What a plane is to someone who stands upright, and its tilt [deg]. normal: towards the lidar."""
-    if gravity is None:
-        return "plane", None
-    upward = float(-normal @ gravity / np.linalg.norm(gravity))
-    tilt = float(np.degrees(np.arccos(min(abs(upward), 1.0))))
-    if tilt < _LEVEL_DEG:
-        return ("floor" if upward > 0 else "ceiling"), round(tilt, 1)
-    return ("wall" if tilt > _UPRIGHT_DEG else "slanted"), round(tilt, 1)
 
 
 def unit_proven(findings: Sequence[Finding], forecast: Forecast | None) -> list[Finding]:

@@ -9,6 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.doctor.kinds import Kind
 from calib_core.settings import Axis, ImuNoise
 
 Verdict = Literal["good", "limited", "unusable"]
@@ -238,7 +239,7 @@ class PlaneReport(_Model):
     """
 
     name: str
-    kind: Literal["floor", "ceiling", "wall", "slanted", "plane"]
+    kind: Kind
     tilt_deg: float | None
     area_m2: float
     distance_m: float

@@ -124,6 +124,13 @@ describe("the stages of a run", () => {
     expect(stagesOf([seen("planes", 1)], stagesOfSolve)).toEqual(stagesOfSolve);
   });
 
+  // Fails when a stage that said its last word half way is half done for ever.
+  it("counts as done what another stage has come after", () => {
+    const half = { stage: "planes" as const, fraction: 0.5, text: "" };
+    expect(wholeFraction([half, seen("initialise", 1)], ["planes", "initialise"])).toBe(1);
+    expect(wholeFraction([half], ["planes", "initialise"])).toBeLessThan(0.5);
+  });
+
   // Fails when the time that it would have taken is still to come.
   it("counts only what is there to be done", () => {
     expect(wholeFraction([seen("initialise", 1)], ["track", "initialise"])).toBe(1);

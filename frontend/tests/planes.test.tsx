@@ -51,12 +51,14 @@ function show() {
 
 describe("the list of planes", () => {
   // Fails when a dropped plane is drawn as confirmed, or the wrong row's index is sent.
-  it("toggles the plane whose box is clicked", async () => {
+  it("confirms the plane whose box is ticked, and drops it again", async () => {
     const { apply, user } = show();
     const box = screen.getByRole<HTMLInputElement>("checkbox", { name: "Use plane 4" });
     expect(box.checked).toBe(false);
     await user.click(box);
-    expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "toggle", index: 3 });
+    expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "confirm", index: 3 });
+    await user.click(screen.getByRole("checkbox", { name: "Use plane 1" }));
+    expect(apply).toHaveBeenLastCalledWith({ op: "drop", index: 0 });
   });
 
   // Fails when leaving the field with Escape renames all the same.

@@ -30,7 +30,9 @@ def folder(shared_live):
 
 @pytest.mark.usefixtures("folder")
 def test_the_folder_is_listed_without_hidden_things_and_links_that_lead_out(shared_live):
-    """Mutation: iterdir without the check shows link.bag."""
+    """Who has a folder of links is not told that it is empty. Mutations: iterdir without the check shows link.bag; not counted;
+    what is hidden counted too.
+    """
     top = shared_live.http.get("/api/folder").json()
     assert [(e["name"], e["kind"], e["size_bytes"]) for e in top["entries"]] == [
         ("day", "folder", 0),
@@ -42,6 +44,7 @@ def test_the_folder_is_listed_without_hidden_things_and_links_that_lead_out(shar
         ("day/ros2", "recording"),
     ]
     assert (top["parent"], day["parent"]) == (None, "")
+    assert (top["links_out"], day["links_out"]) == (1, 0)
 
 
 @pytest.mark.usefixtures("folder")

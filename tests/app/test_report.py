@@ -270,6 +270,15 @@ def test_readings_are_foretold_by_the_true_motion_and_not_by_one_that_is_late():
     assert late.accel_rms_m_s2 > 5 * compared.accel_rms_m_s2
 
 
+def test_units_are_printed_as_people_print_them():
+    """A sentence is the terminal's too. Mutation: the terminal's m/s2 on paper."""
+    noise = "IMU noise: gyroscope 0.00012 rad/s/sqrt(Hz), accelerometer 0.0012 m/s2/sqrt(Hz)"
+    result = world.make_result()
+    message = Message(code="imu.noise", level="info", text=noise)
+    told = report_page(result.model_copy(update={"messages": [message]}))
+    assert "gyroscope 0.00012 rad/s/√Hz, accelerometer 0.0012 m/s²/√Hz" in told
+
+
 def test_settings_are_told_in_words(page):
     """Mutation: null and true as JSON has them; gravity's spread left out."""
     assert "gravity 9.807 ± 0.02 m/s²" in page

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from app.planes import palette
 from app.scene.build import Solved, build_unsolved
-from app.scene.converge import build_converging
+from app.scene.converge import build_converging, steady_up
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Axes, Cloud, Label, Line
 from app.scene.nudge import nudged, with_old
@@ -203,3 +203,26 @@ def test_a_running_solves_walls_are_as_thick_as_it_is_wrong():
     assert np.abs(np.abs(wrong) - world.HALF_M).min(axis=1).max() > 0.05
     assert "5 sweeps" in right.legend
     assert build_converging(replace(RECORDING, scans=[]), step_of(0.0), limit=10).note
+
+
+def leaning(deg):
+    """Gravity of a frame that leans so far about x, told by a step."""
+    down = -9.81 * np.array([0.0, np.sin(np.radians(deg)), np.cos(np.radians(deg))])
+    return step_of(world.TURN_RAD_S).model_copy(update={"gravity_m_s2": down.tolist()})
+
+
+def test_a_run_that_is_told_from_another_scan_stands_upright():
+    """The planes were seen in a scan that the IMU does not cover, so the run's frame leans against theirs.
+
+    Who has turned the view is not turned back for a degree. Mutations: the planes' vertical whatever the run says; the run's
+    own for every step, or with its sign lost.
+    """
+    z = np.array([0.0, 0.0, 1.0])
+    up = steady_up(leaning(40.0), z)
+    assert up is not None
+    content = build_converging(RECORDING, leaning(40.0), limit=1000, up=up)
+    np.testing.assert_allclose(content.stage.up, [0.0, np.sin(np.radians(40.0)), np.cos(np.radians(40.0))], atol=1e-12)
+    assert steady_up(leaning(1.0), z) is z
+    assert steady_up(step_of(world.TURN_RAD_S), z) is z  # of an older version, or the published method
+    np.testing.assert_allclose(steady_up(leaning(0.0), None), z, atol=1e-12)
+    assert steady_up(step_of(world.TURN_RAD_S), None) is None

@@ -27,49 +27,77 @@ WALLS = np.array([(*patch.plane.normal, patch.plane.offset_m) for patch in PROPO
 UP = np.array([0.0, 0.0, 1.0])
 
 
+#: Which of the proposals the doctor's sample shows, in its order.
+SAMPLED = (5, 3, 1, 0, 4)
+
+
 def report(*, off_m: float = 0.0, up=(0.0, 0.0, 1.0)) -> PlanesReport:
+    """The doctor's planes; of the third there is nothing in the proposals."""
+    seen = [(PROPOSALS.patches[place].plane, off_m) for place in SAMPLED]
+    seen.insert(2, (PROPOSALS.patches[SAMPLED[0]].plane, 3.0))
     planes = tuple(
         PlaneReport(
-            name=f"doctor's {place}",
+            name=f"doctor's {rank}",
             kind="wall",
             tilt_deg=90.0,
             area_m2=1.0,
-            distance_m=abs(patch.plane.offset_m) + off_m,
+            distance_m=abs(plane.offset_m) + apart_m,
             points=1,
             rms_m=0.01,
-            normal=tuple(patch.plane.normal.tolist()),
+            normal=tuple(plane.normal.tolist()),
         )
-        for place, patch in enumerate(PROPOSALS.patches)
+        for rank, (plane, apart_m) in enumerate(seen)
     )
-    return PlanesReport(planes=planes[::-1], determinacy=1.0, determined=True, text="", up=up)
+    return PlanesReport(planes=planes, determinacy=1.0, determined=True, text="", up=up)
 
 
-def test_planes_are_called_what_the_doctor_calls_them_unless_somebody_named_them():
-    """Mutations: matched by rank instead of by place; a name given by hand overwritten; another frame's names taken."""
+def plainly_named() -> PlaneHistory:
+    """The proposals under the names that a search gives."""
+    patches = suggested(PROPOSALS).patches
+    plain = tuple(patch.model_copy(update={"name": f"plane {place + 1}"}) for place, patch in enumerate(patches))
+    return PlaneHistory(
+        cache_key="", revision=0, steps=(suggested(PROPOSALS).model_copy(update={"patches": plain}),), cursor=0
+    )
+
+
+def what_it_is(place: int) -> str:
+    """By the box's own axes, z up."""
+    z = PROPOSALS.patches[place].plane.normal[2]
+    return "floor" if z > 0.5 else "ceiling" if z < -0.5 else "wall"
+
+
+def test_planes_are_called_what_they_are_in_the_doctors_order_unless_somebody_named_them():
+    """Oracle: the box. What only the sample shows leaves no gap, what it missed is named too, and comes last.
+
+    Mutations: numbered by rank among the doctor's; what it missed left a plane; a name given by hand overwritten; another
+    frame's names taken; up for down.
+    """
     room = room_of(report(), PROPOSALS)
-    assert room.names == {place: f"doctor's {place}" for place in range(6)}
-    history = PlaneHistory(cache_key="", revision=0, steps=(suggested(PROPOSALS),), cursor=0)
-    plain = history.model_copy(
-        update={
-            "steps": (
-                history.current.model_copy(
-                    update={
-                        "patches": tuple(
-                            patch.model_copy(update={"name": f"plane {place + 1}"})
-                            for place, patch in enumerate(history.current.patches)
-                        )
-                    }
-                ),
-            )
-        }
-    )
+    order = (*SAMPLED, 2)
+    walls = [place for place in order if what_it_is(place) == "wall"]
+    wanted = {place: f"wall {walls.index(place) + 1}" if place in walls else what_it_is(place) for place in order}
+    assert room.names == wanted
+    assert len(walls) == 4
+    plain = plainly_named()
     renamed = plain.push(
         apply(plain.current, Rename(op="rename", index=2, name="mine"), proposals=PROPOSALS, grow=lambda *_: None)
     )
     names = [patch.name for patch in named(renamed, room).current.patches]
-    assert names == ["doctor's 0", "doctor's 1", "mine", "doctor's 3", "doctor's 4", "doctor's 5"]
+    assert names == [wanted[0], wanted[1], "mine", *(wanted[place] for place in (3, 4, 5))]
     assert named(plain, room_of(report(off_m=0.5), PROPOSALS)) == plain
     assert room_of(None, PROPOSALS).up is None
+
+
+def test_a_plane_that_was_grown_is_called_what_it_is_too():
+    """The next of its kind, and never by a name that another has. Mutations: the search's name kept; a number that is taken."""
+    room = room_of(report(), PROPOSALS)
+    plain = plainly_named()
+    first = next(place for place in range(6) if what_it_is(place) == "wall")
+    for normal, wanted in ((plain.current.patches[first].normal, "wall 5"), ((0.0, 0.0, 1.0), "floor 2")):
+        grown = plain.current.patches[first].model_copy(update={"name": "plane 7", "color": 6, "normal": normal})
+        more = plain.push(plain.current.model_copy(update={"patches": (*plain.current.patches, grown)}))
+        assert named(more, room).current.patches[-1].name == wanted
+        assert len({patch.name for patch in named(more, room).current.patches}) == 7
 
 
 def test_tilts_are_against_gravity_and_what_is_free_is_said_upright():

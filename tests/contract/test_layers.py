@@ -53,8 +53,15 @@ STAGES = (
 )
 #: What the application sees of the library. threads: how many cores there are; it imports nothing.
 APP_MAY_IMPORT = RECORDS | {
-    "api", "doctor.report", "audit.report", "audit.given", "audit.pose", "audit.limits", "threads"
-}  # fmt: skip
+    "api",
+    "doctor.kinds",
+    "doctor.report",
+    "audit.report",
+    "audit.given",
+    "audit.pose",
+    "audit.limits",
+    "threads",
+}
 #: Third parties by part; anything else in these lists' parts is refused.
 HEAVY = {"fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "rich", "websockets", "distributed"}
 

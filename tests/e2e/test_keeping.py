@@ -14,7 +14,8 @@ LONG = f"{'as-long-as-a-name-may-be-' * 4}"[:96] + ".bag"
 def test_recordings_are_named_noted_found_and_sorted(page: Page, api: Api, tmp_path: Path) -> None:
     """A note typed on one screen finds its recording on another; names sort; a long one is cut, not the page.
 
-    Mutations: the note not sent; the note not searched; the order ignored; a name that pushes the page wide.
+    Mutations: the note not sent; the note not searched; the order ignored; a name that pushes the page wide;
+    the old name beside the field for the new one.
     """
     recordings: dict[str, str] = {}
     for name in ("rig-b.bag", "rig-a.bag", "zebra.bag", "middle.bag", LONG):
@@ -42,7 +43,9 @@ def test_recordings_are_named_noted_found_and_sorted(page: Page, api: Api, tmp_p
     expect(rows.locator("strong")).to_have_text(["rig-a.bag", "rig-b.bag"])
     rows.first.get_by_role("button", name="More for rig-a.bag").click()
     page.get_by_role("menuitem", name="Rename").click()
-    page.get_by_role("textbox", name="New name of the recording").fill("rig-z.bag")
+    field = page.get_by_role("textbox", name="New name of the recording")
+    expect(rows.first.get_by_role("link")).to_be_hidden()
+    field.fill("rig-z.bag")
     page.keyboard.press("Enter")
     expect(rows.locator("strong")).to_have_text(["rig-b.bag", "rig-z.bag"])
 

@@ -1,16 +1,20 @@
-"""An upload from a browser that outlives its server."""
+"""An upload from a browser that outlives its server, and one whose page was closed."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import random
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
-from playwright.sync_api import Page
+import pytest
+from playwright.sync_api import Browser, Page, Route, expect
 
 from bench.victim import Victim, running, until
 from tests.app.support.live import FAKE_JOBS
+from tests.e2e.support import Api
 
 #: More than one of the client's parts, so that a kill finds it under way on any machine.
 SIZE_BYTES = 150 * 2**20
@@ -38,3 +42,49 @@ def test_an_upload_goes_on_by_itself_after_its_server_was_killed(page: Page, tmp
         until(lambda: only(victim)["state"] not in {"none", "receiving"})
         stored = tmp_path / "data" / "recordings" / str(only(victim)["id"]) / "source.bag"
         assert hashlib.sha256(stored.read_bytes()).digest() == hashlib.sha256(content).digest()
+
+
+@pytest.fixture
+def interrupted(browser: Browser, address: str, tmp_path: Path) -> Iterator[tuple[Page, Path]]:
+    """A page on an upload that an earlier page began, and its file: not a byte of it has come through."""
+    bag = tmp_path / f"{tmp_path.name}.bag"
+    bag.write_bytes(random.Random(2).randbytes(100_000))
+    context = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    page = context.new_page()
+
+    def no_bytes(route: Route) -> None:
+        route.abort() if route.request.method == "PATCH" else route.continue_()
+
+    page.route("**/api/uploads/*", no_bytes)
+    page.goto("/")
+    page.get_by_test_id("file-input").set_input_files(bag)
+    expect(page).to_have_url(re.compile("/r/[0-9a-f]{32}/recording"))
+    expect(page.get_by_role("heading", name="Uploading")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("heading", name="This upload was interrupted")).to_be_visible()
+    page.unroute_all()  # not before: the page that began it tries again by itself
+    yield page, bag
+    context.close()
+
+
+def test_an_interrupted_upload_goes_on_with_its_file(interrupted: tuple[Page, Path], api: Api) -> None:
+    """The button asks for the file, and the same recording gets it.
+
+    Mutations: a button that asks for nothing; what was begun before not looked up, so that there are two recordings of one file.
+    """
+    page, bag = interrupted
+    recording = page.url.split("/")[-2]
+    with page.expect_file_chooser() as asked:
+        page.get_by_role("button", name="Choose the file").click()
+    asked.value.set_files(bag)
+    until(lambda: api.ask("GET", f"/api/recordings/{recording}")["state"] != "receiving")
+    assert api.ask("GET", f"/api/recordings/{recording}")["received_bytes"] == 100_000
+    assert sum(one["name"] == bag.name for one in api.ask("GET", "/api/recordings")) == 1
+
+
+def test_an_interrupted_upload_is_discarded(interrupted: tuple[Page, Path], api: Api) -> None:
+    """One is where one began, and nothing is left of it. Mutation: the page left and the recording kept."""
+    page, bag = interrupted
+    page.get_by_role("button", name="Discard it").click()
+    expect(page.get_by_role("button", name="Try the sample")).to_be_visible()
+    until(lambda: all(one["name"] != bag.name for one in api.ask("GET", "/api/recordings")))

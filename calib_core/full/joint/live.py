@@ -88,4 +88,5 @@ def iteration_event(
             R_imu_lidar=estimate.R_imu_lidar,
             p_imu_lidar=estimate.p_imu_lidar,
         ),
+        gravity_m_s2=np.round(estimate.gravity, 5).tolist(),
     )

@@ -163,11 +163,15 @@ class Doubting:
 class Watching:
     """What whoever watches is told; nothing depends on it."""
 
-    #: judged: how far along the estimation is, as a share of its usual time: the motion is known, and of that the coarse
-    #: rounds are done; a part of the points has settled. A bar alone depends on it.
-    motion_share: float = 0.6
-    coarse_share: float = 0.3
-    settled_share: float = 0.75
+    #: judged: how far along the estimation is, as a share of its usual time (five recordings of 12 to 60 s): the motion is known,
+    #: and of that the coarse rounds are done; a part of the points has settled. A bar alone depends on it.
+    motion_share: float = 0.2
+    coarse_share: float = 0.8
+    settled_share: float = 0.65
+    #: judged: nobody knows how many rounds there will be; a part of the points settles in five or six, of which each is taken for
+    #: so much of what is left, and all of them in one, whose first part this is. A bar alone depends on it.
+    settling_round: float = 0.3
+    resting_round: float = 0.4
     #: judged: sweeps that are shown, and instants of each: within half of one the twist hardly changes, as far as the eye
     #: can tell. A picture alone depends on it.
     sweeps: int = 12

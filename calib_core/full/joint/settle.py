@@ -17,7 +17,7 @@ from calib_core.full.joint.policies import Sampling, Settling
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import anchored, associate, coarse_stride, descend, gate_of, measure, survey
-from calib_core.full.joint.settings import DOUBTING
+from calib_core.full.joint.settings import DOUBTING, WATCHING
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import BoolArray
 
@@ -48,7 +48,9 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
                 state = replace(state, support=PlaneExtents(state.support.normals, cells[-1] & cells[-2]))
         state = measure(data, state, learning, sampling)
         gate = gate_of(state, settling.settling_m, sampling)
-        state = associate(_nearer(data, k), state, gate, stride=coarse_stride(data, state, sampling))
+        state = associate(
+            _nearer(data, k, WATCHING.settling_round), state, gate, stride=coarse_stride(data, state, sampling)
+        )
         before = state.estimate
         # A single step: what another one would add, the next round's first step does.
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
@@ -79,7 +81,7 @@ def alternate(
     last = state.rounds + settling.descents(data.run.settings.max_rounds)
     k = 0
     while True:
-        state = associate(_nearer(data, k), state, gate_of(state, 0.0, sampling), stride=1)
+        state = associate(_nearer(data, k, WATCHING.resting_round), state, gate_of(state, 0.0, sampling), stride=1)
         before = state
         state, problem = to_fixed_point(
             data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds)
@@ -111,9 +113,10 @@ def to_fixed_point(
             return state, problem
 
 
-def _nearer(data: JointData, k: int) -> JointData:
-    """Each of a number of rounds that nobody knows is half of what is left."""
-    return data.portion(1.0 - 0.5**k, 1.0 - 0.5 ** (k + 1))
+def _nearer(data: JointData, k: int, share: float) -> JointData:
+    """Each of a number of rounds that nobody knows is such a share of what is left."""
+    left = 1.0 - share
+    return data.portion(1.0 - left**k, 1.0 - left ** (k + 1))
 
 
 def swings(cells: Sequence[BoolArray]) -> bool:

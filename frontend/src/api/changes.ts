@@ -11,8 +11,6 @@ import {
   type NewAudit,
   type NewJob,
   type OpenRecording,
-  type Operation,
-  type Planes,
   type Recording,
   type View,
 } from "./client";
@@ -91,31 +89,6 @@ export function useRetryJob() {
   return useMutation({
     mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/retry", ofJob(jobId))),
     onSuccess: (job) => rememberJob(client, job),
-  });
-}
-
-/** The planes as they will be after an operation, as far as that is plain. */
-export function foreseen(planes: Planes, operation: Operation): Planes {
-  if (operation.op !== "toggle") return planes;
-  const patches = planes.patches.map((patch) =>
-    patch.index === operation.index ? { ...patch, confirmed: !patch.confirmed } : patch,
-  );
-  return { ...planes, patches };
-}
-
-/** Edits of the planes; the answer is the new state of all of them. */
-export function useEditPlanes(id: string) {
-  const client = useQueryClient();
-  return useMutation({
-    // In the order they were asked for: an undo pressed at once undoes what is still on its way.
-    scope: { id: `planes-${id}` },
-    mutationFn: (operation: Operation) =>
-      told(api.POST("/api/recordings/{recording_id}/planes/operations", { ...of(id), body: operation })),
-    // A ticked box answers at once; the server's word follows, with the sentence on what is determined.
-    onMutate: (operation) =>
-      client.setQueryData<Planes>(keys.planes(id), (old) => (old === undefined ? old : foreseen(old, operation))),
-    onSuccess: (planes: Planes) => client.setQueryData(keys.planes(id), planes),
-    onError: () => client.invalidateQueries({ queryKey: keys.planes(id) }),
   });
 }
 

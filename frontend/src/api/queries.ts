@@ -8,6 +8,7 @@ export const keys = {
   recordings: ["recordings"] as const,
   recording: (id: string) => ["recording", id] as const,
   planes: (id: string) => ["recording", id, "planes"] as const,
+  editing: (id: string) => ["editing", id] as const,
   view: (id: string) => ["recording", id, "view"] as const,
   runs: (id: string) => ["recording", id, "runs"] as const,
   jobs: (id: string) => ["recording", id, "jobs"] as const,
@@ -60,12 +61,6 @@ export const recordingQuery = (id: string) =>
   queryOptions({
     queryKey: keys.recording(id),
     queryFn: () => told(api.GET("/api/recordings/{recording_id}", of(id))),
-  });
-
-export const planesQuery = (id: string) =>
-  queryOptions({
-    queryKey: keys.planes(id),
-    queryFn: () => told(api.GET("/api/recordings/{recording_id}/planes", of(id))),
   });
 
 export const viewQuery = (id: string) =>

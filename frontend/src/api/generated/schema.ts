@@ -1492,6 +1492,12 @@ export interface components {
         FolderListing: {
             /** Entries */
             entries: components["schemas"]["FolderEntry"][];
+            /**
+             * Links Out
+             * @description links that lead out of the recordings folder; it is never left, so they are no entries
+             * @default 0
+             */
+            links_out: number;
             /** Parent */
             parent: string | null;
             /** Path */
@@ -1785,6 +1791,11 @@ export interface components {
              * @enum {string}
              */
             event: "iteration";
+            /**
+             * Gravity M S2
+             * @description in the frame of `sweeps`, which need not be that of the planes; empty: not told
+             */
+            gravity_m_s2?: number[];
             /** Iteration */
             iteration: number;
             /** Matrix */
@@ -2370,7 +2381,10 @@ export interface components {
             outline_m?: number[][] | null;
             /** Points */
             points: number;
-            /** Rms M */
+            /**
+             * Rms M
+             * @description of their distances, a surer one (seen at a grazing angle) counting more: less than their plain spread
+             */
             rms_m: number;
         };
         /**
@@ -2572,7 +2586,10 @@ export interface components {
             iterations: number;
             /** Planes */
             planes: components["schemas"]["PlaneQuality"][];
-            /** Point To Plane Rms M */
+            /**
+             * Point To Plane Rms M
+             * @description of the distances of all points used, as of each plane's
+             */
             point_to_plane_rms_m: number;
             /** Points Used */
             points_used: number;

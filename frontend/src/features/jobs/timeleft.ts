@@ -9,11 +9,11 @@ const weights: Record<Stage, number> = {
   inspect: 2,
   planes: 1,
   track: 2,
-  initialise: 2,
+  initialise: 0.3,
   associate: 1,
   solve: 10,
   observability: 1,
-  deskew: 1,
+  deskew: 2,
   write: 0.3,
 };
 
@@ -28,7 +28,10 @@ export function stagesOf(seen: readonly StageProgress[], expected: readonly Stag
 
 /** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
 export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {
-  const done = seen.reduce((sum, stage) => sum + weights[stage.stage] * Math.min(1, Math.max(0, stage.fraction)), 0);
+  // What comes after a stage says that it is done, whatever it said last.
+  const share = (stage: StageProgress, place: number) =>
+    place < seen.length - 1 ? 1 : Math.min(1, Math.max(0, stage.fraction));
+  const done = seen.reduce((sum, stage, place) => sum + weights[stage.stage] * share(stage, place), 0);
   const all = [...new Set([...stagesOf(seen, expected), ...seen.map((stage) => stage.stage)])];
   return done / all.reduce((sum, stage) => sum + weights[stage], 0);
 }

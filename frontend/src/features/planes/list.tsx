@@ -1,10 +1,10 @@
 import { ActionIcon, Checkbox, Menu, TextInput } from "@mantine/core";
-import { useState } from "react";
 import type { Operation, Patch, Planes } from "../../api/client";
 import { useUsual } from "../../api/queries";
 import { count, fixed } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { StateBox } from "../../ui/notice";
+import { useRenaming } from "../../ui/renaming";
 import css from "./planes.module.css";
 import { mergeCandidates } from "./similar";
 
@@ -44,7 +44,7 @@ export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
           <th scope="col" className={css.right} title="Points of the cloud that lie on it">
             Points
           </th>
-          <th scope="col" className={css.right} title="Root mean square distance of its points">
+          <th scope="col" className={css.right} title="Root mean square distance of its points, all alike">
             Noise <span>mm</span>
           </th>
           <th scope="col">
@@ -61,9 +61,6 @@ export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
   );
 }
 
-/** The menu holds the focus until it has closed; a field opened sooner would lose it at once. */
-const menuClosesMs = 250;
-
 interface RowProps {
   patch: Patch;
   all: readonly Patch[];
@@ -72,7 +69,7 @@ interface RowProps {
 }
 
 function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
-  const [renaming, setRenaming] = useState(false);
+  const { renaming, setRenaming, ask, menuGone } = useRenaming();
   const usual = useUsual();
   const candidates = usual === undefined ? [] : mergeCandidates(patch, all, usual);
   const rename = (name: string) => {
@@ -86,7 +83,7 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
           size="xs"
           aria-label={`Use ${patch.name}`}
           checked={patch.confirmed}
-          onChange={() => apply({ op: "toggle", index: patch.index })}
+          onChange={(event) => apply({ op: event.currentTarget.checked ? "confirm" : "drop", index: patch.index })}
         />
       </td>
       <td>
@@ -133,17 +130,14 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.rms_m * 1000, 1)}</td>
       <td>
-        <Menu position="bottom-end" width={220} returnFocus={false}>
+        <Menu position="bottom-end" width={220} returnFocus={false} onExitTransitionEnd={menuGone}>
           <Menu.Target>
             <ActionIcon size="sm" variant="subtle" color="gray" aria-label={`More for ${patch.name}`}>
               <Icon name="more" />
             </ActionIcon>
           </Menu.Target>
           <Menu.Dropdown>
-            <Menu.Item
-              leftSection={<Icon name="pencil" />}
-              onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}
-            >
+            <Menu.Item leftSection={<Icon name="pencil" />} onClick={ask}>
               Rename
             </Menu.Item>
             <Menu.Item leftSection={<Icon name="box" />} onClick={() => onRestrict(patch.index)}>

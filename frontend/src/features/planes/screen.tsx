@@ -5,7 +5,8 @@ import type { Operation, Planes } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
 import { asFault } from "../../api/fault";
 import { useClickRefusal } from "../../api/feed";
-import { useChangeView, useEditPlanes, useStartJob } from "../../api/changes";
+import { useChangeView, useStartJob } from "../../api/changes";
+import { useEditPlanes } from "../../api/planes";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
@@ -59,7 +60,7 @@ export function PlanesScreen() {
           ...planes.patches.slice(0, 10).map((patch) => ({
             keys: `alt+${(patch.index + 1) % 10}`,
             label: `Confirm or drop ${patch.name}`,
-            run: () => apply({ op: "toggle", index: patch.index }),
+            run: () => apply({ op: patch.confirmed ? "drop" : "confirm", index: patch.index }),
           })),
         ],
   );

@@ -1,7 +1,7 @@
 import { SegmentedControl } from "@mantine/core";
 import type { CalibrationResult, Limits } from "../../api/client";
 import { useOwnLimits } from "../../api/ownlimits";
-import { useLimits } from "../../api/queries";
+import { useLimits, useUsualLimits } from "../../api/queries";
 import { fixed, withSigma } from "../../ui/format";
 import { Frames } from "./frames";
 import { CopyBox } from "./copybox";
@@ -21,6 +21,8 @@ const angles = ["Roll", "Pitch", "Yaw"] as const;
 /** The transform in either direction, the time offset, and one standard deviation of each number. */
 export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps) {
   const limits = useLimits();
+  // One's own needs may be tighter than what is known; known it is.
+  const usual = useUsualLimits();
   const { own } = useOwnLimits();
   const [to, from] = direction === "imu_lidar" ? ["IMU", "lidar"] : ["lidar", "IMU"];
   const offsetS = result.time_offset_s ?? 0;
@@ -80,7 +82,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
           matrix={pose.matrix}
           base={to}
           other={from}
-          placed={pose.translationStdM.every((std) => std <= limits.translation_m)}
+          placed={pose.translationStdM.every((std) => std <= usual.translation_m)}
         />
       </div>
       <p className="dim small">

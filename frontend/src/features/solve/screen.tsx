@@ -1,5 +1,5 @@
 import { Button } from "@mantine/core";
-import { useEffect, useRef } from "react";
+import { useEffect } from "react";
 import { useNavigate, useSearchParams } from "react-router";
 import type { IterationEvent, Job, PlaneLook, SolveOutcome } from "../../api/client";
 import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
@@ -15,6 +15,7 @@ import { SolveOptions } from "./options";
 import { answerOf, costs, parametersOf } from "./parameters";
 import { JobProgress } from "../jobs/progress";
 import css from "./solve.module.css";
+import { useStraightening } from "./straightening";
 import { stagesOfSolve, standingOf } from "../jobs/timeleft";
 
 const optionsForm = "solve-options";
@@ -41,7 +42,8 @@ export function SolveScreen() {
     changeView({ mode: "solve", job_id: jobId, nudge: null, straight: 1 });
   }, [changeView, jobId, hasEstimate, ended]);
 
-  useStraightening(job === null ? null : job.state === "done" && outcome?.status !== "refused", changeView);
+  const answered = job === null ? null : job.state === "done" && outcome?.status !== "refused";
+  useStraightening(jobId, answered, changeView);
   const follow = (made: Job) => setQuery({ job: made.id });
   const refused = outcome?.status === "refused";
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
@@ -151,30 +153,6 @@ export function SolveScreen() {
   );
 }
 
-const straightSteps = 10;
-const straightStepMs = 160;
-
-/** Once, when a solve that was watched ends with an answer, the cloud goes from raw to straight. */
-function useStraightening(answered: boolean | null, changeView: (change: { straight: number }) => void) {
-  const watched = useRef(false);
-  useEffect(() => {
-    if (answered === false) watched.current = true;
-    if (answered !== true || !watched.current || window.matchMedia("(prefers-reduced-motion: reduce)").matches) return;
-    watched.current = false;
-    let step = 0;
-    changeView({ straight: 0 });
-    const timer = window.setInterval(() => {
-      step += 1;
-      changeView({ straight: Math.min(1, step / straightSteps) });
-      if (step >= straightSteps) window.clearInterval(timer);
-    }, straightStepMs);
-    return () => {
-      window.clearInterval(timer);
-      changeView({ straight: 1 });
-    };
-  }, [answered, changeView]);
-}
-
 interface EstimateProps {
   run: RunLog;
   looks: ReadonlyMap<string, PlaneLook>;
@@ -198,7 +176,12 @@ function Estimate({ run, looks, answer }: EstimateProps) {
         {last === undefined ? (
           <p className="dim small">Shown once the joint solve begins.</p>
         ) : (
-          <ResidualBars rows={last.planes} looks={looks} />
+          <>
+            <ResidualBars rows={last.planes} looks={looks} />
+            <p className="dim small">
+              Surer distances count more, so it is less than the plain spread on Planes and the thickness on Inspect.
+            </p>
+          </>
         )}
       </Section>
     </>

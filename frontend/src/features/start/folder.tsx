@@ -45,7 +45,9 @@ export function FolderDialog({ onClose, onOpened }: { onClose: () => void; onOpe
       <ul className={css.folder}>
         {listing.isPending && [0, 1, 2, 3].map((i) => <Skeleton key={i} height={28} mb={8} />)}
         {listing.isError && <Fault error={listing.error} onRetry={() => void listing.refetch()} />}
-        {listing.data?.entries.length === 0 && <StateBox title="This folder is empty" />}
+        {listing.data?.entries.length === 0 && listing.data.links_out === 0 && (
+          <StateBox title="This folder is empty" />
+        )}
         {listing.data?.entries.map((entry) => (
           <li key={entry.path}>
             <button type="button" disabled={entry.kind === "file" || open.isPending} onClick={() => pick(entry)}>
@@ -56,6 +58,13 @@ export function FolderDialog({ onClose, onOpened }: { onClose: () => void; onOpe
           </li>
         ))}
       </ul>
+      {listing.data !== undefined && listing.data.links_out > 0 && (
+        <p className="dim small">
+          {listing.data.links_out === 1 ? "1 link leads" : `${listing.data.links_out} links lead`} out of this folder
+          and {listing.data.links_out === 1 ? "is" : "are"} not followed: the server opens only what lies inside it.
+          Start it with the folder that holds the recordings, or upload them.
+        </p>
+      )}
       {open.isError && <Fault error={open.error} />}
     </Modal>
   );

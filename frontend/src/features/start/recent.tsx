@@ -10,6 +10,7 @@ import { ago, bytes } from "../../ui/format";
 import { Icon, LevelIcon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
+import { useRenaming } from "../../ui/renaming";
 import { listed, standingOf, type Order } from "./standing";
 import css from "./start.module.css";
 
@@ -85,15 +86,12 @@ function Found({ recordings, onOpen }: { recordings: readonly Recording[]; onOpe
   );
 }
 
-/** The menu holds the focus until it has closed; a field opened sooner would lose it at once. */
-const menuClosesMs = 250;
-
 function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string) => void }) {
   const remove = useDeleteRecording();
   const now = useNow(30_000);
   const change = useChangeRecording(recording.id);
   const [sure, setSure] = useState(false);
-  const [renaming, setRenaming] = useState(false);
+  const { renaming, setRenaming, ask, menuGone } = useRenaming();
   const rename = (name: string) => {
     setRenaming(false);
     if (name !== "" && name !== recording.name) change.mutate({ name });
@@ -138,7 +136,7 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           </span>
         )}
       </Link>
-      <Menu position="bottom-end" returnFocus={false} onClose={() => setSure(false)}>
+      <Menu position="bottom-end" returnFocus={false} onClose={() => setSure(false)} onExitTransitionEnd={menuGone}>
         <Menu.Target>
           <ActionIcon
             variant="subtle"
@@ -153,10 +151,7 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           <Menu.Item leftSection={<Icon name="file" />} onClick={() => onOpen(recording.id)}>
             Look at the recording
           </Menu.Item>
-          <Menu.Item
-            leftSection={<Icon name="pencil" />}
-            onClick={() => window.setTimeout(() => setRenaming(true), menuClosesMs)}
-          >
+          <Menu.Item leftSection={<Icon name="pencil" />} onClick={ask}>
             Rename
           </Menu.Item>
           <Menu.Item

@@ -17,7 +17,8 @@ from calib_core.types import Recording
 def test_the_last_step_puts_its_sweeps_where_they_were(noisy: tuple[Recording, Truth]) -> None:
     """Within each sweep the lidar turned and moved as in truth, and its planes are the room's, by name.
 
-    Fails with the time offset left out (the motion of 17 ms later), or with the IMU's poses told for the lidar's.
+    Fails with the time offset left out (the motion of 17 ms later), or with the IMU's poses told for the lidar's; with gravity
+    told in the world's axes, or as what the accelerometer feels.
     """
     recording, truth = noisy
     steps: list[IterationEvent] = []
@@ -38,5 +39,7 @@ def test_the_last_step_puts_its_sweeps_where_they_were(noisy: tuple[Recording, T
         moved, moved_true = R[0].T @ (p[-1] - p[0]), R_true[0].T @ (p_true[-1] - p_true[0])
         assert np.degrees(np.linalg.norm(log(turned_true.T @ turned))) < 0.1
         assert np.linalg.norm(moved - moved_true) < 0.003
+    down = truth.lidar(np.array([(truth.map_time_ns - truth.epoch_ns) * 1e-9])).R_world[0].T @ truth.gravity_world_m_s2
+    np.testing.assert_allclose(last.gravity_m_s2, down, atol=0.05)
     assert len({plane.name for plane in last.planes}) == len(last.planes)
     np.testing.assert_allclose([np.linalg.norm(plane.normal) for plane in last.planes], 1.0, atol=1e-6)
