@@ -137,7 +137,7 @@ def moments_kernel(
         if slant[1] != 0.0:
             range_m = np.sqrt(hit[0] * hit[0] + hit[1] * hit[1] + hit[2] * hit[2])
             d -= slant[1] * range_m * np.sqrt(max(1.0 - hit[4] * hit[4], 0.0))
-        weight = weight_of(d, hit[4], hit[5], extra_of_plane_m[j], weighing)
+        weight = weight_of(hit[0], hit[1], hit[2], d, hit[4], hit[5], extra_of_plane_m[j], weighing)
         if weight < 0.0 or (
             inside.shape[0] > 0 and not lies_within(hit, u[k, j], origin[k, j], cell_m, half, inside[j])
         ):

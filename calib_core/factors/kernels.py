@@ -40,7 +40,7 @@ class SeenPlanes(NamedTuple):
 class Weighing(NamedTuple):
     """What a hit's weight depends on beside itself: lidar_plane.LidarNoise and Gate.
 
-    extra_stds: the extra width of a gate in standard deviations of what it makes room for.
+    extra_stds: the extra width of a gate in standard deviations of what it makes room for.   farthest_m: no range beyond.
     """
 
     range_std_m: float
@@ -49,6 +49,7 @@ class Weighing(NamedTuple):
     margin_m: float
     robust_sigmas: float
     extra_stds: float
+    farthest_m: float
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -149,30 +150,41 @@ def hits_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def weight_of(
+    x: float,
+    y: float,
+    z: float,
     d: float,
     cosine: float,
     ambiguous_m: float,
     extra_m: float,
     weighing: Weighing,
 ) -> float:
-    """Weight [1/m^2] of a hit, below zero where it does not count. extra_m: room in its plane's gate, below zero for none."""
-    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds = weighing
+    """Weight [1/m^2] of a hit at x, y, z, below zero where it does not count.
+
+    extra_m: room in its plane's gate, below zero for none.   Where the ray meets the plane no nearer to the farthest range
+    than noise reaches, of returns only those that read short are there: none is taken.
+    """
+    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m = weighing
     variance = (range_std_m * cosine) ** 2 + surface_std_m**2
     std = np.sqrt(variance)
     room = sigmas * std + extra_m - abs(d)
     clear = ambiguous_m - (1.0 - RAMP) * margin_m
-    if extra_m < 0.0 or not room > 0.0 or not clear > 0.0:
+    range_m2, most_m = x * x + y * y + z * z, max(farthest_m - sigmas * range_std_m, 0.0)
+    if extra_m < 0.0 or not room > 0.0 or not clear > 0.0 or not range_m2 < most_m * most_m:
         return -1.0
     shortfall = max(1.0 - (d / (robust_sigmas * std + extra_m)) ** 2, 0.0)
     edge = min(room / (RAMP * std), 1.0)
     if margin_m > 0.0:
         edge *= min(clear / (RAMP * margin_m), 1.0)
+    if range_m2 > (most_m - RAMP * range_std_m) ** 2:
+        edge *= min((most_m - np.sqrt(range_m2)) / (RAMP * range_std_m), 1.0)
     return edge * shortfall**2 / (variance + (extra_m / extra_stds) ** 2)
 
 
 @numba.njit(cache=True, nogil=True)
 def select_kernel(
     plane: IntArray,
+    x_hit: FloatArray,
     d: FloatArray,
     cosine: FloatArray,
     ambiguous_m: FloatArray,
@@ -188,7 +200,8 @@ def select_kernel(
         weight[i] = 0.0
         if j < 0:
             continue
-        worth = weight_of(d[i], cosine[i], ambiguous_m[i], extra_of_plane_m[j], weighing)
+        x, y, z = x_hit[i, 0], x_hit[i, 1], x_hit[i, 2]
+        worth = weight_of(x, y, z, d[i], cosine[i], ambiguous_m[i], extra_of_plane_m[j], weighing)
         if worth >= 0.0:
             keep[i] = True
             weight[i] = worth

@@ -45,11 +45,13 @@ GATE_STDS = 4.0
 class LidarNoise:
     """Standard deviation of a point-to-plane distance: range_std_m along the ray, surface_std_m across the plane.
 
-    std^2 = range_std_m^2 c^2 + surface_std_m^2, c the cosine between ray and normal.
+    std^2 = range_std_m^2 c^2 + surface_std_m^2, c the cosine between ray and normal.   farthest_m: the longest range that
+    was recorded. Of the returns from just beyond it those that read long are missing, so what is left there lies.
     """
 
     range_std_m: float
     surface_std_m: float
+    farthest_m: float = float("inf")
 
     def distance_std_m(self, cosine: FloatArray) -> FloatArray:
         """Of points seen under the given cosines."""
@@ -195,7 +197,15 @@ def weighing_of(noise: LidarNoise, gate: Gate) -> Weighing:
     What widens the gate is an error of the motion, and counts as noise: a clutter point at grazing incidence, let in by it,
     would otherwise outweigh a wall.
     """
-    return Weighing(noise.range_std_m, noise.surface_std_m, gate.sigmas, gate.margin_m, gate.robust_sigmas, GATE_STDS)
+    return Weighing(
+        noise.range_std_m,
+        noise.surface_std_m,
+        gate.sigmas,
+        gate.margin_m,
+        gate.robust_sigmas,
+        GATE_STDS,
+        noise.farthest_m,
+    )
 
 
 def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> tuple[BoolArray, FloatArray]:
@@ -205,7 +215,9 @@ def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | No
     extra = gate.extra_of_plane_m
     if extra is None:
         extra = np.full(int(hits.plane.max(initial=0)) + 1, gate.extra_m)
-    select_kernel(hits.plane, hits.d, hits.cosine, hits.ambiguous_m, extra, weighing_of(noise, gate), keep, weight)
+    select_kernel(
+        hits.plane, hits.x_hit, hits.d, hits.cosine, hits.ambiguous_m, extra, weighing_of(noise, gate), keep, weight
+    )
     if extents is not None:
         cells = grids(hits.poses, extents.normals)
         within_kernel(hits.plane, hits.slice_index, hits.x_hit, cells, extents.inside, keep)

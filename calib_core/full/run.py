@@ -78,8 +78,8 @@ class ImuNoiseLevel:
 class Run:
     """What every stage needs, as `prepare` leaves it.
 
-    training: of the IMU's interpolation, which goes on beside the search for planes.   portion: of the running stage, which
-    what is reported now is a fraction of.
+    farthest_m: the longest range that any return has.   training: of the IMU's interpolation, which goes on beside the search
+    for planes.   portion: of the running stage, which what is reported now is a fraction of.
     """
 
     recording: Recording
@@ -89,6 +89,7 @@ class Run:
     training: Future[Hyper]
     on_event: OnEvent
     should_cancel: ShouldCancel
+    farthest_m: float = float("inf")
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
 

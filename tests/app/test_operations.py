@@ -26,6 +26,8 @@ def test_figures_say_what_is_under_way_and_nothing_of_whom(live):
     recording_id = live.upload("slow.bag")
     job_id = live.start(recording_id)
     live.wait(lambda: live.job(job_id)["stage"] == "solve")
+    # What every recording is looked at for when it arrives may take longer than the solve takes to begin.
+    live.wait(lambda: figures(live.http.get("/metrics").text)["unsweep_jobs", ("state", "running")] < 2)
     before = figures(live.http.get("/metrics").text)
     live.http.get("/api/nothing")
     answer = live.http.get("/metrics")

@@ -6,6 +6,7 @@ std^2(d) = range^2 c^2 + surface^2,        c the cosine of incidence
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -87,9 +88,9 @@ def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray
     if len(rows) == 0:
         return start
     if len(rows) == 1:
-        return LidarNoise(_told(variances[0] / rows[0, 0]), MEASURING.least_std_m)
+        return replace(start, range_std_m=_told(variances[0] / rows[0, 0]), surface_std_m=MEASURING.least_std_m)
     solution, _ = nnls(rows * weights[:, None], variances * weights)
-    return LidarNoise(_told(solution[0]), _told(solution[1]))
+    return replace(start, range_std_m=_told(solution[0]), surface_std_m=_told(solution[1]))
 
 
 def _told(variance: float) -> float:

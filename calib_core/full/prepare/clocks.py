@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.full.prepare.settings import SWEEPS
 from calib_core.full.run import Clocks
-from calib_core.types import ComplexArray, FloatArray, IntArray, Recording, Scan
+from calib_core.types import ComplexArray, FloatArray, IntArray, PointArray, Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class FirstLook:
     stamps_ns: (M,) of the first point.   sweep_s: (M,) last point after the first.   points: (M,) how many.
     period_s: usual, between scans.   facing: (2, M) where the lidar looked in the middle of each sweep, as a unit vector in the
     plane of x and y, if it turns once a period from x to y, and if the other way round; shorter than one as the points do not
-    keep to that.
+    keep to that.   farthest_m: the longest range of a sample's returns.
     """
 
     stamps_ns: IntArray
@@ -26,24 +26,26 @@ class FirstLook:
     points: IntArray
     period_s: float
     facing: ComplexArray
+    farthest_m: float
 
 
 def look(recording: Recording) -> FirstLook:
     """At every scan, once."""
     stamps = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
     period_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 1 else recording.lidar.period_s
-    sweeps, counts, facing = [], [], np.zeros((2, len(stamps)), dtype=np.complex128)
+    sweeps, counts, facing, farthest_m = [], [], np.zeros((2, len(stamps)), dtype=np.complex128), 0.0
     for place, scan in enumerate(recording.scans):
         points = scan.points
         sweeps.append(int(points["offset_ns"].max()) * 1e-9 if len(points) else 0.0)
         counts.append(len(points))
-        facing[:, place] = _facing(scan, sweeps[-1], period_s)
-    return FirstLook(stamps, np.array(sweeps), np.array(counts, dtype=np.int64), period_s, facing)
+        sample = points[:: max(1, len(points) // SWEEPS.sampled_points)]
+        facing[:, place] = _facing(sample, sweeps[-1], period_s)
+        farthest_m = float(np.fmax.reduce(np.linalg.norm(sample["xyz"], axis=1), initial=farthest_m))
+    return FirstLook(stamps, np.array(sweeps), np.array(counts, dtype=np.int64), period_s, facing, farthest_m)
 
 
-def _facing(scan: Scan, sweep_s: float, period_s: float) -> ComplexArray:
-    """(2,) mean of a sample's directions, turned back to the middle of the sweep either way."""
-    points = scan.points[:: max(1, len(scan.points) // SWEEPS.sampled_points)]
+def _facing(points: PointArray, sweep_s: float, period_s: float) -> ComplexArray:
+    """(2,) mean of the directions of some of a sweep's points, turned back to the middle of the sweep either way."""
     out = np.zeros(2, dtype=np.complex128)
     if not len(points) or period_s <= 0.0:
         return out

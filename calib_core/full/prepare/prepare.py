@@ -64,7 +64,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     values = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])
     training = pool.submit(fit_hyper, clocks.imu_s, values, noise_std=noise.sample_std)
     pool.shutdown(wait=False)
-    return Run(recording, settings, clocks, noise, training, on_event, should_cancel)
+    return Run(recording, settings, clocks, noise, training, on_event, should_cancel, farthest_m=seen.farthest_m)
 
 
 def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks, on_event: OnEvent) -> ImuNoiseLevel:

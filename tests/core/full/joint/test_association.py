@@ -107,9 +107,11 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
     """Its twin goes point by point through `find_hits`, `select`, `collapse`: what a cap that caps nothing asks for.
 
     Mutations: the margin and the robust scale exchanged; points of planes that stand aside counted; the incidence left
-    out; lasers not corrected; the extents of the first plane for all.
+    out; lasers not corrected; the extents of the first plane for all; the range where a ray meets its plane left at zero.
     """
     view = _view(*noisy)
+    ranges_m = np.linalg.norm(noisy[0].scans[SCANS[0]].points["xyz"], axis=1)
+    short = replace(NOISE, farthest_m=float(np.quantile(ranges_m, 0.7)))
     support = survey(view, SCANS, NOISE, Gate(extra_m=0.02), stride=2)
     if told_apart:
         nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
@@ -123,7 +125,7 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
     twin = replace(view, settings=CalibrateSettings(points_per_plane_per_scan=10**9, field_of_view_deg=100.0))
     view = replace(view, settings=CalibrateSettings(field_of_view_deg=100.0))
     for extents in (None, support):
-        one, four = (associate(each, SCANS[:4], NOISE, GATE, extents) for each in (view, twin))
+        one, four = (associate(each, SCANS[:4], short, GATE, extents) for each in (view, twin))
         for name in ("time_s", "scan", "plane", "count"):
             np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
         np.testing.assert_allclose(one.scatter, four.scatter, rtol=1e-12, atol=1e-9)
@@ -204,12 +206,14 @@ def test_a_cap_holds_for_every_plane_of_every_scan_and_is_drawn_the_same_way_aga
 
 
 def test_range_noise_is_measured_as_it_was_simulated(noisy: tuple[Recording, Truth]) -> None:
-    """Fails when the split of variance swaps its two columns, or the share within three sigmas is not put right.
+    """Fails when the split of variance swaps its two columns, or the share within three sigmas is not put right; when how far
+    ranges go is forgotten.
 
     A hundred thousand ranges: good to a per cent, and the clipping at six sigmas of the start changes nothing.
     """
     recording, truth = noisy
-    measured = measure_noise(_view(recording, truth), SCANS, LidarNoise(0.02, 0.005), GATE, None)
+    measured = measure_noise(_view(recording, truth), SCANS, LidarNoise(0.02, 0.005, 60.0), GATE, None)
+    assert measured.farthest_m == 60.0
     assert measured.range_std_m == pytest.approx(truth.scenario.lidar.range_std_m, rel=0.05)
     assert measured.surface_std_m < 0.004
 
