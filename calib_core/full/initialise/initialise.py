@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.errors import Refused
+from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
 from calib_core.full.initialise.linear import linear_start
 from calib_core.full.initialise.rotation import acceleration_start, rotation_start
@@ -33,10 +34,7 @@ def initialise(
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])
     imu = run.recording.imu
-    turning = float(np.sqrt(np.mean(np.sum(lidar.omega_rad_s**2, axis=1))))
-    candidates = (
-        rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if turning > AGREEING.least_turning_rad_s else []
-    )
+    candidates = rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if _turns(run, lidar) else []
     if not candidates:
         candidates = acceleration_start(lidar, run.clocks.imu_s, imu.accel_m_s2)
     if guess is not None:
@@ -75,6 +73,16 @@ def initialise(
     if guess is not None and guess.p_imu_lidar is not None:
         linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
     return lidar, Start(rotation, linear)
+
+
+def _turns(run: Run, lidar: LidarTrack) -> bool:
+    """Whether both sensors turn: what a still lidar's sweeps show is noise, which a still gyroscope tells from turning."""
+    imu_s, gyro_rad_s = run.clocks.imu_s, run.recording.imu.gyro_rad_s
+    # Over as long as from scan to scan: what shakes the gyroscope faster turns no lidar.
+    width_s = max(float(np.median(np.diff(lidar.start_s))), AGREEING.shortest_span_s)
+    rates = mean_rate(imu_s, gyro_rad_s - np.median(gyro_rad_s, axis=0), imu_s, imu_s + width_s)
+    shown = float(np.mean(np.sum(lidar.omega_rad_s**2, axis=1)))
+    return min(shown, float(np.nanmean(rates**2))) > AGREEING.least_turning_rad_s**2
 
 
 def _refuse_misread_imu(run: Run, lidar: LidarTrack, rotation: RotationStart, linear: LinearStart) -> None:

@@ -106,8 +106,8 @@ class Agreeing:
     #: judged: a track this whole is not worth another, and another is worth so many times as much. Time depends on it.
     whole: float = 0.95
     better: float = 1.05
-    #: judged: less turning than this (rms), of the gyroscope or of the lidar, says nothing of the rotation. Only which
-    #: reason is told depends on it.
+    #: judged: less turning than this (rms), of the gyroscope or of the lidar, says nothing of the rotation: the solve starts
+    #: from the accelerations. Twice as much or half of it starts the same solves.
     least_turning_rad_s: float = 0.03
     #: judged: beyond this a gyroscope has turned whatever its bias. Only which reason is told depends on it.
     surely_turned_deg: float = 20.0
