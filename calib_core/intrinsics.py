@@ -3,9 +3,10 @@
 IMU frame: the accelerometer's x axis and xy plane define it; the gyroscope is turned into it. With w, a the true angular
 rate and specific force in that frame:
 
-    gyroscope reading(t)     = (I + S_g + N_g) Exp(r_g) w(t) + bias + noise
+    gyroscope reading(t)     = (I + S_g + N_g) Exp(r_g) w(t) + F a(t) + bias + noise
     accelerometer reading(t) = (I + S_a + N_a) a(t - delay) + bias + noise
     S = diag(x, y, z)  scale,      N = strictly lower triangular (yx, zx, zy)  axes,      r_g  rotation of the gyroscope
+    F = what the gyroscope feels of forces (xx, xy, ... zz: by rows), its g-sensitivity
 
 Clocks: t_lidar = t_imu + time_offset + rate 1e-6 (t_lidar - time_offset_at): the offset grows where the rate is positive.
 
@@ -30,6 +31,7 @@ Block = Literal[
     "accelerometer_scale",
     "accelerometer_axes",
     "accelerometer_delay",
+    "g_sensitivity",
     "clock_rate",
     "laser_range_offset",
     "laser_elevation",
@@ -41,6 +43,8 @@ Block = Literal[
     "grazing",
 ]
 
+#: One g, in which sheets count and some sensors tell accelerations.
+STANDARD_GRAVITY_M_S2 = 9.80665
 AXES = ("x", "y", "z")
 LOWER = ("yx", "zx", "zy")
 #: Whose a block is: the IMU's; the clocks'; each laser's; all lasers' together.
@@ -64,6 +68,7 @@ KINDS: dict[Block, Kind] = {
     "accelerometer_scale": Kind("imu", "1", AXES),
     "accelerometer_axes": Kind("imu", "rad", LOWER),
     "accelerometer_delay": Kind("imu", "s", ("delay",)),
+    "g_sensitivity": Kind("imu", "rad/s/(m/s2)", tuple(row + column for row in AXES for column in AXES)),
     "clock_rate": Kind("clock", "ppm", ("rate",)),
     "laser_range_offset": Kind("laser", "m"),
     "laser_elevation": Kind("laser", "rad"),
@@ -93,6 +98,7 @@ class ImuPrior:
     accelerometer_scale_std: float
     accelerometer_axes_std_rad: float
     accelerometer_delay_std_s: float
+    g_sensitivity_std_rad_s_m_s2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +123,10 @@ class LidarPrior:
 #: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.
 CLOCK_RATE_STD_PPM = 40.0
 
-#: A sensor that nobody has named is taken for a cheap one: as loose as the loosest of the sheets that presets quote, hobby boards
-#: left out (BMI160 and LSM6: scale within 1 %; ICM-20948: axes within 2 %, a limit), a VLP-16 measured on public packets (5 to
-#: 10 mm a laser), OA-LICalib's published VLP-16 (range scale 0.4 %).
+#: A sensor that nobody has named is taken for a cheap one: as loose as the loosest of the sheets that presets quote, hobby
+#: boards left out (BMI160 and LSM6: scale within 1 %; ICM-20948: axes within 2 %, a limit; 0.1 deg/s a g as sheets of MEMS
+#: gyroscopes have it, unconfirmed), a VLP-16 measured on public packets (5 to 10 mm a laser), OA-LICalib's published VLP-16
+#: (range scale 0.4 %).
 UNKNOWN_IMU = ImuPrior(
     gyroscope_scale_std=0.01,
     gyroscope_axes_std_rad=0.01,
@@ -127,6 +134,7 @@ UNKNOWN_IMU = ImuPrior(
     accelerometer_scale_std=0.01,
     accelerometer_axes_std_rad=0.01,
     accelerometer_delay_std_s=0.002,
+    g_sensitivity_std_rad_s_m_s2=1.8e-4,
 )
 UNKNOWN_LIDAR = LidarPrior(
     laser_range_offset_std_m=0.008,

@@ -3,7 +3,7 @@ r"""What real sensors add to an ideal one, as further unknowns: what one error o
 Linearised about ideal sensors, with the signs of calib_core.intrinsics. With w, f the true angular rate and specific force
 in the IMU's axes, a gyroscope reads too much by
 
-    diag(w) scale + (0, yx w_x, zx w_x + zy w_y) axes + r x w rotation,
+    diag(w) scale + (0, yx w_x, zx w_x + zy w_y) axes + r x w rotation + F f,
 
 an accelerometer by the like of f and by -f' delay. An error of a parameter does to the motion what a bias of that size
 does. A range is too long by
@@ -34,6 +34,7 @@ _ONCE = {
     "accelerometer_scale": 3,
     "accelerometer_axes": 3,
     "accelerometer_delay": 1,
+    "g_sensitivity": 9,
     "clock_rate": 1,
     "range_offset": 1,
     "incidence": 1,
@@ -63,12 +64,13 @@ class Blocks:
         """All of them."""
         return sum(_ONCE.values()) + len(_BY_LASER) * self.lasers
 
-    def rate_errors(self, rate_rad_s: FloatArray) -> FloatArray:
-        """(N, 3, size) of gyroscope readings, by parameter. rate_rad_s: (N, 3), IMU axes."""
+    def rate_errors(self, rate_rad_s: FloatArray, force_m_s2: FloatArray) -> FloatArray:
+        """(N, 3, size) of gyroscope readings, by parameter. rate_rad_s, force_m_s2: (N, 3), IMU axes."""
         errors = np.zeros((len(rate_rad_s), 3, self.size))
         errors[:, :, self.places["gyroscope_scale"]] = _diagonal(rate_rad_s)
         errors[:, :, self.places["gyroscope_axes"]] = _lower(rate_rad_s)
         errors[:, :, self.places["gyroscope_rotation"]] = -cross_matrix(rate_rad_s)
+        errors[:, :, self.places["g_sensitivity"]] = np.einsum("ij,nk->nijk", np.eye(3), force_m_s2).reshape(-1, 3, 9)
         return errors
 
     def force_errors(self, force_m_s2: FloatArray, jerk_m_s3: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from math import sqrt
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.result import CalibrationResult
 from calib_core.types import FloatArray
 
@@ -102,7 +103,7 @@ def extrinsic_of(result: CalibrationResult) -> Extrinsic:
         time_offset_ns=result.time_offset_ns,
         gyroscope_bias_rad_s=tuple(result.gyroscope_bias_rad_s or (0.0, 0.0, 0.0)),
         accelerometer_bias_m_s2=tuple(result.accelerometer_bias_m_s2 or (0.0, 0.0, 0.0)),
-        gravity_m_s2=9.80665 if result.gravity_m_s2 is None else result.gravity_m_s2,
+        gravity_m_s2=STANDARD_GRAVITY_M_S2 if result.gravity_m_s2 is None else result.gravity_m_s2,
         lidar_frame=lidar_frame,
         imu_frame=imu_frame,
         source=f"{printable(recording.name)}, topics {topics}, status {result.status}.",

@@ -2,8 +2,8 @@
 
 Kalibr predicts readings as M a + bias of the accelerometer and M C_gyro_i w + A C_gyro_i a + bias of the gyroscope, M lower
 triangular, in the frame that the accelerometer defines (IccSensors.py, IccScaledMisalignedImu). That is ours word for word:
-M = I + S + N of each, C_gyro_i = Exp(r); the A of gyroscopes that feel accelerations is not estimated. Kalibr adds `time_offset`
-to an IMU's stamps to have them in the clock of reference, which here is the lidar's.
+M = I + S + N of each, C_gyro_i = Exp(r), and A C_gyro_i = F, what the gyroscope feels of forces. Kalibr adds `time_offset` to an
+IMU's stamps to have them in the clock of reference, which here is the lidar's.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ _BLOCKS: tuple[Block, ...] = (
     "gyroscope_rotation",
     "accelerometer_scale",
     "accelerometer_axes",
+    "g_sensitivity",
 )
 
 
@@ -46,8 +47,8 @@ def kalibr_imu(result: CalibrationResult) -> str:
             "holds none; calibrate again with `--intrinsics auto`.",
             code="export.no_imu",
         )
-    extrinsic = extrinsic_of(result)
-    scale_gyro, axes_gyro, turn, scale_accel, axes_accel = (_values(result, block) for block in _BLOCKS)
+    scale_gyro, axes_gyro, turn, scale_accel, axes_accel, felt = (_values(result, block) for block in _BLOCKS)
+    extrinsic, C_gyro_i = extrinsic_of(result), _rotation(turn)
     return (
         extrinsic.hash_comments(*_remarks(result))
         + "imu0:\n"
@@ -57,8 +58,8 @@ def kalibr_imu(result: CalibrationResult) -> str:
         + _matrix("    M", _lower(scale_accel, axes_accel))
         + "  gyroscopes:\n"
         + _matrix("    M", _lower(scale_gyro, axes_gyro))
-        + _matrix("    A", np.zeros((3, 3)))
-        + _matrix("    C_gyro_i", _rotation(turn))
+        + _matrix("    A", felt.reshape(3, 3) @ C_gyro_i.T)
+        + _matrix("    C_gyro_i", C_gyro_i)
         + "  model: scale-misalignment\n"
         + f"  rostopic: {json.dumps(printable(recording.imu_topic))}\n"
         + _time(extrinsic)
@@ -112,7 +113,8 @@ def _remarks(result: CalibrationResult) -> list[str]:
     ideal = [block for block in _BLOCKS if block not in {each.block for each in here}]
     delays_ms = [each.value * 1e3 for each in result.intrinsics if each.block == "accelerometer_delay"]
     formula = (
-        "Readings: accelerometer M a + bias, gyroscope M C_gyro_i w + bias; the accelerometer's axes are the frame."
+        "Readings: accelerometer M a + bias, gyroscope M C_gyro_i w + A C_gyro_i a + bias; the accelerometer's axes "
+        "are the frame."
     )
     time = "time_offset is added to the IMU's stamps and gives the lidar's clock; write it in one place only."
     lines = [formula, time]

@@ -1,6 +1,6 @@
 """An IMU's own scale, axes and delay taken out of its readings, and what a change of them does to a link.
 
-    reading = M (x + b'),   M_g = (I + S_g + N_g) Exp(r_g),   M_a = I + S_a + N_a           (signs: calib_core/intrinsics.py)
+    reading = M (x + b') [+ F a],   M_g = (I + S_g + N_g) Exp(r_g),   M_a = I + S_a + N_a   (signs: calib_core/intrinsics.py)
 
 with x the true rate or specific force in the IMU's frame. The corrected reading r' = M^-1 reading is x + b': all that follows
 treats it as a reading whose bias is b' = M^-1 b. A later change dM adds -M^-1 dM r' to x, exactly what a bias greater by
@@ -9,7 +9,9 @@ treats it as a reading whose bias is b' = M^-1 b. A later change dM adds -M^-1 d
 
 would; over one link (10 ms) r' is as good as its mean. So every parameter's Jacobian is the bias's, turned by a (3,) vector a
 link, and no factor has to know of intrinsics. An accelerometer late by `delay` is asked that much later (`upsample`); a change
-of the delay by d is a bias greater by -d/dt r'_a d.
+of the delay by d is a bias greater by -d/dt r'_a d. What the gyroscope feels of forces, F a, is taken out with the corrected
+accelerometer's r'_a, whose own bias is part of the gyroscope's then; a change dF is a bias greater by M_g^-1 dF r'_a, and one
+that is a bias of the accelerometer greater by db is one of the gyroscope less by M_g^-1 F db.
 """
 
 from __future__ import annotations
@@ -27,7 +29,10 @@ _LOWER = ((1, 0), (2, 0), (2, 1))
 
 @dataclass(frozen=True, slots=True)
 class ImuIntrinsics:
-    """Values in the order of their names: scales (3,), axes yx zx zy (3,) [rad], rotation (3,) [rad], delay [s]."""
+    """Values in the order of their names: scales (3,), axes yx zx zy (3,) [rad], rotation (3,) [rad], delay [s].
+
+    g_sensitivity: (9,) F by rows [rad/s/(m/s2)].
+    """
 
     gyro_scale: FloatArray
     gyro_axes: FloatArray
@@ -35,6 +40,7 @@ class ImuIntrinsics:
     accel_scale: FloatArray
     accel_axes: FloatArray
     accel_delay_s: float
+    g_sensitivity: FloatArray
 
     @property
     def gyro(self) -> FloatArray:
@@ -57,21 +63,23 @@ def _triangular(scale: FloatArray, axes: FloatArray) -> FloatArray:
 def corrected(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> UpsampledImu:
     """The readings with M taken out. The delay is the upsampling's own."""
     G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
+    accel, knot_accel = readings.accel @ A.T, readings.knot_accel @ A.T
+    F = intrinsics.g_sensitivity.reshape(3, 3)
     return replace(
         readings,
-        gyro=readings.gyro @ G.T,
-        knot_gyro=readings.knot_gyro @ G.T,
-        accel=readings.accel @ A.T,
-        knot_accel=readings.knot_accel @ A.T,
+        gyro=(readings.gyro - accel @ F.T) @ G.T,
+        knot_gyro=(readings.knot_gyro - knot_accel @ F.T) @ G.T,
+        accel=accel,
+        knot_accel=knot_accel,
     )
 
 
-#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1.
-COLUMNS = 16
+#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, g-sensitivity 9.
+COLUMNS = 25
 
 
 def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple[FloatArray, FloatArray]:
-    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 16), accelerometer (L, 3, 16).
+    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 25), accelerometer (L, 3, 25).
 
     readings: corrected about the intrinsics.   Units: rad/s and m/s2 per unit of the parameter.
     """
@@ -90,4 +98,7 @@ def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple
     # M Exp(d) - M to first order: M hat(d), whatever the rotation; its own right Jacobian is 1 to half a rotation.
     gyro[:, :, 6:9] = -hat(w)
     accel[:, :, 15] = -np.diff(readings.knot_accel, axis=0) / readings.spacing_s
+    gyro[:, :, 9:16] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, 9:16]
+    for row in range(3):
+        gyro[:, :, 16 + 3 * row : 19 + 3 * row] = f[:, None, :] * G[:, row, None]
     return gyro, accel

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 
-from calib_core.intrinsics import UNKNOWN_IMU, ImuPrior
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNKNOWN_IMU, ImuPrior
 from calib_core.presets.records import ImuPreset
 from calib_core.presets.walks import accelerometer_walk, gyroscope_walk
 from calib_core.settings import ImuNoise
 
 _DEG = math.pi / 180.0
-_G = 9.80665
 #: In-run bias stability of parts whose sheets give none: that of a middling uncompensated part, doubled for warming up.
 _UNGIVEN_DEG_H, _UNGIVEN_UG = 20.0, 100.0
 
@@ -23,14 +22,17 @@ def _noise(
 ) -> ImuNoise:
     return ImuNoise(
         gyroscope_noise_density_rad_s_sqrt_hz=gyro_deg_s * _DEG,
-        accelerometer_noise_density_m_s2_sqrt_hz=accel_ug * 1e-6 * _G,
+        accelerometer_noise_density_m_s2_sqrt_hz=accel_ug * 1e-6 * STANDARD_GRAVITY_M_S2,
         gyroscope_random_walk=gyroscope_walk(in_run_deg_h),
         accelerometer_random_walk=accelerometer_walk(in_run_ug),
     )
 
 
-def _prior(scale: tuple[float, float], axes: tuple[float, float], between: float, delay_s: float) -> ImuPrior:
-    """scale, axes [rad]: of gyroscope and accelerometer.   between [rad]: the two against each other."""
+def _prior(
+    scale: tuple[float, float], axes: tuple[float, float], between: float, delay_s: float, *, felt_deg_s_g: float = 0.1
+) -> ImuPrior:
+    """scale, axes [rad]: of gyroscope and accelerometer.   between [rad]: the two against each other.   felt_deg_s_g: of
+    forces by the gyroscope."""
     return ImuPrior(
         gyroscope_scale_std=scale[0],
         gyroscope_axes_std_rad=axes[0],
@@ -38,14 +40,15 @@ def _prior(scale: tuple[float, float], axes: tuple[float, float], between: float
         accelerometer_scale_std=scale[1],
         accelerometer_axes_std_rad=axes[1],
         accelerometer_delay_std_s=delay_s,
+        g_sensitivity_std_rad_s_m_s2=felt_deg_s_g * _DEG / STANDARD_GRAVITY_M_S2,
     )
 
 
 #: Calibrated one by one over temperature: 0.03 to 0.1 % of scale, 0.02 to 0.05 deg between axes; the two sensors' filters
-#: and sampling are aligned to less than half a millisecond (unconfirmed).
-CALIBRATED = _prior((0.0007, 0.0007), (0.0005, 0.0005), 0.0005, 0.0003)
-#: Factory-calibrated modules whose sheets promise less: 0.1 deg between axes, some 0.5 % of scale.
-MODULE = _prior((0.004, 0.003), (0.0012, 0.0012), 0.0012, 0.0005)
+#: and sampling are aligned to less than half a millisecond, the gyroscope feels 0.003 to 0.006 deg/s a g (unconfirmed).
+CALIBRATED = _prior((0.0007, 0.0007), (0.0005, 0.0005), 0.0005, 0.0003, felt_deg_s_g=0.006)
+#: Factory-calibrated modules whose sheets promise less: 0.1 deg between axes, some 0.5 % of scale, 0.015 deg/s a g.
+MODULE = _prior((0.004, 0.003), (0.0012, 0.0012), 0.0012, 0.0005, felt_deg_s_g=0.015)
 #: One die for both sensors, or two in a package, trimmed at the end of the line.
 CHIP = _prior((0.005, 0.005), (0.005, 0.005), 0.005, 0.002)
 
@@ -167,7 +170,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
     ImuPreset(
         "vectornav-vn100",
         _noise(0.0035, 140.0, 7.0, 40.0),
-        _prior((0.001, 0.001), (0.0009, 0.0009), 0.0009, 0.0003),
+        _prior((0.001, 0.001), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015),
         "VectorNav VN-100 and VN-200: public Kalibr file quoting the data sheet and the vendor's support; alignment within "
         "0.05 deg and in-run figures unconfirmed",
         ("vectornav", "vn100", "vn-100", "vn_100", "vn200", "vn-200", "vn_200"),
@@ -184,7 +187,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
     ImuPreset(
         "microstrain-gx5-25",
         _noise(0.004, 18.4, 8.0, 40.0),
-        _prior((0.0005, 0.0005), (0.0009, 0.0009), 0.0009, 0.0003),
+        _prior((0.0005, 0.0005), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015),
         "Microstrain 3DM-GX5-25: LIO-SAM's discrete 1.56e-3 rad/s and 3.99e-3 m/s2, taken at its 500 Hz; scale 0.05 %, "
         "alignment 0.05 deg and in-run figures unconfirmed",
         ("microstrain", "gx5", "3dm"),
@@ -201,7 +204,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
     ImuPreset(
         "adis16475",
         _noise(0.0025, 23.0, 2.0, 3.6),
-        _prior((0.002, 0.002), (0.0017, 0.0017), 0.0017, 0.0003),
+        _prior((0.002, 0.002), (0.0017, 0.0017), 0.0017, 0.0003, felt_deg_s_g=0.015),
         "Analog Devices ADIS16475 data sheet: 0.15 deg per root of an hour, 2 deg/h, 3.6 ug, axes within 0.1 deg; "
         "accelerometer's density and scales unconfirmed",
         ("adis16475", "adis16465", "adis16467", "adis16477", "adis165"),

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
+
 _DEG = math.pi / 180.0
-_MICRO_G = 9.80665e-6
+_MICRO_G = 1e-6 * STANDARD_GRAVITY_M_S2
 #: Where MEMS sensors reach the bottom of their Allan deviation; published curves have it between 30 and 300 s.
 _BOTTOM_S = 100.0
 

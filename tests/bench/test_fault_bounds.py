@@ -36,6 +36,7 @@ def parameters_of(simulation: Simulation) -> np.ndarray:
         "accelerometer_scale": imu.accel_scale,
         "accelerometer_axes": imu.accel_axes_rad,
         "accelerometer_delay": imu.accel_delay_s,
+        "g_sensitivity": imu.g_sensitivity,
         "clock_rate": simulation.faults.clock_rate_ppm,
         "range_offset": lidar.range_offset_m,
         "grazing": lidar.grazing_rad,
@@ -80,10 +81,18 @@ def test_ranges_err_as_the_columns_say(faults: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "faults", ["gyro-scale=1e-4", "imu-axes=1e-4", "gyro-rotation=1e-4", "accel-scale=1e-4", "accel-delay=1e-5"]
+    "faults",
+    [
+        "gyro-scale=1e-4",
+        "imu-axes=1e-4",
+        "gyro-rotation=1e-4",
+        "accel-scale=1e-4",
+        "accel-delay=1e-5",
+        "g-sensitivity=1e-5",
+    ],
 )
 def test_readings_err_as_the_columns_say(faults: str) -> None:
-    """Mutations: the rotation's sign; the delay's; the axes' matrix transposed."""
+    """Mutations: the rotation's sign; the delay's; the axes' matrix transposed; that of the forces felt."""
     faulty, plain = spoiled(faults), spoiled("")
     t_s = plain.imu_messages.true_ns * 1e-9
     truth = plain.truth
@@ -91,7 +100,7 @@ def test_readings_err_as_the_columns_say(faults: str) -> None:
     h = 1e-4
     jerk = (at(truth, t_s + h) - at(truth, t_s - h)) / (2 * h)
     values = parameters_of(faulty)
-    gyro = BLOCKS.rate_errors(plain.imu_messages.gyro_rad_s) @ values
+    gyro = BLOCKS.rate_errors(plain.imu_messages.gyro_rad_s, force) @ values
     accel = BLOCKS.force_errors(force, jerk) @ values
     for made, expected in (
         (faulty.imu_messages.gyro_rad_s - plain.imu_messages.gyro_rad_s, gyro),
@@ -112,7 +121,7 @@ def test_a_scale_moves_as_the_bias_that_it_amounts_to() -> None:
     rate, force = rng.standard_normal((1, 3)), rng.standard_normal((1, 3))
     R = np.linalg.qr(rng.standard_normal((3, 3)))[0][None]
     back = steps_back(R, (R @ force[..., None])[..., 0], 0.01, columns)
-    add_to_steps(back, columns, BLOCKS.rate_errors(rate), BLOCKS.force_errors(force, np.zeros((1, 3))))
+    add_to_steps(back, columns, BLOCKS.rate_errors(rate, force), BLOCKS.force_errors(force, np.zeros((1, 3))))
     of = {name: columns.extra.start + place.start for name, place in BLOCKS.places.items()}
     np.testing.assert_allclose(
         back[0, :9, of["gyroscope_scale"] + 1], rate[0, 1] * back[0, :9, columns.gyro_bias.start + 1], atol=1e-15

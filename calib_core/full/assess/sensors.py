@@ -11,7 +11,7 @@ from calib_core.full.assess.considered import Considered, parameter_std
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.prepare.nuisance import sensor_block
-from calib_core.intrinsics import UNITS
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS
 from calib_core.result import Intrinsic
 
 _FRAME = "the accelerometer's x axis and xy plane; the gyroscope is turned into it"
@@ -98,6 +98,10 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         how = "behind" if late[0].value > 0 else "ahead of"
         text = f"the accelerometer is {abs(late[0].value) * 1e3:.2f} ms {how} the gyroscope; {taken}"
         told.append(("sensor.delay", text))
+    if felt := by["g_sensitivity"]:
+        most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
+        text = f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
+        told.append(("sensor.g_sensitivity", text))
     if rate := by["clock_rate"]:
         text = f"the lidar's clock gains {rate[0].value:+.1f} millionths on the IMU's; {taken}"
         told.append(("sensor.clock", text))

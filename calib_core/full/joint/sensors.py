@@ -47,6 +47,7 @@ def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
         accel_scale=nuisance.values(values, "accelerometer_scale"),
         accel_axes=nuisance.values(values, "accelerometer_axes"),
         accel_delay_s=float(nuisance.values(values, "accelerometer_delay")[0]),
+        g_sensitivity=nuisance.values(values, "g_sensitivity"),
     )
 
 
@@ -105,7 +106,7 @@ def sensor_columns(
     if not nuisance.blocks:
         return SensorColumns()
     tones = tone_values(nuisance, values)
-    # Every block of the IMU has its place among the sixteen columns, in play or not.
+    # Every block of the IMU has its place among the columns of `bias_equivalents`, in play or not.
     places, picked, at = [], [], 0
     for block in IMU_BLOCKS:
         start = nuisance.start(block)

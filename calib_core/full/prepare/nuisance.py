@@ -199,6 +199,7 @@ def choose_nuisance(
         "accelerometer_scale": imu.accelerometer_scale_std,
         "accelerometer_axes": imu.accelerometer_axes_std_rad,
         "accelerometer_delay": imu.accelerometer_delay_std_s,
+        "g_sensitivity": imu.g_sensitivity_std_rad_s_m_s2,
         "clock_rate": clock_rate_std_ppm,
         "laser_range_offset": lidar.laser_range_offset_std_m,
         "laser_elevation": lidar.laser_elevation_std_rad,

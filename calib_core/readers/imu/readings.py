@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.readers.imu.bundles import Bundles, spread, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.repeats import first_of_each
@@ -16,7 +17,6 @@ from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Evidence, Finding, FloatArray, ImuData, IntArray
 
-STANDARD_GRAVITY_M_S2 = 9.80665
 #: A pause longer than this many sample periods is a gap.
 GAP_PERIODS = 3.5
 #: No gyroscope shows this in deg/s, no accelerometer in m/s2: damaged bytes do. NaN fails the comparison as well.

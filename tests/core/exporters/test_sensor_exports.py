@@ -163,15 +163,18 @@ def test_a_row_a_laser() -> None:
 
 def test_an_imu_as_kalibr_reads_it() -> None:
     """By hand: M is I + S + N row by row; a quarter turn about z takes x to y. The rest are the result's own numbers.
-    Mutations seen to fail: N above the diagonal, C_gyro_i transposed, the time's sign, A left out."""
+    Mutations seen to fail: N above the diagonal, C_gyro_i transposed, the time's sign, A left out,
+    A not turned into the gyroscope's axes."""
     blocks = {
         "gyroscope_scale": (0.004, -0.005, 0.006),
         "gyroscope_axes": (0.001, 0.002, -0.003),
         "gyroscope_rotation": (0.0, 0.0, np.pi / 2),
         "accelerometer_scale": (-0.001, 0.002, 0.003),
         "accelerometer_axes": (0.0004, -0.0005, 0.0006),
+        "g_sensitivity": tuple(1e-5 * k for k in range(1, 10)),
     }
-    names = {"gyroscope_axes": ("yx", "zx", "zy"), "accelerometer_axes": ("yx", "zx", "zy")}
+    rows = tuple(row + column for row in "xyz" for column in "xyz")
+    names = {"gyroscope_axes": ("yx", "zx", "zy"), "accelerometer_axes": ("yx", "zx", "zy"), "g_sensitivity": rows}
     found = [
         parameter(block, name, value)
         for block, values in blocks.items()
@@ -180,7 +183,9 @@ def test_an_imu_as_kalibr_reads_it() -> None:
     imu = yaml.safe_load(export(imu_result(*found, time_offset_ns=-20_000_000), "kalibr-imu"))["imu0"]
     assert imu["accelerometers"]["M"] == [[0.999, 0.0, 0.0], [0.0004, 1.002, 0.0], [-0.0005, 0.0006, 1.003]]
     assert imu["gyroscopes"]["M"] == [[1.004, 0.0, 0.0], [0.001, 0.995, 0.0], [0.002, -0.003, 1.006]]
-    assert imu["gyroscopes"]["A"] == [[0.0] * 3] * 3
+    # A C = F with C y = -x, C x = y: A's columns are those of F at -y, x and z.
+    felt = 1e-5 * np.array([[-2, 1, 3], [-5, 4, 6], [-8, 7, 9]])
+    np.testing.assert_allclose(imu["gyroscopes"]["A"], felt, atol=1e-12)
     np.testing.assert_allclose(imu["gyroscopes"]["C_gyro_i"], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
     assert imu["T_i_b"] == np.eye(4).tolist()
     assert (imu["model"], imu["rostopic"]) == ("scale-misalignment", "/imu/data")
@@ -207,7 +212,8 @@ def test_what_kalibr_has_no_key_for_is_said() -> None:
     assert "1.500 ms behind the gyroscope" in text
     assert "grows by 12.50 us a second; it holds 30.000 s after" in text
     assert (
-        "ideal and not estimated: gyroscope_axes, gyroscope_rotation, accelerometer_scale, accelerometer_axes." in text
+        "ideal and not estimated: gyroscope_axes, gyroscope_rotation, accelerometer_scale, accelerometer_axes, g_sensitivity."
+        in text
     )
     assert "not applied to it" in text
 

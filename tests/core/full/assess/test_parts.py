@@ -127,8 +127,8 @@ def test_stretches_of_a_recording_answer_as_the_whole_does_within_their_bars(
     )
     assert (std > joint).all()
     assert (std.min(axis=0) < 5.0 * joint).all()
-    # It stands still for a second: the first stretch hardly knows of the clocks.
-    assert std[0, 6] > 10.0 * np.median(std[:, 6])
+    # It stands still for a second: the first stretch knows the least of the clocks, by what a gyroscope at rest tells of itself.
+    assert std[0, 6] == std[:, 6].max() > 3.0 * np.median(std[:, 6])
     # Each parameter by itself: no more than a diagonal's worth of the weights, but near.
     mean = np.sum(shift / std**2, axis=0) / np.sum(std**-2.0, axis=0)
     assert np.abs(mean * np.sqrt(np.sum(std**-2.0, axis=0))).max() < 2.5

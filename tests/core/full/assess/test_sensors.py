@@ -34,6 +34,13 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
         ),
         ("laser_range_offset", -0.009, True, "sensor.laser_range", "laser 4 reads 9 mm short"),
         ("accelerometer_delay", 2e-3, True, "sensor.delay", "the accelerometer is 2.00 ms behind the gyroscope"),
+        (
+            "g_sensitivity",
+            1.8e-4,
+            True,
+            "sensor.g_sensitivity",
+            "the gyroscope feels forces, up to 0.101 deg/s a g; it was",
+        ),
         ("gyroscope_scale", -4e-3, True, "sensor.gyroscope_scale", "x axis reads 0.40% too little; it was taken out"),
     ],
 )

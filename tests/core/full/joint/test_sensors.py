@@ -22,7 +22,7 @@ from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray
 from tests.core.full.joint import test_problem as plain
 
-LASERS, POINTS = 3, 11
+LASERS, POINTS, IMU = 3, 11, 25
 NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate_std_ppm=40.0)
 #: Columns of a laser -> features of a point: offset, elevation, azimuth, scale; of all: offset, incidence, eccentricity, grazing.
 FEATURE = (0, 1, 2, 3, 0, 4, 5, 6, 7)
@@ -42,7 +42,7 @@ class Case:
         base, estimate = plain._problem(seed)
         self.nuisance = nuisance
         # Large for the lidar's; for the IMU's, a link's turn by its bias is the first order's.
-        scale = np.where(np.arange(nuisance.size) < 16, 1.0, 30.0) * nuisance.prior_std
+        scale = np.where(np.arange(nuisance.size) < IMU, 1.0, 30.0) * nuisance.prior_std
         laid_out = scale * rng.normal(size=nuisance.size)
         values = laid_out + scale * rng.normal(size=nuisance.size)
         # A gyroscope's bias turns the pose that a later bin asks for: left out of its columns, and so is a later bin here.
@@ -191,7 +191,7 @@ def test_links_integrated_anew_agree_with_their_columns() -> None:
     base = plain._problem(1)[0]
     zero = np.zeros(NUISANCE.size)
     columns = sensor_columns(NUISANCE, zero, base.readings, e.states.R, 0.0)
-    assert columns.links_at.shape == (16,)
+    assert columns.links_at.shape == (IMU,)
     assert (columns.links_at == 0.0).all()
     problem = replace(base, sensors=columns, priors=replace(base.priors, nuisance_std=NUISANCE.prior_std))
     late = zero.copy()
