@@ -1,6 +1,6 @@
 """The library's entry points: what the command line and the web application call, and what a script may.
 
-    recording = api.load(Path("room.bag"))
+    recording = api.load("room.bag")
     calibration = api.calibrate(recording)
     calibration.result.status, calibration.result.T_imu_lidar
     text = api.export(calibration.result, "fast-lio")
@@ -80,7 +80,7 @@ __all__ = [
 
 
 def inspect(
-    path: Path,
+    path: str | Path,
     settings: ReadSettings | None = None,
     *,
     on_event: OnEvent = ignore_event,
@@ -89,7 +89,7 @@ def inspect(
     """Everything needed to know whether the recording at `path` can be calibrated, with a verdict."""
     from calib_core import doctor
 
-    return doctor.inspect(path, settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
+    return doctor.inspect(Path(path), settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
 
 
 def get_ready() -> None:
@@ -100,7 +100,7 @@ def get_ready() -> None:
 
 
 def load(
-    path: Path,
+    path: str | Path,
     settings: ReadSettings | None = None,
     *,
     fingerprint: bool = True,
@@ -114,7 +114,7 @@ def load(
     from calib_core.readers.load import load as read
 
     return read(
-        path, settings or ReadSettings(), fingerprint=fingerprint, on_event=on_event, should_cancel=should_cancel
+        Path(path), settings or ReadSettings(), fingerprint=fingerprint, on_event=on_event, should_cancel=should_cancel
     )
 
 
@@ -192,7 +192,7 @@ def audit(
 
 
 def read_extrinsic(
-    path: Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
+    path: str | Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
 ) -> GivenExtrinsic:
     """The extrinsic in another program's file.
 
@@ -200,7 +200,7 @@ def read_extrinsic(
     """
     from calib_core.audit import given
 
-    return given.read_extrinsic(path, direction=direction, frames=frames)
+    return given.read_extrinsic(Path(path), direction=direction, frames=frames)
 
 
 def parse_extrinsic(
@@ -212,21 +212,21 @@ def parse_extrinsic(
     return given.parse_extrinsic(text, direction=direction, frames=frames or ("", ""))
 
 
-def read_limits(path: Path) -> Limits:
+def read_limits(path: str | Path) -> Limits:
     """Limits of one's own for an audit."""
     from calib_core.audit import limits
 
-    return limits.read_limits(path)
+    return limits.read_limits(Path(path))
 
 
 def deskew(
-    path: Path,
+    path: str | Path,
     result: CalibrationResult,
-    out: Path,
+    out: str | Path,
     settings: ReadSettings | None = None,
     *,
     cloud_format: CloudFormat = "ply",
-    map_out: Path | None = None,
+    map_out: str | Path | None = None,
     correct_lasers: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
@@ -245,16 +245,16 @@ def deskew(
     held_calibration(result)  # says so before the recording is read where there is none
     if correct_lasers:
         laser_corrector(result)
-    recording = read(path, settings, on_event=on_event, should_cancel=should_cancel)
+    recording = read(Path(path), settings, on_event=on_event, should_cancel=should_cancel)
     motion = held_motion(
         recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
     )
     if map_out is not None:
-        _write_map(recording, motion.solved, map_out, should_cancel)
+        _write_map(recording, motion.solved, Path(map_out), should_cancel)
     return rewrite_clouds(
-        path,
+        Path(path),
         recording.lidar.topic,
-        out,
+        Path(out),
         motion.deskew,
         settings=settings,
         cloud_format=cloud_format,
@@ -292,11 +292,11 @@ def room_mesh(room: Room, *, triangles: int | None = None) -> Mesh:
     return surface.mesh_of(room.cloud, room.normals, triangles=triangles)
 
 
-def read_cloud(path: Path) -> StructArray:
+def read_cloud(path: str | Path) -> StructArray:
     """The points of a .ply or .pcd file with all their fields."""
     from calib_core.maps import files
 
-    return files.read_cloud(path)
+    return files.read_cloud(Path(path))
 
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
@@ -357,7 +357,7 @@ def scenarios() -> dict[str, str]:
 
 def simulate(
     scenario: str,
-    out: Path,
+    out: str | Path,
     *,
     faults: str = "",
     on_event: OnEvent = ignore_event,
@@ -373,7 +373,7 @@ def simulate(
 
     return simulator.simulate(
         scenario,
-        out,
+        Path(out),
         faults=simulator.parse_faults(faults),
         on_event=on_event,
         should_cancel=should_cancel,
