@@ -64,7 +64,7 @@ export function AuditForm({ draft, onChange, limitsFit }: AuditFormProps) {
             minRows={4}
             maxRows={9}
             autosize
-            classNames={{ input: css.paste ?? "" }}
+            classNames={{ input: css.paste ?? "", description: css.from ?? "" }}
             value={draft.text}
             onChange={(event) => onChange({ text: event.currentTarget.value, file: "" })}
           />
