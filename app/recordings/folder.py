@@ -37,7 +37,8 @@ class RecordingsFolder:
             shown = [child for child in sorted(folder.iterdir()) if not child.name.startswith(".")]
         except PermissionError:
             raise NotFound(
-                "folder.not_readable", f"The server may not look into {path[:80]!r}; give its user the right to read it."
+                "folder.not_readable",
+                f"The server may not look into {path[:80]!r}; give its user the right to read it.",
             ) from None
         inside = [child for child in shown if _stays(child, root)]
         entries = [entry for child in inside if (entry := _entry_or_closed(child, root)) is not None]

@@ -117,7 +117,11 @@ def test_what_the_recording_cannot_tell_is_said() -> None:
 
 @pytest.mark.parametrize(
     ("difference", "std", "said"),
-    [(50.31, 0.998, "+50.3 +- 1.0 mm"), (-0.6214, 0.0996, "-0.62 +- 0.10 mm"), (112_204.0, 1234.0, "+112204 +- 1234 mm")],
+    [
+        (50.31, 0.998, "+50.3 +- 1.0 mm"),
+        (-0.6214, 0.0996, "-0.62 +- 0.10 mm"),
+        (112_204.0, 1234.0, "+112204 +- 1234 mm"),
+    ],
 )
 def test_a_failure_is_told_to_its_sigmas_second_digit(difference: float, std: float, said: str) -> None:
     """As the table beside the sentence. Mutations: significant digits (1 for 1.0, 1.12e+05); a sigma counted unrounded."""

@@ -46,7 +46,8 @@ def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bo
 
 
 @pytest.mark.parametrize(
-    ("count", "tail"), [(2, "short; ranges"), (3, "short (1 more is off); ranges"), (5, "short (3 more are off); ranges")]
+    ("count", "tail"),
+    [(2, "short; ranges"), (3, "short (1 more is off); ranges"), (5, "short (3 more are off); ranges")],
 )
 def test_lasers_beyond_the_first_two_are_counted(count: int, tail: str) -> None:
     """Mutations: one that are off; the two that are named counted along."""
