@@ -33,9 +33,15 @@ class RecordingsFolder:
             raise NotFound(
                 "folder.not_found", f"The recordings folder has no folder {path[:80]!r}; go up and choose again."
             )
-        shown = [child for child in sorted(folder.iterdir()) if not child.name.startswith(".")]
-        inside = [child for child in shown if child.resolve().is_relative_to(root)]
-        entries = [entry for child in inside if (entry := _entry(child, root)) is not None]
+        try:
+            shown = [child for child in sorted(folder.iterdir()) if not child.name.startswith(".")]
+        except PermissionError:
+            raise NotFound(
+                "folder.not_readable",
+                f"The server may not look into {path[:80]!r}; give its user the right to read it.",
+            ) from None
+        inside = [child for child in shown if _stays(child, root)]
+        entries = [entry for child in inside if (entry := _entry_or_closed(child, root)) is not None]
         parent = None if folder == root else _below(folder.parent, root)
         links_out = len(shown) - len(inside)
         return FolderListing(path=_below(folder, root), parent=parent, entries=entries, links_out=links_out)
@@ -85,6 +91,22 @@ def is_text(path: Path) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def _stays(child: Path, root: Path) -> bool:
+    """Whether the child is below the root, wherever links lead; one that leads round in a circle leads nowhere else."""
+    try:
+        return child.resolve().is_relative_to(root)
+    except (OSError, RuntimeError):
+        return True
+
+
+def _entry_or_closed(child: Path, root: Path) -> FolderEntry | None:
+    """The entry of a child; what the server may not look into, a disk's lost+found for instance, cannot be opened."""
+    try:
+        return _entry(child, root)
+    except PermissionError:
+        return FolderEntry(name=child.name, path=_below(child, root), kind="file", size_bytes=0)
 
 
 def _entry(child: Path, root: Path) -> FolderEntry | None:

@@ -43,13 +43,13 @@ def thickness(walls: Thickness) -> str:
     )
 
 
-def by_value(binned: Binned, name: str) -> str:
-    """Of distances over range or ring."""
+def by_value(binned: Binned, name: str, unit: str = "") -> str:
+    """Of distances over range or ring.   unit: of what they are over, with a space before it."""
     worst = int(np.abs(binned.mean_m).argmax())
     off_mm = 1e3 * binned.mean_m[worst]
     what = (
         f"The mean (two standard errors) should stay near zero: the largest is {off_mm:+.1f} mm at {name} "
-        f"{binned.at[worst]:.3g}"
+        f"{binned.at[worst]:.3g}{unit}"
     )
     if abs(off_mm) > STRIKING_MM:
         return f"{what}, more than a good lidar's own error. A slope over {name} is an error of the lidar, not the mounting."

@@ -96,5 +96,5 @@ def offset_profile(profile: OffsetProfile) -> str:
     axes.set_xlabel("time offset less the answer's [ms]")
     axes.set_ylabel("likeness of the turning (0 to 1)")
     axes.set_ylim(0.0, 1.05)
-    axes.legend(loc="lower right")
+    axes.legend(loc="upper right")
     return canvas.svg()

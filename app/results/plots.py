@@ -203,7 +203,8 @@ def by_value(binned: Binned, name: str) -> str:
     axes.errorbar(at, 1e3 * mean_mm, error_mm, marker="o", markersize=2.5, linewidth=0.9, color=AFTER, label="mean")
     axes.set_xlabel(name)
     axes.set_ylabel("distance from planes [mm]")
-    axes.legend(loc="best")
+    # Above: however the two curves run, they run under nothing.
+    axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     return canvas.svg()
 
 

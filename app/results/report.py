@@ -137,7 +137,7 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
         picture = plots.thickness(beside.walls)
         found.append(Figure("How thick the walls are", picture, captions.thickness(beside.walls), half=True))
     if evidence.by_range is not None:
-        caption = captions.by_value(evidence.by_range, "range")
+        caption = captions.by_value(evidence.by_range, "range", " m")
         picture = plots.by_value(evidence.by_range, "range [m]")
         found.append(Figure("Distance from planes by range", picture, caption, half=True))
     if evidence.by_ring is not None:
@@ -188,7 +188,9 @@ def _messages(result: CalibrationResult) -> list[tuple[str, str]]:
     """Level and text, each said once, what matters most first."""
     order = {"error": 0, "warning": 1, "info": 2}
     said = {_unit_signs(message.text): message.level for message in result.messages}
-    return sorted(((level, text) for text, level in said.items()), key=lambda pair: order[pair[0]])
+    # What no word goes before begins a line.
+    begun = ((level, text[:1].upper() + text[1:] if level == "info" else text) for text, level in said.items())
+    return sorted(begun, key=lambda pair: order[pair[0]])
 
 
 def _unit_signs(text: str) -> str:
@@ -196,20 +198,24 @@ def _unit_signs(text: str) -> str:
     return text.replace("m/s2", "m/s²").replace("/sqrt(Hz)", "/√Hz")
 
 
+#: Settings without which there is no bound; what else is not given is found in the recording.
+UNBOUNDED = {"points_per_plane_per_scan": "all", "field_of_view_deg": "all around"}
+
+
 def _settings(result: CalibrationResult) -> list[tuple[str, str, bool]]:
     """Name, value, and whether it is not the default."""
     defaults = CalibrateSettings().model_dump(mode="json")
     return [
-        (name.replace("_", " "), _value(value), value != defaults.get(name))
+        (name.replace("_", " "), _value(value, absent=UNBOUNDED.get(name, "as found")), value != defaults.get(name))
         for name, value in result.provenance.settings.items()
     ]
 
 
-def _value(value: object) -> str:
-    """A setting as people write it: what is null was found in the recording, or has no bound."""
+def _value(value: object, *, absent: str) -> str:
+    """A setting as people write it.   absent: what it means that nothing is given."""
     match value:
         case None:
-            return "as found"
+            return absent
         case True | False:
             return "yes" if value else "no"
         case str():

@@ -141,6 +141,7 @@ class Composer:
             wipe=state.wipe,
             limit=self._limit,
             stage=stage,
+            preset=state.preset,
         )
         costs_of = f"{record.id}{found.job_id}"
         costs = Costs(

@@ -17,12 +17,12 @@ import numpy as np
 from app.planes import palette
 from app.planes.palette import Colors
 from app.results.thickness import GATE_M, nearest_plane, outlines_of, rigid_map_points, spread
-from app.scene.aim import Stage
+from app.scene.aim import DIRECTIONS, Stage
 from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.readout import Readout, from_plane
 from app.scene.wipe import Camera, left_of
-from app.schemas.view import Against, ColorBy, Extent, Show
+from app.schemas.view import Against, ColorBy, Extent, Preset, Show
 from calib_core import api
 from calib_core.types import BoolArray, Float32Array, FloatArray, Recording, Scan, Trajectory
 
@@ -34,9 +34,8 @@ RESIDUAL_GATE_M = 0.30
 RESIDUAL_HALF_M = 0.05
 #: Scans accumulated in the map.
 MAP_SCANS = 60
-#: Clouds beside each other stand this much of their own breadth apart, along this direction, level axes.
+#: Clouds beside each other stand this much of their own breadth apart.
 SIDE_STEP = 1.12
-SIDE_DIRECTION = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
 
 TITLES: dict[Source, str] = {"raw": "Raw", "deskewed": "De-skewed", "old": "Old extrinsic"}
 ONE_COLOR: dict[Source, palette.Rgb] = {
@@ -58,6 +57,8 @@ class Look:
     wipe: float
     limit: int
     stage: Stage = field(default_factory=Stage)
+    #: From where it is looked at: clouds beside each other stand across that view, not one behind another.
+    preset: Preset = "overview"
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     shifts = [np.zeros(3) for _ in parts]
     labels: list[Item] = []
     if look.show == "side":
-        shifts = _shifts(parts, look.stage)
+        shifts = _shifts(parts, look)
         parts = [_moved(part, shift) for part, shift in zip(parts, shifts, strict=True)]
         labels = [_title(part, source, look.stage) for part, source in zip(parts, sources, strict=True)]
     stand = shifts[sources.index("deskewed")] if "deskewed" in sources else shifts[-1]
@@ -203,9 +204,10 @@ def _moved(cloud: Cloud, shift_m: FloatArray) -> Cloud:
     return Cloud(cloud.path, (cloud.xyz + shift_m).astype(np.float32), cloud.rgb, cloud.size_m)
 
 
-def _shifts(parts: list[Cloud], stage: Stage) -> list[FloatArray]:
-    """Where clouds beside each other go: evenly spaced about where one alone would be."""
-    direction: FloatArray = SIDE_DIRECTION @ stage.R_level_scene
+def _shifts(parts: list[Cloud], look: Look) -> list[FloatArray]:
+    """Where clouds beside each other go: evenly spaced about where one alone would be, to the right of who looks."""
+    x, y, _ = DIRECTIONS[look.preset]
+    direction: FloatArray = np.array([-y, x, 0.0]) / np.hypot(x, y) @ look.stage.R_level_scene
     along_m = parts[-1].xyz @ direction if len(parts[-1].xyz) else np.zeros(1)
     low, high = np.percentile(along_m, [2, 98])
     step_m = SIDE_STEP * max(1.0, float(high - low))

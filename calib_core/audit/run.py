@@ -6,6 +6,7 @@ recording -> calibrate -> difference, sigmas, verdict per axis
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -116,12 +117,23 @@ def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -
         worst = max(chosen, key=lambda a: abs(a.difference or 0.0) / a.smallest_error)
         return (
             f"Failed on {len(chosen)} of {len(axes)} axes: the {AXIS_WORDS[worst.axis]} is off by "
-            f"{worst.difference:+.3g} +- {worst.difference_std:.2g} {worst.unit}, where {worst.limit:g} {worst.unit} is allowed."
+            f"{_off(worst)} {worst.unit}, where {worst.limit:g} {worst.unit} is allowed."
         )
     if not chosen:
         return "This recording cannot tell: no axis is judged; give limits for some."
     widest = max(chosen, key=lambda a: a.smallest_error / (a.limit or a.smallest_error))
     return (
-        f"This recording cannot tell: the {AXIS_WORDS[widest.axis]} is known to {widest.difference_std:.2g} "
+        f"This recording cannot tell: the {AXIS_WORDS[widest.axis]} is known to {widest.difference_std:.{_decimals(widest)}f} "
         f"{widest.unit} (1 sigma), too roughly for a limit of {widest.limit:g} {widest.unit}; record more motion."
     )
+
+
+def _off(axis: AxisAudit) -> str:
+    """The difference and its sigma, both to the sigma's second digit, as the table beside the sentence has them."""
+    decimals = _decimals(axis)
+    return f"{axis.difference:+.{decimals}f} +- {axis.difference_std:.{decimals}f}"
+
+
+def _decimals(axis: AxisAudit) -> int:
+    # Rounded first: 0.996 has its two digits one place further left than it seems.
+    return max(0, 1 - math.floor(math.log10(float(f"{max(axis.difference_std, 1e-9):.1e}"))))

@@ -75,6 +75,17 @@ describe("the URL of an inspection", () => {
     expect(parseOld("1,2,3")).toBeNull();
     expect(parseOld("0,0,0,0,0,0,2")).toBeNull();
   });
+  // Fails with a wipe between raw and de-skewed over a surface that is the same on both sides, asked for or typed.
+  it("has a surface of the de-skewed map alone", () => {
+    const read = (query: URLSearchParams) => readWish(query, 0);
+    const laid = writeWish(new URLSearchParams("show=wipe&map=1"), { extent: "surface" });
+    expect(read(laid)).toMatchObject({ extent: "surface", show: "deskewed" });
+    expect(read(writeWish(laid, { show: "side" }))).toMatchObject({ extent: "map", show: "side" });
+    expect(read(writeWish(laid, { show: "deskewed" })).extent).toBe("surface");
+    expect(read(writeWish(laid, { scan: 3 })).extent).toBe("surface");
+    expect(read(writeWish(laid, { extent: "scan" })).show).toBe("wipe");
+    expect(read(new URLSearchParams("show=wipe&map=surface")).show).toBe("deskewed");
+  });
   // Fails with a part of the wish that is not written, or not read.
   it("says everything that is wished for", () => {
     const wish = {

@@ -6,6 +6,7 @@ import {
   secondsLeft,
   stagesOf,
   stagesOfSolve,
+  stagesShown,
   stageState,
   standingOf,
   wholeFraction,
@@ -115,13 +116,19 @@ describe("parameters", () => {
 });
 
 describe("the stages of a run", () => {
-  const seen = (stage: "planes" | "initialise", fraction: number) => ({ stage, fraction, text: "" });
+  const seen = (stage: "planes" | "track" | "initialise", fraction: number) => ({ stage, fraction, text: "" });
 
   // Fails when a stage that was passed over stays open for ever, and when one that is still ahead is left out.
   it("leaves out what an earlier run made", () => {
     expect(stagesOf([], ["read", "planes", "track"])).toEqual(["read", "planes", "track"]);
     expect(stagesOf([seen("planes", 1)], ["read", "planes", "track"])).toEqual(["planes", "track"]);
     expect(stagesOf([seen("planes", 1)], stagesOfSolve)).toEqual(stagesOfSolve);
+  });
+
+  // Fails with a stage that nobody expected put at the end, below those that come after it.
+  it("are shown in the order in which they come", () => {
+    const shown = stagesShown([seen("planes", 1), seen("track", 0.5)], stagesOfSolve);
+    expect(shown).toEqual(["planes", "track", "initialise", "solve", "deskew"]);
   });
 
   // Fails when a stage that said its last word half way is half done for ever.

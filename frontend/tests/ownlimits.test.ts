@@ -10,10 +10,13 @@ const result = {
   },
 } as unknown as CalibrationResult;
 
-/** Mutations: metres held against millimetres; the last axis left out; a limit that is met counted as beyond. */
+/**
+ * Oracle: the table's digits. Mutations: 5.20 beside its 5.2; metres held against millimetres; the last axis left out; a limit
+ * that is met counted as beyond.
+ */
 test("axes beyond one's own limits are named with what is known of them", () => {
   expect(beyond(result, { deg: 0.1, mm: 5, ms: 1 })).toEqual([
-    "position y ± 5.20 mm",
+    "position y ± 5.2 mm",
     "position z ± 20 mm",
     "turn y ± 0.20 °",
   ]);

@@ -279,9 +279,27 @@ def test_units_are_printed_as_people_print_them():
     assert "gyroscope 0.00012 rad/s/√Hz, accelerometer 0.0012 m/s²/√Hz" in told
 
 
+def test_what_is_noticed_begins_as_a_sentence_does():
+    """Mutations: a line that begins small; one that does after the word that says how grave it is."""
+    noticed = [("info", "laser 4 reads 9 mm short"), ("warning", "wall 3 did not stand still: left out")]
+    messages = [Message(code="said", level=level, text=text) for level, text in noticed]
+    told = report_page(world.make_result().model_copy(update={"messages": messages}))
+    assert "Laser 4 reads 9 mm short" in told
+    assert "wall 3 did not stand still: left out" in told
+
+
+def test_the_worst_distance_is_told_where_it_is_with_its_unit(beside):
+    """Mutation: a range without metres."""
+    assert beside.evidence.by_range is not None
+    assert re.search(r" mm at range [\d.]+ m[,;]", captions.by_value(beside.evidence.by_range, "range", " m"))
+    assert re.search(r"at range [\d.]+ m[,;]", report_page(world.make_result(), beside))
+
+
 def test_settings_are_told_in_words(page):
-    """Mutation: null and true as JSON has them; gravity's spread left out."""
+    """Mutations: null and true as JSON has them; gravity's spread left out; what has no bound called found."""
     assert "gravity 9.807 ± 0.02 m/s²" in page
     assert "estimate planes yes" in page
     assert "imu noise as found" in page
     assert "priors none" in page
+    assert "points per plane per scan all;" in page
+    assert "field of view deg all around;" in page

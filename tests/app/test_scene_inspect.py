@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from app.planes import palette
+from app.scene.aim import stand
 from app.scene.build import Solved, build_unsolved
 from app.scene.converge import build_converging, steady_up
 from app.scene.inspect import Look, Motions, build_inspection
@@ -137,6 +139,27 @@ def test_side_by_side_is_the_same_clouds_apart(with_old_one):
     assert low < max(cloud.xyz[:, 0].min() for cloud in side.values()) + 8.0
     titles = [item.text for item in content.items if isinstance(item, Label) and item.path.startswith("/titles")]
     assert titles == (["Raw", "Old extrinsic", "De-skewed"] if with_old_one else ["Raw", "De-skewed"])
+
+
+@pytest.mark.parametrize("preset", ["overview", "top", "front"])
+def test_clouds_beside_each_other_hide_none_of_one_another(preset):
+    """From wherever one looks they stand in a row across the view, the raw one on the left. Oracle: the camera's own left and
+    right. Mutations: one row for all, in which the front view has them behind one another; the row turned round.
+    """
+    old = OldExtrinsic(translation_m=(0, 0, 0), quaternion_xyzw=(0, 0, 0, 1))
+    motions = replace(MOTIONS, old=with_old(SOLVED, old))
+    content = build_inspection(RECORDING, replace(LOOK, show="side", preset=preset), motions, None)
+    side = clouds_of(content)
+    points = np.concatenate([cloud.xyz for cloud in side.values()]).astype(np.float64)
+    camera = stand(points, content.stage, preset, fov_rad=1.0, aspect=1.6)
+    ahead = camera.middle_m - camera.eye_m
+    right = np.cross(ahead, content.stage.up)
+    right /= np.linalg.norm(right)
+    edges = [np.percentile(cloud.xyz @ right, [3, 97]) for cloud in side.values()]
+    assert list(side) == ["/raw", "/old", "/deskewed"]
+    assert all(left[1] < after[0] for left, after in pairwise(edges))
+    ways = [after.xyz.mean(axis=0) - left.xyz.mean(axis=0) for left, after in pairwise(side.values())]
+    assert all(abs(way @ right) > 0.99 * np.linalg.norm(way) for way in ways)
 
 
 def test_frames_stand_where_the_sensors_were():

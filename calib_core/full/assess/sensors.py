@@ -114,4 +114,5 @@ def _lasers(lasers: Sequence[Intrinsic]) -> str:
     worst = " and ".join(
         f"laser {p.name} reads {abs(p.value) * 1e3:.0f} mm {'long' if p.value > 0 else 'short'}" for p in ordered[:2]
     )
-    return worst + (f" ({len(ordered) - 2} more are off)" if len(ordered) > 2 else "")
+    more = len(ordered) - 2
+    return worst + (f" ({more} more {'is' if more == 1 else 'are'} off)" if more > 0 else "")

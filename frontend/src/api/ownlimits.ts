@@ -1,6 +1,6 @@
 import { useLocalStorage } from "@mantine/hooks";
 import type { CalibrationResult, Limits } from "./client";
-import { fixed } from "../ui/format";
+import { twoDigits } from "../ui/format";
 
 /** How well a rig has to be known for its use: one standard deviation, in the units that people read. */
 export interface OwnLimits {
@@ -37,7 +37,7 @@ export function beyond(result: Pick<CalibrationResult, "uncertainty">, own: OwnL
   const known = result.uncertainty;
   if (known === null) return null;
   const said = (name: string, std: number, limit: number, unit: string) =>
-    std > limit ? [`${name} ± ${fixed(std, std < 0.1 ? 3 : std < 10 ? 2 : 0)} ${unit}`] : [];
+    std > limit ? [`${name} ± ${twoDigits(std)} ${unit}`] : [];
   return [
     ...axes.flatMap((axis, i) => said(`position ${axis}`, (known.translation_std_m[i] ?? 0) * 1000, own.mm, "mm")),
     ...axes.flatMap((axis, i) => said(`turn ${axis}`, known.rotation_std_deg[i] ?? 0, own.deg, "°")),

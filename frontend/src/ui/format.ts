@@ -69,7 +69,7 @@ export function stdText(std: number, unit: "deg" | "m" | "s"): string {
   }
 }
 
-function twoDigits(value: number): string {
+export function twoDigits(value: number): string {
   return boundless(value, Math.max(0, 1 - Math.floor(Math.log10(Math.max(value, 1e-9)))));
 }
 

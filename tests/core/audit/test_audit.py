@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from calib_core import api
 from calib_core.audit.limits import Limits, read_limits
 from calib_core.audit.pose import GivenExtrinsic
-from calib_core.audit.report import AuditReport
-from calib_core.audit.run import report_of
+from calib_core.audit.report import AuditReport, AxisAudit
+from calib_core.audit.run import _sentence, report_of
 from calib_core.calibrate import Calibration
 from calib_core.errors import SettingsError
 from calib_core.result import CalibrationResult, Transform, Uncertainty
@@ -113,6 +113,22 @@ def test_what_the_recording_cannot_tell_is_said() -> None:
     assert loose.verdict == "passed"
     nothing = Limits(rotation_deg=None, translation_mm=None, time_offset_ms=None)
     assert audited(make_result(R, P), TRUTH, nothing).verdict == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("difference", "std", "said"),
+    [
+        (50.31, 0.998, "+50.3 +- 1.0 mm"),
+        (-0.6214, 0.0996, "-0.62 +- 0.10 mm"),
+        (112_204.0, 1234.0, "+112204 +- 1234 mm"),
+    ],
+)
+def test_a_failure_is_told_to_its_sigmas_second_digit(difference: float, std: float, said: str) -> None:
+    """As the table beside the sentence. Mutations: significant digits (1 for 1.0, 1.12e+05); a sigma counted unrounded."""
+    axis = AxisAudit(
+        axis="tz", unit="mm", difference=difference, difference_std=std, limit=0.1, smallest_error=0.1, verdict="failed"
+    )
+    assert said in _sentence("failed", [axis], Calibration(drawn(1, correlated(1)), None))
 
 
 def test_the_given_ones_own_uncertainty_counts() -> None:

@@ -61,9 +61,7 @@ export function AuditForm({ draft, onChange, limitsFit }: AuditFormProps) {
                 : `From ${draft.file}`
             }
             placeholder={"1 0 0 0.10\n0 1 0 -0.12\n0 0 1 0.08\n0 0 0 1"}
-            minRows={4}
-            maxRows={9}
-            autosize
+            rows={6}
             classNames={{ input: css.paste ?? "" }}
             value={draft.text}
             onChange={(event) => onChange({ text: event.currentTarget.value, file: "" })}

@@ -12,6 +12,7 @@ import { verdictTones, verdictWords } from "./words";
 export function AuditDocument({ report, jobId, recordingId }: DocumentProps) {
   const tone: Tone = verdictTones[report.verdict];
   const told = report.text.replace(/^(Passed: |Failed |This recording cannot tell: )/, "");
+  const hintsTitle = report.verdict === "passed" ? "What else there is to know" : "What may lie behind it";
   return (
     <div className={css.document}>
       <header className={css.verdict} data-tone={tone}>
@@ -38,8 +39,8 @@ export function AuditDocument({ report, jobId, recordingId }: DocumentProps) {
         <NoAnswer recordingId={recordingId} />
       )}
       {report.hints.length > 0 && (
-        <section aria-label="What may lie behind it">
-          <h2>What may lie behind it</h2>
+        <section aria-label={hintsTitle}>
+          <h2>{hintsTitle}</h2>
           <ul className={css.bullets}>
             {report.hints.map((hint) => (
               <li key={hint}>{hint}</li>

@@ -86,7 +86,7 @@ export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
           onChange={(event) => change({ against: event.currentTarget.value === "old" ? "old" : "raw" })}
         />
       )}
-      {wish.show !== "both" && (
+      {wish.show !== "both" && wish.extent !== "surface" && (
         <NativeSelect
           size="xs"
           w={184}

@@ -34,16 +34,23 @@ function share(text: string | null): number {
   return Number.isFinite(value) ? Math.max(0, Math.min(1, value)) : 0.5;
 }
 
+/** A surface is laid through the de-skewed map alone: who wants anything else beside it goes back to the map. */
+function fitting(part: Partial<InspectWish>, query: URLSearchParams): Partial<InspectWish> {
+  const laid = part.extent === undefined && query.get("map") === "surface";
+  return laid && part.show !== undefined && part.show !== "deskewed" ? { ...part, extent: "map" } : part;
+}
+
 /** What to show, as the URL says it: a reload or a shared link shows the same. */
 export function readWish(query: URLSearchParams, firstScan: number): InspectWish {
   const scan = Number(query.get("scan") ?? firstScan);
   const old = parseOld(query.get("old") ?? "");
-  const show = shows.find((one) => one === query.get("show")) ?? "both";
+  const extent = extents[query.get("map") ?? ""] ?? "scan";
+  const show = extent === "surface" ? "deskewed" : (shows.find((one) => one === query.get("show")) ?? "both");
   return {
     scan: Number.isInteger(scan) && scan >= 0 ? scan : 0,
     show: show === "old" && old === null ? "raw" : show,
     against: query.get("against") === "old" && old !== null ? "old" : "raw",
-    extent: extents[query.get("map") ?? ""] ?? "scan",
+    extent,
     wipe: share(query.get("wipe")),
     colorBy: colorings.find((color) => color === query.get("color")) ?? "plane",
     nudge: parseNudge(query.get("nudge") ?? ""),
@@ -53,7 +60,8 @@ export function readWish(query: URLSearchParams, firstScan: number): InspectWish
 }
 
 /** The query after a change of the wish; what is as it would be anyway is left out. */
-export function writeWish(old: URLSearchParams, part: Partial<InspectWish>): URLSearchParams {
+export function writeWish(old: URLSearchParams, change: Partial<InspectWish>): URLSearchParams {
+  const part = fitting(change, old);
   const query = new URLSearchParams(old);
   const put = (key: string, text: string) => {
     if (text === "") query.delete(key);

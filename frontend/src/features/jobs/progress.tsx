@@ -7,7 +7,7 @@ import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./progress.module.css";
-import { longStep, secondsLeft, stagesOf, stageState, stalledS, wholeFraction } from "./timeleft";
+import { longStep, secondsLeft, stagesShown, stageState, stalledS, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -67,7 +67,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   // While a step takes longer than it should, so will the rest: nothing is promised.
   const left = running && step === null ? secondsLeft(fraction, elapsedS) : null;
   const active = stages.at(-1);
-  const names = [...new Set([...(running ? stagesOf(stages, expected) : []), ...stages.map((stage) => stage.stage)])];
+  const names = stagesShown(stages, running ? expected : []);
   const percent = Math.round(fraction * 100);
   return (
     <div className={css.progress}>

@@ -26,13 +26,18 @@ export function stagesOf(seen: readonly StageProgress[], expected: readonly Stag
   return expected.filter((stage, i) => i > latest || seen.some((other) => other.stage === stage));
 }
 
+/** In the order in which they come: those seen, whether they were expected or not, and then those still expected. */
+export function stagesShown(seen: readonly StageProgress[], expected: readonly Stage[]): Stage[] {
+  return [...new Set([...seen.map((stage) => stage.stage), ...stagesOf(seen, expected)])];
+}
+
 /** How much of the whole job is done, 0..1, from the stages seen and those still expected. */
 export function wholeFraction(seen: readonly StageProgress[], expected: readonly Stage[]): number {
   // What comes after a stage says that it is done, whatever it said last.
   const share = (stage: StageProgress, place: number) =>
     place < seen.length - 1 ? 1 : Math.min(1, Math.max(0, stage.fraction));
   const done = seen.reduce((sum, stage, place) => sum + weights[stage.stage] * share(stage, place), 0);
-  const all = [...new Set([...stagesOf(seen, expected), ...seen.map((stage) => stage.stage)])];
+  const all = stagesShown(seen, expected);
   return done / all.reduce((sum, stage) => sum + weights[stage], 0);
 }
 

@@ -27,11 +27,17 @@ function standingOfSolve(state: Job["state"]): Pick<Standing, "tone" | "text"> {
   }
 }
 
+/** True whether its page is still sending or was closed, which nobody but that page knows. */
+function comingIn({ origin, received_bytes: here, size_bytes: all }: Recording): string {
+  if (origin === "sample") return "Being made";
+  return `Upload at ${all === 0 ? 0 : Math.floor((100 * here) / all)} %`;
+}
+
 /** Where a recording stands, in two words, and the screen to go on with. */
 export function standingOf(recording: Recording): Standing {
   switch (recording.state) {
     case "receiving":
-      return { tone: "info", text: "Uploading", screen: "recording" };
+      return { tone: "info", text: comingIn(recording), screen: "recording" };
     case "inspecting":
       return { tone: "info", text: "Being read", screen: "recording" };
     case "failed":

@@ -50,3 +50,14 @@ def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bo
     assert told == code
     assert text in sentence
     assert _sentences([_found(block, value, significant=False)], corrected=corrected) == []
+
+
+@pytest.mark.parametrize(
+    ("count", "tail"),
+    [(2, "short; ranges"), (3, "short (1 more is off); ranges"), (5, "short (3 more are off); ranges")],
+)
+def test_lasers_beyond_the_first_two_are_counted(count: int, tail: str) -> None:
+    """Mutations: one that are off; the two that are named counted along."""
+    found = [_found("laser_range_offset", -0.01).model_copy(update={"name": str(k)}) for k in range(count)]
+    ((_, sentence),) = _sentences(found, corrected=True)
+    assert tail in sentence
