@@ -28,6 +28,7 @@ from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming, scan_period_s
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
+from calib_core.readers.twice import once_each
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, Scan
 
@@ -100,7 +101,8 @@ def detect(
         state.decoder, state.timing, found = point_timing(
             sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
         )
-        state.findings.extend(found)
+        state.decoder, twice = once_each(sample, state.decoder, state.timing, state.lidar_topic.name)
+        state.findings.extend((*found, *twice))
     except InputError as error:
         state.problems.append(error)
 

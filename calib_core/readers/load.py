@@ -26,6 +26,7 @@ from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
+from calib_core.readers.twice import once_each
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, LidarInfo, Recording
 
@@ -79,6 +80,7 @@ def _load_open(
     decoder, timing, findings = point_timing(
         sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text
     )
+    decoder, twice = once_each(sample, decoder, timing, lidar_topic.name)
     preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
@@ -118,6 +120,7 @@ def _load_open(
         scans_total=len(reading.header_ns) - reading.n_twice if gathering is None else len(scans),
         findings=(
             *findings,
+            *twice,
             *reading.findings(lidar_topic.name),
             *cleaned.findings,
             *set_findings,

@@ -25,7 +25,7 @@ MEMORY_BYTES = 96 * (1 << 20)
 #: So much of the file is read before its pages are given back: they stay in the system's cache, but count as nobody's.
 _MAPPED_BYTES = 96 * (1 << 20)
 _INTENSITY_NAMES = ("intensity", "i", "reflectivity", "signal")
-_RING_NAMES = ("ring", "channel", "line", "laser_id", "layer", "line_index")
+RING_NAMES = ("ring", "channel", "line", "laser_id", "layer", "line_index")
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, rang
     if n_kept == 0:
         return Selection(keep, out, 0, counts)
     np.copyto(columns.intensity, _optional(points, _INTENSITY_NAMES), casting="unsafe")
-    np.copyto(columns.ring, _optional(points, _RING_NAMES), casting="unsafe")
+    np.copyto(columns.ring, _optional(points, RING_NAMES), casting="unsafe")
     words = (out.view(np.float32), out.view(np.int32))
     pack_points(
         columns.x, columns.y, columns.z, columns.intensity, columns.ring, columns.times_ns, first_ns, keep, *words

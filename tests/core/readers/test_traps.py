@@ -57,3 +57,15 @@ def test_flipped_axes_are_found_in_the_readings(name: str, tmp_path: Path) -> No
     """Mutation: return None from `_mirrored_axes`."""
     recording = api.load(traps.write(tmp_path / "trap.bag", SIMULATION, TRAPS[name]))
     assert not traps.missed(recording, TRAPS[name])
+
+
+def test_the_doctor_counts_a_return_once(tmp_path: Path) -> None:
+    """As the solve does. Mutations: the finding not passed on; the plain decoder kept."""
+    plain, twice = (
+        api.inspect(traps.write(tmp_path / f"{k}.bag", SIMULATION, TRAPS[name]))
+        for k, name in enumerate(("twin", "two returns of each beam"))
+    )
+    assert "points.twice" in [finding.code for finding in twice.findings]
+    ranges, of_twice = (report.lidar and report.lidar.ranges for report in (plain, twice))
+    assert ranges is not None
+    assert ranges == of_twice

@@ -42,7 +42,8 @@ class Trap:
 
     times: (absolute ns, header ns) -> {field: values}.   header_ns: of a cloud from its sweep's start and end.
     from_start: times count from the sweep's start wherever the header is.
-    missing: returns that are none, with garbage times, are strewn in.   gyro, accel: factors per axis.
+    missing: returns that are none, with garbage times, are strewn in.   twice: each block of 16 returns, but the last of them, is
+    followed by itself, with other intensities.   gyro, accel: factors per axis.
     imu_stamp_ns: from the true stamp and the receive time.   codes: findings that must be there.   says: their words.
     settings: what the user then gives, if anything.   shift_ns: what the trap adds to the time offset, by contract; None
     where it is only known roughly.   lidar_epoch_ns: added to the lidar's stamps gives the twin's.
@@ -53,6 +54,7 @@ class Trap:
     header_ns: Callable[[int, int], int] = lambda first, last: first
     from_start: bool = False
     missing: bool = False
+    twice: bool = False
     gyro: tuple[float, float, float] = (1.0, 1.0, 1.0)
     accel: tuple[float, float, float] = (1.0, 1.0, 1.0)
     imu_stamp_ns: Callable[[int, int], int] = lambda stamp, received: stamp
@@ -117,6 +119,7 @@ TRAPS: dict[str, Trap] = {
     "garbage on missing columns": Trap(
         times=lambda t, h: {"t": (t - h).astype("u4")}, missing=True, codes=("points.no_return",), says="no return"
     ),
+    "two returns of each beam": Trap(twice=True, codes=("points.twice",), says="there twice"),
     "IMU clock since its start": Trap(
         imu_stamp_ns=lambda stamp, received: stamp - build.EPOCH_NS + BOOT_NS,
         codes=("clock.epochs",),
@@ -164,6 +167,11 @@ def cloud_message(cloud: Cloud, trap: Trap, rng: np.random.Generator) -> tuple[i
         lost["t"] = rng.integers(0, 3_600_000_000, lost.size)
         lost["t"][::3] = 0
         points = np.insert(points, rng.integers(0, rows.size, lost.size), lost)
+    if trap.twice:
+        first = np.arange(rows.size // 16 * 16).reshape(-1, 16)
+        order = np.append(np.repeat(first, 2, axis=0).ravel(), np.arange(first.size, rows.size))
+        points = points[order]
+        points["intensity"][1::2] += 1.0
     return header_ns, build.pointcloud2(points, cdr=False, stamp_ns=header_ns)
 
 
