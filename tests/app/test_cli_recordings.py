@@ -88,8 +88,8 @@ def answer(room: Path) -> Path:
 
 
 def test_the_whole_path_without_an_option(room: Path, answer: Path) -> None:
-    """As near to the truth as the document says it is (one in ten thousand is not), which is 0.05 deg, 3 mm and 0.2 ms. Fails if a
-    direction or a sign is turned anywhere between the bag and the document.
+    """As near to the truth as the document says it is (one in ten thousand is not), which is 0.05 deg, 3 mm and 0.2 ms. Fails
+    if a direction or a sign is turned anywhere between the bag and the document.
     """
     out = answer
     result = CalibrationResult.model_validate_json(out.read_text())
