@@ -14,6 +14,33 @@ from calib_core.types import FloatArray, IntArray
 
 
 @numba.njit(cache=True, nogil=True)
+def _bias_columns(left: int, start: int, nodes: int, column: IntArray) -> None:
+    """Fills column (C,) from its fourth on: of the node on the left, its gyroscope's and accelerometer's; then of the next.
+
+    start: of the gyroscope's nodes, so many, which those of the accelerometer follow; a single one has none next to it.
+    """
+    for c in range(3):
+        column[3 + c] = start + 3 * left + c
+        column[6 + c] = start + 3 * (nodes + left) + c
+        if nodes > 1:
+            column[9 + c] = start + 3 * (left + 1) + c
+            column[12 + c] = start + 3 * (nodes + left + 1) + c
+
+
+@numba.njit(cache=True, nogil=True)
+def _put_in_place(
+    own: FloatArray, force: FloatArray, column: IntArray, corner: FloatArray, gradient_shared: FloatArray
+) -> None:
+    """Adds the upper triangle of own (C, C) and force (C,) to the shared columns (C,)."""
+    for c in range(column.shape[0]):
+        gradient_shared[column[c]] += force[c]
+        corner[column[c], column[c]] += own[c, c]
+        for e in range(c + 1, column.shape[0]):
+            corner[column[c], column[e]] += own[c, e]
+            corner[column[e], column[c]] += own[c, e]
+
+
+@numba.njit(cache=True, nogil=True)
 def add_links_kernel(
     first: FloatArray,
     second: FloatArray,
@@ -27,6 +54,8 @@ def add_links_kernel(
     nodes: int,
     gravity_start: int,
     nuisance_column: IntArray,
+    window: IntArray,
+    width: int,
     diagonal: FloatArray,
     lower: FloatArray,
     border: FloatArray,
@@ -39,7 +68,8 @@ def add_links_kernel(
     first, second: (L, 9, 9) by the link's two knots.   D_gravity, D_gyro, D_accel: (L, 9, 3).   residual: (L, 9).
     D_nuisance: (L, 9, N), in the shared columns nuisance_column (N,).
     node, fraction: (L,): the bias is (1 - fraction) of node and fraction of the next; one node where nodes is 1.
-    gravity_start: column of gravity; gyro bias nodes follow it, accelerometer nodes follow those.
+    gravity_start: column of gravity; gyro bias nodes follow it, accelerometer nodes follow those.   window: (K,) the first node
+    that a knot's border has, of so many: what follows the nodes comes that much earlier in it (Layout.known_to_knots).
     """
     links = first.shape[0]
     extra = nuisance_column.shape[0]
@@ -47,21 +77,19 @@ def add_links_kernel(
     per_link = walking + extra
     shared = np.empty((9, per_link))
     border_first, border_second = np.empty((9, per_link)), np.empty((9, per_link))
-    own = np.empty((per_link, per_link))
+    own, force = np.zeros((per_link, per_link)), np.zeros(per_link)
     column = np.empty(per_link, np.int64)
-    gyro_start = gravity_start + 3
-    accel_start = gyro_start + 3 * nodes
+    place = np.empty((2, per_link), np.int64)
+    for c in range(3):
+        column[c] = place[0, c] = place[1, c] = gravity_start + c
     for c in range(extra):
         column[walking + c] = nuisance_column[c]
+        place[0, walking + c] = place[1, walking + c] = nuisance_column[c] - 6 * (nodes - width)
     for link in range(links):
         k, left, f = link, node[link], fraction[link]
-        for c in range(3):
-            column[c] = gravity_start + c
-            column[3 + c] = gyro_start + 3 * left + c
-            column[6 + c] = accel_start + 3 * left + c
-            if nodes > 1:
-                column[9 + c] = gyro_start + 3 * (left + 1) + c
-                column[12 + c] = accel_start + 3 * (left + 1) + c
+        _bias_columns(left, gravity_start + 3, nodes, column)
+        for end in range(2):
+            _bias_columns(left - window[k + end], gravity_start + 3, width, place[end])
         for r in range(9):
             for c in range(3):
                 shared[r, c] = D_gravity[link, r, c]
@@ -73,34 +101,40 @@ def add_links_kernel(
             for c in range(extra):
                 shared[r, walking + c] = D_nuisance[link, r, c]
         # Summed up in small arrays of fixed columns, then put in place once: the inner loops run along memory.
-        border_first[:], border_second[:], own[:] = 0.0, 0.0, 0.0
-        for m in range(9):
-            res = residual[link, m]
-            for i in range(9):
-                a, b = first[link, m, i], second[link, m, i]
-                gradient[k, i] += a * res
-                gradient[k + 1, i] += b * res
+        A, B, res = first[link], second[link], residual[link]
+        border_first[:], border_second[:] = 0.0, 0.0
+        for i in range(9):
+            for m in range(9):
+                gradient[k, i] += A[m, i] * res[m]
+                gradient[k + 1, i] += B[m, i] * res[m]
+            # Three rows at a time: what is added to is fetched and put back a third as often.
+            for m in range(0, 9, 3):
+                a0, a1, a2 = A[m, i], A[m + 1, i], A[m + 2, i]
+                b0, b1, b2 = B[m, i], B[m + 1, i], B[m + 2, i]
                 for j in range(9):
-                    diagonal[k, i, j] += a * first[link, m, j]
+                    diagonal[k, i, j] += a0 * A[m, j] + a1 * A[m + 1, j] + a2 * A[m + 2, j]
                 for j in range(9):
-                    diagonal[k + 1, i, j] += b * second[link, m, j]
+                    diagonal[k + 1, i, j] += b0 * B[m, j] + b1 * B[m + 1, j] + b2 * B[m + 2, j]
                 for j in range(9):
-                    lower[k, i, j] += b * first[link, m, j]
+                    lower[k, i, j] += b0 * A[m, j] + b1 * A[m + 1, j] + b2 * A[m + 2, j]
                 for c in range(per_link):
-                    border_first[i, c] += a * shared[m, c]
+                    border_first[i, c] += a0 * shared[m, c] + a1 * shared[m + 1, c] + a2 * shared[m + 2, c]
                 for c in range(per_link):
-                    border_second[i, c] += b * shared[m, c]
-            for c in range(per_link):
-                a = shared[m, c]
-                gradient_shared[column[c]] += a * res
-                for e in range(per_link):
-                    own[c, e] += a * shared[m, e]
+                    border_second[i, c] += b0 * shared[m, c] + b1 * shared[m + 1, c] + b2 * shared[m + 2, c]
+        for c in range(per_link):
+            for m in range(0, 9, 3):
+                a0, a1, a2 = shared[m, c], shared[m + 1, c], shared[m + 2, c]
+                force[c] += a0 * res[m] + a1 * res[m + 1] + a2 * res[m + 2]
+                for e in range(c, per_link):
+                    own[c, e] += a0 * shared[m, e] + a1 * shared[m + 1, e] + a2 * shared[m + 2, e]
         for c in range(per_link):
             for i in range(9):
-                border[k, i, column[c]] += border_first[i, c]
-                border[k + 1, i, column[c]] += border_second[i, c]
-            for e in range(per_link):
-                corner[column[c], column[e]] += own[c, e]
+                border[k, i, place[0, c]] += border_first[i, c]
+                border[k + 1, i, place[1, c]] += border_second[i, c]
+        # Links between the same two nodes share their columns: these are put in place once for them all.
+        if link + 1 == links or node[link + 1] != left:
+            _put_in_place(own, force, column, corner, gradient_shared)
+            own[:], force[:] = 0.0, 0.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -112,6 +146,7 @@ def add_bins_kernel(
     scattered: FloatArray,
     planes_start: int,
     clock_column: int,
+    squeezed: int,
     diagonal: FloatArray,
     border: FloatArray,
     corner: FloatArray,
@@ -122,39 +157,40 @@ def add_bins_kernel(
 
     knot, plane: (B,).   J: (B, 4, 19) of [n_lidar, w_lidar], or (B, 4, 20) where the clocks' rate has a column.
     scatter: (B, 5, 5) M.   scattered: (B, 5) M a.   planes_start: column of the first plane.   clock_column: of the rate.
+    squeezed: by so much these come earlier in a knot's border (Layout.squeezed).
     """
     width = J.shape[2]
-    shared = width - 9
-    column = np.empty(shared, np.int64)
-    weighted = np.empty((4, width))
+    weighted, own = np.empty((4, width)), np.empty((width, width))
     for b in range(knot.shape[0]):
-        k = knot[b]
-        for c in range(7):
-            column[c] = c
-        for c in range(3):
-            column[7 + c] = planes_start + 3 * plane[b] + c
-        if shared > 10:
-            column[10] = clock_column
+        # J' M J of the bin by itself, in loops along memory: put in place it is in a dozen places.
         for i in range(4):
+            w0, w1, w2, w3 = scatter[b, i, 0], scatter[b, i, 1], scatter[b, i, 2], scatter[b, i, 3]
             for c in range(width):
-                weighted[i, c] = 0.0
-            for m in range(4):
-                w = scatter[b, i, m]
-                for c in range(width):
-                    weighted[i, c] += w * J[b, m, c]
-        for m in range(4):
-            force = scattered[b, m]
-            for i in range(9):
-                value = J[b, m, i]
-                if value == 0.0:
-                    continue
-                gradient[k, i] += value * force
+                weighted[i, c] = w0 * J[b, 0, c] + w1 * J[b, 1, c] + w2 * J[b, 2, c] + w3 * J[b, 3, c]
+        for i in range(width):
+            j0, j1, j2, j3 = J[b, 0, i], J[b, 1, i], J[b, 2, i], J[b, 3, i]
+            for c in range(width):
+                own[i, c] = j0 * weighted[0, c] + j1 * weighted[1, c] + j2 * weighted[2, c] + j3 * weighted[3, c]
+        k, at_plane = knot[b], planes_start + 3 * plane[b]
+        f0, f1, f2, f3 = scattered[b, 0], scattered[b, 1], scattered[b, 2], scattered[b, 3]
+        for i in range(width):
+            force = f0 * J[b, 0, i] + f1 * J[b, 1, i] + f2 * J[b, 2, i] + f3 * J[b, 3, i]
+            if i < 9:
+                gradient[k, i] += force
                 for j in range(9):
-                    diagonal[k, i, j] += value * weighted[m, j]
-                for c in range(shared):
-                    border[k, i, column[c]] += value * weighted[m, 9 + c]
-            for c in range(shared):
-                value = J[b, m, 9 + c]
-                gradient_shared[column[c]] += value * force
-                for e in range(shared):
-                    corner[column[c], column[e]] += value * weighted[m, 9 + e]
+                    diagonal[k, i, j] += own[i, j]
+                for c in range(7):
+                    border[k, i, c] += own[i, 9 + c]
+                for c in range(3):
+                    border[k, i, at_plane - squeezed + c] += own[i, 16 + c]
+                if width > 19:
+                    border[k, i, clock_column - squeezed] += own[i, 19]
+                continue
+            row = i - 9 if i < 16 else at_plane + i - 16 if i < 19 else clock_column
+            gradient_shared[row] += force
+            for c in range(7):
+                corner[row, c] += own[i, 9 + c]
+            for c in range(3):
+                corner[row, at_plane + c] += own[i, 16 + c]
+            if width > 19:
+                corner[row, clock_column] += own[i, 19]

@@ -52,6 +52,47 @@ def cells_kernel(
 
 
 @numba.njit(cache=True, nogil=True)
+def near_kernel(
+    plane: IntArray,
+    slice_index: IntArray,
+    x_hit: FloatArray,
+    d: FloatArray,
+    cosine: FloatArray,
+    grids: Grids,
+    near_m: float,
+    noise_m: tuple[float, float],
+    on_gate: tuple[float, float],
+    off_gate: tuple[float, float],
+    near: IntArray,
+    cell: IntArray,
+    on_plane: BoolArray,
+    off: FloatArray,
+) -> int:
+    """Hits nearer to their planes than near_m: which, in what cells, whether on the plane, and how far off. Returns how many.
+
+    noise_m: along the ray and across the plane.   on_gate, off_gate: so many standard deviations and so much more: the first
+    tells what is on, the second is the unit of off.   near, on_plane, off: (N,), cell: (N, 2), filled from their beginning.
+    """
+    u, origin, cell_m, half = grids
+    count = 0
+    for i in range(plane.shape[0]):
+        j, k = plane[i], slice_index[i]
+        if j < 0 or not abs(d[i]) < near_m:
+            continue
+        std = np.sqrt((noise_m[0] * cosine[i]) ** 2 + noise_m[1] ** 2)
+        for a in range(2):
+            value = origin[k, j, a]
+            for b in range(3):
+                value += u[k, j, a, b] * x_hit[i, b]
+            cell[count, a] = cell_of(value, cell_m, 2 * half)
+        near[count] = j
+        on_plane[count] = abs(d[i]) < on_gate[0] * std + on_gate[1]
+        off[count] = d[i] / (off_gate[0] * std + off_gate[1])
+        count += 1
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
 def count_kernel(
     plane: IntArray,
     cell: IntArray,

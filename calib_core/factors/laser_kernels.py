@@ -18,6 +18,13 @@ FEATURES = 8
 COLUMNS = 10
 HEIGHT = COLUMNS - 1
 OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6, 7])
+#: The same as a list of terms: a column, the feature that it adds to, and by how much for a unit.
+TERM_COLUMN = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, HEIGHT, HEIGHT])
+TERM_FEATURE = np.append(OF_COLUMN, [0, 4])
+TERM_SIGN = np.array([1.0] * 9 + [-1.0, -1.0])
+TERMS = len(TERM_COLUMN)
+#: Columns of a bin's Jacobian but for the clocks' rate (factors/planes_seen.py).
+COLUMNS_SEEN = 19
 
 
 class LaserTable(NamedTuple):
@@ -229,69 +236,76 @@ def add_features_kernel(
     change: FloatArray,
     planes_start: int,
     clock_column: int,
+    squeezed: int,
     gradient: FloatArray,
     border: FloatArray,
     corner: FloatArray,
     gradient_shared: FloatArray,
+    first: int,
+    last: int,
 ) -> None:
-    """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
+    """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster: first..last (exclusive).
 
     pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 8, 5),
     gram: (B, 8, 8).   column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients since
-    the clusters were made.   gradient: (K, 9).
+    the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
     """
     width = J.shape[2]
-    shared = width - 9
-    size = corner.shape[0]
-    place = np.empty(shared, np.int64)
-    by_knot, pull = np.empty(width), np.empty(width)
-    mixed = np.zeros((size, size))
-    for c in range(7):
-        place[c] = c
-    if shared > 10:
-        place[10] = clock_column
-    for b in range(pair.shape[0]):
+    lasers, size = column_of.shape[0], corner.shape[0]
+    by, pull = np.empty((FEATURES, width)), np.empty(width)
+    # What depends on the laser alone is summed up by lasers, and put in place once.
+    force, grams = np.zeros((lasers, FEATURES)), np.zeros((lasers, FEATURES, FEATURES))
+    common, mixed = np.zeros((lasers, FEATURES, width - 9)), np.zeros((size, size))
+    for b in range(first, last):
         q, j = pair[b], laser[b]
-        k = knot[q]
-        for c in range(3):
-            place[7 + c] = planes_start + 3 * plane[q] + c
+        k, at_plane = knot[q], planes_start + 3 * plane[q]
         pull[:] = 0.0
         for f in range(FEATURES):
-            w0, w1, w2, w3 = cross[b, f, 0], cross[b, f, 1], cross[b, f, 2], cross[b, f, 3]
-            moved = change[j, f]
+            w0, w1, w2, w3 = (
+                np.float64(cross[b, f, 0]), np.float64(cross[b, f, 1]), np.float64(cross[b, f, 2]), np.float64(cross[b, f, 3]),
+            )  # fmt: skip
             for i in range(width):
-                by_knot[i] = J[q, 0, i] * w0 + J[q, 1, i] * w1 + J[q, 2, i] * w2 + J[q, 3, i] * w3
-                pull[i] += moved * by_knot[i]
-            force = w0 * a[q, 0] + w1 * a[q, 1] + w2 * a[q, 2] + w3 * a[q, 3] + cross[b, f, 4] * a[q, 4]
+                by[f, i] = J[q, 0, i] * w0 + J[q, 1, i] * w1 + J[q, 2, i] * w2 + J[q, 3, i] * w3
+            own = w0 * a[q, 0] + w1 * a[q, 1] + w2 * a[q, 2] + w3 * a[q, 3] + cross[b, f, 4] * a[q, 4]
             for e in range(FEATURES):
-                force += gram[b, f, e] * change[j, e]
-            for c in range(COLUMNS):
-                column = column_of[j, c]
-                if column < 0:
-                    continue
-                factor = 1.0
-                if c == HEIGHT:
-                    if f == 1 or f == 2 or f == 3 or f > 4:  # noqa: PLR1714  no tuple in compiled code
-                        continue
-                    factor = -1.0
-                elif OF_COLUMN[c] != f:
-                    continue
-                gradient_shared[column] += factor * force
+                own += gram[b, f, e] * change[j, e]
+                grams[j, f, e] += gram[b, f, e]
+            force[j, f] += own
+            for e in range(width - 9):
+                common[j, f, e] += by[f, 9 + e]
+            moved = change[j, f]
+            if moved != 0.0:
+                for i in range(width):
+                    pull[i] += moved * by[f, i]
+        for t in range(TERMS):
+            column, f, sign = column_of[j, TERM_COLUMN[t]], TERM_FEATURE[t], TERM_SIGN[t]
+            if column >= 0:
                 for i in range(9):
-                    border[k, i, column] += factor * by_knot[i]
-                for e in range(shared):
-                    mixed[column, place[e]] += factor * by_knot[9 + e]
-                for e in range(HEIGHT):
-                    other = column_of[j, e]
-                    if other >= 0:
-                        corner[column, other] += factor * gram[b, f, OF_COLUMN[e]]
-                other = column_of[j, HEIGHT]
-                if other >= 0:
-                    corner[column, other] -= factor * (gram[b, f, 0] + gram[b, f, 4])
+                    border[k, i, column - squeezed] += sign * by[f, i]
+                for e in range(3):
+                    mixed[column, at_plane + e] += sign * by[f, 16 + e]
         for i in range(9):
             gradient[k, i] += pull[i]
-        for e in range(shared):
-            gradient_shared[place[e]] += pull[9 + e]
+        for e in range(7):
+            gradient_shared[e] += pull[9 + e]
+        for e in range(3):
+            gradient_shared[at_plane + e] += pull[16 + e]
+        if width > COLUMNS_SEEN:
+            gradient_shared[clock_column] += pull[COLUMNS_SEEN]
+    for j in range(lasers):
+        for t in range(TERMS):
+            column, f, sign = column_of[j, TERM_COLUMN[t]], TERM_FEATURE[t], TERM_SIGN[t]
+            if column < 0:
+                continue
+            gradient_shared[column] += sign * force[j, f]
+            for e in range(7):
+                mixed[column, e] += sign * common[j, f, e]
+            if width > COLUMNS_SEEN:
+                mixed[column, clock_column] += sign * common[j, f, COLUMNS_SEEN - 9]
+            for o in range(TERMS):
+                other = column_of[j, TERM_COLUMN[o]]
+                if other >= 0:
+                    corner[column, other] += sign * TERM_SIGN[o] * grams[j, f, TERM_FEATURE[o]]
     for r in range(size):
         for c in range(size):
             corner[r, c] += mixed[r, c] + mixed[c, r]

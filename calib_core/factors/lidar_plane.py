@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.factors.cell_kernels import Grids, cells_kernel, within_kernel
+from calib_core.factors.cell_kernels import Grids, cells_kernel, near_kernel, within_kernel
 from calib_core.factors.kernels import (
     SeenPlanes,
     Weighing,
@@ -181,6 +181,35 @@ def cells_of(hits: Hits, extents_normals: FloatArray) -> IntArray:
     cell = np.empty((len(hits.plane), 2), np.int64)
     cells_kernel(hits.plane, hits.slice_index, hits.x_hit, grids(hits.poses, extents_normals), cell)
     return cell
+
+
+@dataclass(frozen=True, slots=True)
+class NearHits:
+    """Hits near their planes: plane (M,), cell (M, 2), whether on it (M,), and how far off, in units of what is too far (M,)."""
+
+    plane: IntArray
+    cell: IntArray
+    on_plane: BoolArray
+    off: FloatArray
+
+
+def near_hits(
+    hits: Hits,
+    normals: FloatArray,
+    noise: LidarNoise,
+    *,
+    near_m: float,
+    on: tuple[float, float],
+    off: tuple[float, float],
+) -> NearHits:
+    """Those within near_m of their planes. on, off: so many standard deviations and so much more, as near_kernel has them."""
+    n = len(hits.plane)
+    plane, cell, on_plane, away = np.empty(n, np.int64), np.empty((n, 2), np.int64), np.empty(n, np.bool_), np.empty(n)
+    count = near_kernel(
+        hits.plane, hits.slice_index, hits.x_hit, hits.d, hits.cosine, grids(hits.poses, normals), near_m,
+        (noise.range_std_m, noise.surface_std_m), on, off, plane, cell, on_plane, away,
+    )  # fmt: skip
+    return NearHits(plane[:count], cell[:count], on_plane[:count], away[:count])
 
 
 def grids(poses: SlicePoses, normals: FloatArray) -> Grids:

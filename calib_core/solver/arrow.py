@@ -33,8 +33,9 @@ class NotPositiveDefinite(ArithmeticError):
 class ArrowSystem:
     """H and gradient of a sum of squares, accumulated factor by factor.
 
-    diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, S).   corner: (S, S).
+    diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, C).   corner: (S, S).
     gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares.   frozen: shared columns held fixed.
+    columns: (K, C) which of the shared each column of a knot's border is, each once; None where they are all there, in order.
     """
 
     diagonal: FloatArray
@@ -45,18 +46,34 @@ class ArrowSystem:
     gradient_shared: FloatArray
     cost: float = 0.0
     frozen: tuple[int, ...] = ()
+    columns: IntArray | None = None
 
     @staticmethod
-    def zeros(knots: int, block: int, shared: int) -> ArrowSystem:
-        """An empty system of K knots with n unknowns each and S shared unknowns."""
+    def zeros(knots: int, block: int, shared: int, columns: IntArray | None = None) -> ArrowSystem:
+        """An empty system of K knots with n unknowns each and S shared unknowns, of which each knot knows some or all."""
         return ArrowSystem(
             np.zeros((knots, block, block)),
             np.zeros((max(knots - 1, 0), block, block)),
-            np.zeros((knots, block, shared)),
+            np.zeros((knots, block, shared if columns is None else columns.shape[1])),
             np.zeros((shared, shared)),
             np.zeros((knots, block)),
             np.zeros(shared),
+            columns=columns,
         )
+
+    def known(self) -> IntArray:
+        """(K, C) the shared column of each of the border's."""
+        if self.columns is not None:
+            return self.columns
+        return np.repeat(np.arange(self.corner.shape[0])[None], len(self.diagonal), axis=0)
+
+    def whole_border(self) -> FloatArray:
+        """(K, n, S) the border with every zero written out."""
+        if self.columns is None:
+            return self.border
+        out = np.zeros((*self.gradient.shape, self.corner.shape[0]))
+        np.put_along_axis(out, np.repeat(self.columns[:, None], out.shape[1], axis=1), self.border, axis=2)
+        return out
 
 
 @dataclass(frozen=True)
@@ -140,16 +157,17 @@ def _eliminated(system: ArrowSystem, damping: float) -> _Chain:
     scale = 1.0 / np.sqrt(np.maximum((1.0 + damping) * np.einsum("kii->ki", system.diagonal), 1e-300))
     pieces = max(1, round(knots / _PIECE))
     cuts = (np.arange(1, pieces) * knots) // pieces
+    known = system.known()
     edges = [-1, *(int(cut) for cut in cuts), knots]
     tasks = range(pieces)
 
     def one(k: int) -> _Piece | None:
-        return _eliminated_piece(system, damping, scale, free, edges[k] + 1, edges[k + 1])
+        return _eliminated_piece(system, known, damping, scale, free, edges[k] + 1, edges[k + 1])
 
     done = [piece for piece in (workers().map(one, tasks) if pieces > 1 else map(one, tasks)) if piece is not None]
     if len(done) < pieces:
         raise NotPositiveDefinite("the chain of knots is not positive definite")
-    L, E, W, inner = _between(system, damping, scale, free, done, cuts)
+    L, E, W, inner = _between(system, known, damping, scale, free, done, cuts)
     if not eliminate_kernel(L, E, W):
         raise NotPositiveDefinite("the chain of knots is not positive definite")
     flat = W.reshape(-1, shared + 1)
@@ -163,47 +181,62 @@ def _eliminated(system: ArrowSystem, damping: float) -> _Chain:
 
 
 def _between(
-    system: ArrowSystem, damping: float, scale: FloatArray, free: IntArray, pieces: Sequence[_Piece], cuts: IntArray
+    system: ArrowSystem,
+    known: IntArray,
+    damping: float,
+    scale: FloatArray,
+    free: IntArray,
+    pieces: Sequence[_Piece],
+    cuts: IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """What the pieces leave of the knots between them, D, E, W of a chain, and what they take from the border: W' W."""
     n, shared = system.diagonal.shape[1], len(free)
+    place = _places(free, system.corner.shape[0])
     D, E, W = np.empty((len(cuts), n, n)), np.zeros((max(len(cuts) - 1, 0), n, n)), np.empty((len(cuts), n, shared + 1))
     for j, cut in enumerate(cuts):
         fill_kernel(
-            system.diagonal, system.lower, system.border, system.gradient, scale, free, damping, int(cut), False,
+            system.diagonal, system.lower, system.border, known, system.gradient, scale, place, damping, int(cut), False,
             D[j : j + 1], E[:0], W[j : j + 1],
         )  # fmt: skip
     inner = np.zeros((shared + 1, shared + 1))
     for j, piece in enumerate(pieces):
-        place = np.append(piece.touched, shared)
+        theirs = np.append(piece.touched, shared)
         own = np.append(np.arange(len(piece.touched)), piece.W.shape[2] - 1)
-        inner[np.ix_(place, place)] += piece.gram[np.ix_(own, own)]
+        inner[np.ix_(theirs, theirs)] += piece.gram[np.ix_(own, own)]
         before = slice(len(piece.touched), len(piece.touched) + n)
         if piece.has_before:
             D[j - 1] -= piece.gram[before, before]
-            W[j - 1][:, place] -= piece.gram[before][:, own]
+            W[j - 1][:, theirs] -= piece.gram[before][:, own]
         if j < len(cuts):
             last = piece.W[-1]
             D[j] -= piece.onward @ piece.onward.T
-            W[j][:, place] -= piece.onward @ last[:, own]
+            W[j][:, theirs] -= piece.onward @ last[:, own]
             if piece.has_before:
                 E[j - 1] = -(piece.onward @ last[:, before])
     return D, E, W, inner
 
 
+def _places(columns: IntArray, size: int) -> IntArray:
+    """(S,) where each shared column is among these (F,); -1 for none."""
+    out = np.full(size, -1)
+    out[columns] = np.arange(len(columns))
+    return out
+
+
 def _eliminated_piece(
-    system: ArrowSystem, damping: float, scale: FloatArray, free: IntArray, first: int, last: int
+    system: ArrowSystem, known: IntArray, damping: float, scale: FloatArray, free: IntArray, first: int, last: int
 ) -> _Piece | None:
     """Knots first..last (exclusive); None where they are not positive definite."""
     knots, n, _ = system.diagonal.shape
     count, has_before = last - first, first > 0
     # Most shared unknowns are felt everywhere, a node of the biases or a plane by a part of the chain alone.
-    touched = np.flatnonzero(touched_kernel(system.border, free, first, last))
+    size = system.corner.shape[0]
+    touched = np.flatnonzero(touched_kernel(system.border, known, size, first, last)[free])
     L, M = np.empty((count, n, n)), np.empty((max(count - 1, 0), n, n))
     W = np.empty((count, n, len(touched) + (n if has_before else 0) + 1))
     fill_kernel(
-        system.diagonal, system.lower, system.border, system.gradient, scale, free[touched], damping, first, has_before,
-        L, M, W,
+        system.diagonal, system.lower, system.border, known, system.gradient, scale, _places(free[touched], size), damping,
+        first, has_before, L, M, W,
     )  # fmt: skip
     if not eliminate_kernel(L, M, W):
         return None

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, cells_of, select
+from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, near_hits, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.many_scans import OnScans, ignore, over_batches, over_scans
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.view import View
-from calib_core.types import BoolArray, FloatArray, IntArray
+from calib_core.types import BoolArray
 
 
 def associate(
@@ -76,17 +76,16 @@ def survey(
     """
     total = ExtentSurvey.empty(view.estimate.normals)
 
-    def some(batch: Sequence[int]) -> tuple[IntArray, IntArray, BoolArray, FloatArray]:
-        hits = view.hits(batch, gate, stride)
-        std = noise.distance_std_m(hits.cosine)
-        close = np.flatnonzero((hits.plane >= 0) & (np.abs(hits.d) < SURVEYING.beside_m + gate.extra_m))
-        cells = cells_of(hits, view.estimate.normals)
-        on = np.abs(hits.d) < gate.sigmas * std + gate.extra_m
-        off = hits.d[close] / (SURVEYING.off_sigmas * std[close] + gate.extra_m)
-        return hits.plane[close], cells[close], on[close], off
+    def some(batch: Sequence[int]) -> NearHits:
+        return near_hits(
+            view.hits(batch, gate, stride),
+            view.estimate.normals,
+            noise,
+            near_m=SURVEYING.beside_m + gate.extra_m,
+            on=(gate.sigmas, gate.extra_m),
+            off=(SURVEYING.off_sigmas, gate.extra_m),
+        )
 
-    plane, cell, on, off = (
-        np.concatenate(each) for each in zip(*over_batches(view, positions, stride, some), strict=True)
-    )
-    total.add(plane, cell, on, off)
+    for near in over_batches(view, positions, stride, some):
+        total.add(near.plane, near.cell, near.on_plane, near.off)
     return total.finish(within)

@@ -6,7 +6,9 @@ M its scatter; where the lasers' own parameters are unknowns, their moments add 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +21,11 @@ from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.solver.arrow import ArrowSystem
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
+
+#: Parts of the lasers' clusters that are added at the same time.
+_PARTS = 4
 
 
 @dataclass(frozen=True)
@@ -48,26 +54,48 @@ class LidarFactors:
         b = self.bins
         a, J = self.bins_seen(estimate)
         clock = layout.nuisance().start + self.sensors.clock_place
+        squeezed = layout.squeezed(self.nodes.windows()[1])
         Ma = (b.scatter @ a[..., None])[..., 0]
         system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
+        lasers = self._lasers_begun(system, estimate, layout) if len(b.lasers.laser) else ()
         add_bins_kernel(
-            b.knot, b.plane, J, b.scatter, Ma, layout.every_plane().start, clock,
+            b.knot, b.plane, J, b.scatter, Ma, layout.every_plane().start, clock, squeezed,
             system.diagonal, system.border, system.corner, system.gradient, system.gradient_shared,
         )  # fmt: skip
-        if len(b.lasers.laser):
-            self._add_lasers(system, estimate, layout)
+        for part in lasers:
+            one = part.result()
+            system.gradient += one.gradient
+            system.corner += one.corner
+            system.gradient_shared += one.gradient_shared
 
-    def _add_lasers(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
+    def _lasers_begun(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> list[Future[ArrowSystem]]:
+        """The lasers' share in parts, at the same time as the rest: each fills columns and knots of the border that nobody
+        else does, and has the rest for itself. In as many parts on any number of threads: the sums are the same.
+        """
         lasers = self.bins.lasers
         a, J = self.lasers_seen(estimate)
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
-        add_features_kernel(
-            lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
-            np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
-            start + self.sensors.clock_place, system.gradient, system.border, system.corner, system.gradient_shared,
-        )  # fmt: skip
+        of_knot = lasers.knot[lasers.pair]
+        edges = np.searchsorted(of_knot, of_knot[(np.arange(1, _PARTS) * len(of_knot)) // _PARTS])
+
+        def one(first: int, last: int) -> ArrowSystem:
+            own = replace(
+                system,
+                gradient=np.zeros_like(system.gradient),
+                corner=np.zeros_like(system.corner),
+                gradient_shared=np.zeros_like(system.gradient_shared),
+            )
+            add_features_kernel(
+                lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
+                np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
+                start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1]),
+                own.gradient, own.border, own.corner, own.gradient_shared, first, last,
+            )  # fmt: skip
+            return own
+
+        return [workers().submit(one, first, last) for first, last in pairwise((0, *edges, len(of_knot)))]
 
     def sums(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted distances of every bin's points, (B,) [1/m]."""

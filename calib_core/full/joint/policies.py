@@ -186,6 +186,9 @@ class Settling:
     #: this part of the points' own standard deviation. Nothing that matters depends on the last of those moves, but whether
     #: two starts end at the same cost to a millionth does.
     unmoved: float = 2e-6
+    #: measured: a round moves points by a twentieth of what the one before it did. So little, under the same cells and the
+    #: same noise as in the round before, changes neither in the next one: it is at rest.
+    still: float = 1e-4
     #: judged: all points are gated anew where the solve has moved planes by more than this part of their scatter: a gate
     #: laid about a wrong motion keeps those points that confirm it.
     settled: float = 0.3

@@ -105,7 +105,8 @@ class JointProblem:
     def linearise(self, estimate: Estimate) -> ArrowSystem:
         """The normal equations at an estimate."""
         layout = self.layout(estimate)
-        system = ArrowSystem.zeros(len(self.readings.knots_s), KNOT, layout.size)
+        known = layout.known_to_knots(*self.nodes.windows())
+        system = ArrowSystem.zeros(len(self.readings.knots_s), KNOT, layout.size, known)
         # At the same time: both fill the knots' own blocks and the corner, of which the bins get some for themselves, but the
         # border in columns of their own.
         own = replace(
@@ -180,6 +181,6 @@ class JointProblem:
             own = f.r_D_gyro_bias @ self.sensors.gyro + f.r_D_accel_bias @ self.sensors.accel
         add_links_kernel(
             f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
-            self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start, columns,
+            self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start, columns, *self.nodes.windows(),
             system.diagonal, system.lower, system.border, system.corner, system.gradient, system.gradient_shared,
         )  # fmt: skip

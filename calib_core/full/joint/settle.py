@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.bounds import require_rest
 from calib_core.full.joint.estimation import Estimation, JointData
@@ -36,6 +37,7 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
     cells: list[BoolArray] = []
     moves: list[float] = []
     stillest = state
+    surveyed: tuple[BoolArray, LidarNoise] | None = None
     for k in range(settling.rounds):
         if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
             state = anchored(data, state)
@@ -55,13 +57,21 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
         # A single step: what another one would add, the next round's first step does.
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
         moves.append(moved_in_gate(problem, before, state.estimate))
-        if moves[-1] < settling.unmoved:
+        assert state.support is not None
+        found, last = (state.support.inside, state.lidar_noise), surveyed
+        if moves[-1] < settling.unmoved or (moves[-1] < settling.still and is_same(found, last)):
             break
+        surveyed = found
         if moves[-1] == min(moves):
             stillest = state
         if goes_away(moves, settling):
             return replace(stillest, rounds=state.rounds, iterations=state.iterations), False
     return state, True
+
+
+def is_same(found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoise] | None) -> bool:
+    """Whether a round has surveyed the cells and the noise that the one before it had."""
+    return last is not None and found[1] == last[1] and np.array_equal(found[0], last[0])
 
 
 def goes_away(moves: Sequence[float], settling: Settling) -> bool:

@@ -46,7 +46,9 @@ class ScanMotion:
 
 def evenly_spread(n: int, count: int) -> IntArray:
     """About `count` of n places in order: a golden-ratio stride visits rings and azimuths alike, however packets interleave."""
-    return np.unique((np.arange(count) * _GOLDEN % 1.0 * n).astype(np.int64))
+    taken = np.zeros(n, np.bool_)
+    taken[(np.arange(count) * _GOLDEN % 1.0 * n).astype(np.int64)] = True
+    return np.flatnonzero(taken)
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:

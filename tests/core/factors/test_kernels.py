@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from calib_core.factors.cell_kernels import Grids, cells_kernel
+from calib_core.factors.cell_kernels import Grids, cells_kernel, near_kernel
 from calib_core.factors.kernels import SeenPlanes, collapse_kernel, hits_kernel
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
@@ -120,6 +120,28 @@ def test_cells_are_floors_of_the_planes_own_coordinates() -> None:
     np.testing.assert_array_equal(cell, np.where(plane[:, None] < 0, -1, expected))
     assert (cell == 0).any()
     assert (cell == 2 * half - 1).any()
+
+
+def test_hits_near_their_planes_are_told_with_their_cells() -> None:
+    """Fails when a hit of no plane is told, the gates' units are exchanged, or an array is filled at the hit's own place."""
+    rng = np.random.default_rng(5)
+    n, slices, planes, half = 400, 4, 3, 20
+    plane, index = rng.integers(-1, planes, n), rng.integers(0, slices, n)
+    x_hit, d, cosine = rng.normal(size=(n, 3)) * 3, 0.2 * rng.normal(size=n), rng.uniform(-1, 0, n)
+    grid = Grids(rng.normal(size=(slices, planes, 2, 3)), rng.normal(size=(slices, planes, 2)), 0.25, half)
+    near, cell, on, off = np.empty(n, np.int64), np.empty((n, 2), np.int64), np.empty(n, bool), np.empty(n)
+    count = near_kernel(
+        plane, index, x_hit, d, cosine, grid, 0.3, (0.05, 0.01), (4.0, 0.02), (2.0, 0.03), near, cell, on, off
+    )
+    close = np.flatnonzero((plane >= 0) & (np.abs(d) < 0.3))
+    assert count == len(close)
+    std = np.hypot(0.05 * cosine, 0.01)
+    every = np.empty((n, 2), np.int64)
+    cells_kernel(plane, index, x_hit, grid, every)
+    np.testing.assert_array_equal(near[:count], plane[close])
+    np.testing.assert_array_equal(cell[:count], every[close])
+    np.testing.assert_array_equal(on[:count], (np.abs(d) < 4.0 * std + 0.02)[close])
+    np.testing.assert_allclose(off[:count], (d / (2.0 * std + 0.03))[close])
 
 
 def test_collapse_is_the_sum_of_outer_products() -> None:

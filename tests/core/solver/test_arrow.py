@@ -92,6 +92,28 @@ def test_a_chain_may_be_cut_anywhere(monkeypatch: pytest.MonkeyPatch, damping: f
         np.testing.assert_allclose(got, inverse[:, columns], rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.parametrize("piece", [6, 256])
+def test_a_border_may_have_a_knots_own_columns_alone(monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
+    """The same system with each knot's columns in another order, and those left out that are zero there.
+
+    Mutations: columns taken in order; a column that one knot lacks left as it was in the knot before; frozen ones kept.
+    """
+    rng = np.random.default_rng(3)
+    whole = random_system(9, 31, 3, 6)
+    columns = np.array([rng.permutation(6)[:4] for _ in range(31)])
+    held = np.zeros((31, 1, 6), bool)
+    np.put_along_axis(held, columns[:, None], True, axis=2)
+    whole = replace(whole, border=np.where(held, whole.border, 0.0), frozen=(2,))
+    whole.corner[:] += 30.0 * np.eye(6)
+    few = replace(whole, border=np.take_along_axis(whole.border, columns[:, None], axis=2), columns=columns)
+    np.testing.assert_array_equal(few.whole_border(), whole.border)
+    monkeypatch.setattr(arrow, "_PIECE", piece)
+    expected, found = solve_arrow(whole, damping=0.1), solve_arrow(few, damping=0.1)
+    np.testing.assert_allclose(found.step, expected.step, atol=1e-12)
+    np.testing.assert_allclose(found.step_shared, expected.step_shared, atol=1e-12)
+    np.testing.assert_allclose(found.information, expected.information, rtol=1e-9, atol=1e-9)
+
+
 def test_information_is_the_inverse_of_the_borders_covariance() -> None:
     """Fails when the Schur complement adds B' A^-1 B instead of subtracting it."""
     system = random_system(3, 12, 9, 6)

@@ -24,7 +24,7 @@ from tests.core.full.joint.test_sensors import Case
 def _solved() -> tuple[JointProblem, Estimate]:
     """A small problem at its optimum; where points hardly fit, that is far from nothing."""
     case = Case(1)
-    return case.problem, minimise(case.problem, case.estimate, max_iterations=300, tolerance=1e-14).estimate
+    return case.problem, minimise(case.problem, case.estimate, max_iterations=2000, tolerance=1e-14).estimate
 
 
 def _of_priors(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, FloatArray, FloatArray]:

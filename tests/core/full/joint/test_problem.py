@@ -20,7 +20,8 @@ from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
 from calib_core.types import FloatArray
 
 KNOTS, PLANES, H_S = 7, 3, 0.05
-LAYOUT = Layout(nodes=2, planes=PLANES)
+#: More nodes than a knot touches: what follows them comes earlier in its border.
+LAYOUT = Layout(nodes=4, planes=PLANES)
 OFFSET_S = 0.02
 DENSITY = NoiseDensity(np.full(3, 0.5), np.full(3, 2.0))
 #: Full-size steps of every kind of unknown, so that none hides behind another's units.
@@ -38,8 +39,8 @@ def _estimate(rng: np.random.Generator) -> Estimate:
         p_imu_lidar=0.3 * rng.normal(size=3),
         time_offset_s=OFFSET_S,
         gravity=np.array([3.0, -4.0, 8.5]),
-        gyro_bias=0.05 * rng.normal(size=(2, 3)),
-        accel_bias=0.2 * rng.normal(size=(2, 3)),
+        gyro_bias=0.05 * rng.normal(size=(LAYOUT.nodes, 3)),
+        accel_bias=0.2 * rng.normal(size=(LAYOUT.nodes, 3)),
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         offsets_m=rng.uniform(1.0, 3.0, PLANES),
     )
@@ -57,8 +58,8 @@ def _problem(seed: int, *, delta_s: float = 0.0) -> tuple[JointProblem, Estimate
         H_S * np.arange(KNOTS), H_S, rng.normal(size=(links, 4, 3)), 9.0 + rng.normal(size=(links, 4, 3)),
         rng.normal(size=(KNOTS, 3)), rng.normal(size=(KNOTS, 3)), np.zeros((links, 6)), np.ones(links, bool),
     )  # fmt: skip
-    nodes = BiasNodes.spread(readings.knots_s, 0.2 * (KNOTS - 1) * H_S)
-    nodes = BiasNodes(nodes.times_s[[0, -1]], np.zeros(links, np.int64), (np.arange(links) + 0.5) / links)
+    times_s = np.linspace(readings.knots_s[0], readings.knots_s[-1], LAYOUT.nodes)
+    nodes = BiasNodes(times_s, np.arange(links) // 2, (np.arange(links) % 2 + 0.5) / 2)
     bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
     pairs = np.array([(k, j) for k in range(KNOTS) for j in range(PLANES) if rng.random() < 0.7])
     y = np.concatenate([rng.normal(size=(len(pairs), 9, 3)), np.ones((len(pairs), 9, 1))], axis=2)
@@ -136,7 +137,11 @@ def _written_out(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
     H = np.zeros((size, size))
     for k in range(KNOTS):
         at, border = slice(k * n, k * n + n), slice(KNOTS * n, size)
-        H[at, at], H[at, border], H[border, at] = system.diagonal[k], system.border[k], system.border[k].T
+        H[at, at], H[at, border], H[border, at] = (
+            system.diagonal[k],
+            system.whole_border()[k],
+            system.whole_border()[k].T,
+        )
         if k + 1 < KNOTS:
             H[at.stop : at.stop + n, at], H[at, at.stop : at.stop + n] = system.lower[k], system.lower[k].T
     H[KNOTS * n :, KNOTS * n :] = system.corner
@@ -237,7 +242,7 @@ def test_priors_say_what_they_are_told() -> None:
     expected.append((np.linalg.norm(e.gravity) - 9.8) / 0.05)
     for values, first, walk in ((e.gyro_bias, 0.2, 0.3), (e.accel_bias, 1.0, 0.7)):
         for axis in range(3):
-            expected += [values[0, axis] / first, (values[1, axis] - values[0, axis]) / (walk * np.sqrt(span))]
+            expected += [values[0, axis] / first, *(np.diff(values[:, axis]) / (walk * np.sqrt(span)))]
     np.testing.assert_allclose(np.sort(residual), np.sort(expected), atol=1e-12)
     fixed, _ = prior_rows(replace(problem.priors, gravity_std_m_s2=0.0), problem.nodes, e, LAYOUT)
     assert np.abs(fixed).max() > 1e4
@@ -255,8 +260,8 @@ def test_moving_moves_each_kind_of_unknown_in_its_own_way() -> None:
     pulled = e.gravity + shared[7:10]
     heavier = np.linalg.norm(e.gravity) + shared[7:10] @ e.gravity / np.linalg.norm(e.gravity)
     np.testing.assert_allclose(m.gravity, pulled * heavier / np.linalg.norm(pulled))
-    np.testing.assert_allclose(m.gyro_bias, e.gyro_bias + shared[10:16].reshape(2, 3))
-    np.testing.assert_allclose(m.accel_bias, e.accel_bias + shared[16:22].reshape(2, 3))
+    np.testing.assert_allclose(m.gyro_bias, e.gyro_bias + shared[LAYOUT.gyro_bias()].reshape(-1, 3))
+    np.testing.assert_allclose(m.accel_bias, e.accel_bias + shared[LAYOUT.accel_bias()].reshape(-1, 3))
     np.testing.assert_allclose(m.states.p, e.states.p + knots[:, 3:6])
     for j in range(PLANES):
         u, v, w = shared[LAYOUT.plane(j)]
@@ -314,6 +319,24 @@ def test_the_lidar_at_the_gauge_knot_and_frozen_columns_stay() -> None:
     assert np.abs(solution.step_shared[list(frozen)]).max() < 1e-12
     free = solve_arrow(problem.linearise(e), damping=1e-9)
     assert np.abs(free.step_shared[list(frozen)]).min() > 1e-6
+
+
+def test_a_knots_border_has_the_columns_that_its_links_touch() -> None:
+    """By hand: links 0-1 are between nodes 0 and 1, 2-3 between 1 and 2, 4-5 between 2 and 3; knots 2 and 4 see three.
+
+    Mutations: the window of a knot from the link after it; none for the last knot's node on the right.
+    """
+    problem, e = _problem(0)
+    first, width = problem.nodes.windows()
+    assert width == 3
+    np.testing.assert_array_equal(first, [0, 0, 0, 1, 1, 1, 1])  # the last two would end behind the last node
+    known = problem.layout(e).known_to_knots(first, width)
+    assert known.shape == (KNOTS, 7 + 3 + 2 * 9 + 3 * PLANES)
+    np.testing.assert_array_equal(known[3, 10:19], LAYOUT.gyro_bias().start + 3 + np.arange(9))
+    np.testing.assert_array_equal(known[3, 19:28], LAYOUT.accel_bias().start + 3 + np.arange(9))
+    np.testing.assert_array_equal(known[:, 28:] + 0, np.tile(np.arange(LAYOUT.plane(0).start, LAYOUT.size), (KNOTS, 1)))
+    assert LAYOUT.squeezed(width) == LAYOUT.plane(0).start - 28
+    assert BiasNodes.spread(problem.readings.knots_s, None).windows()[1] == 1
 
 
 def test_bias_nodes_interpolate() -> None:

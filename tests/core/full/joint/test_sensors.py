@@ -142,7 +142,11 @@ def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
     H = np.zeros((size, size))
     for k in range(plain.KNOTS):
         at, border = slice(k * n, k * n + n), slice(plain.KNOTS * n, size)
-        H[at, at], H[at, border], H[border, at] = system.diagonal[k], system.border[k], system.border[k].T
+        H[at, at], H[at, border], H[border, at] = (
+            system.diagonal[k],
+            system.whole_border()[k],
+            system.whole_border()[k].T,
+        )
         if k + 1 < plain.KNOTS:
             H[at.stop : at.stop + n, at], H[at, at.stop : at.stop + n] = system.lower[k], system.lower[k].T
     H[plain.KNOTS * n :, plain.KNOTS * n :] = system.corner

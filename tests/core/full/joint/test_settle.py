@@ -12,6 +12,7 @@ import pytest
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import Event, IterationEvent
 from calib_core.factors.imu import KnotStates
+from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint import settle as settling
 from calib_core.full.joint.begin import knots_over
@@ -96,6 +97,16 @@ def test_rounds_that_move_points_farther_and_farther_go_away(moves: list[float],
     assert settling.goes_away(moves, Settling()) == away
 
 
+def test_the_same_survey_twice_is_none_that_still_changes() -> None:
+    """Mutations: cells alone are asked for; the noise alone; the first survey is taken for the same as none."""
+    cells, more = np.zeros((1, 2, 2), bool), np.ones((1, 2, 2), bool)
+    noise = LidarNoise(0.02, 0.001)
+    assert settling.is_same((cells, noise), (cells.copy(), LidarNoise(0.02, 0.001)))
+    assert not settling.is_same((cells, noise), None)
+    assert not settling.is_same((cells, noise), (more, noise))
+    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.0199, 0.001)))
+
+
 @dataclass(frozen=True)
 class _Swinging:
     """What `settle` knows of a motion that a cell's points put out of the cell, and in again without them.
@@ -106,6 +117,7 @@ class _Swinging:
     estimate: float
     support: PlaneExtents
     surveys: int = 0
+    lidar_noise: LidarNoise = LidarNoise(0.02, 0.001)  # noqa: RUF009  frozen
 
 
 def _surveyed(_: object, state: _Swinging, *__: object) -> _Swinging:
