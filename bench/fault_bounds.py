@@ -21,6 +21,8 @@ from bench.tables import append_row, read_rows
 from calib_core.simulate import Fault, parse_faults, prepare
 
 FAULT_BOUNDS = "fault_bounds.csv"
+#: The row without faults.
+IDEAL = "ideal sensors"
 #: The rows of the table; sizes are standard deviations here, also of what comes once.
 ROWS = {
     "laser offsets 8 mm": "laser-offsets=8mm",
@@ -29,6 +31,7 @@ ROWS = {
     "IMU axes 0.3 deg, triads 0.15 deg": "imu-axes=0.3deg,gyro-rotation=0.15deg",
     "accelerometer 2.5 ms late": "accel-delay=2.5ms",
     "clock 40 ppm": "clock-rate=40",
+    "gyroscope feels 0.1 deg/s a g": "g-sensitivity=1.8e-4",
     "industrial": "industrial",
     "consumer": "consumer",
 }
@@ -54,13 +57,17 @@ _BLOCKS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class FaultBoundRow:
-    """One set of faults. rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; gyroscope_rotation_deg: the
-    same for the rotation into the gyroscope's mean axes.   ignoring_rotation_deg and the two below: root mean square
-    error, over faults drawn from these sizes, of the efficient estimator for ideal sensors.   left: of each block's prior
-    sigma, the part that remains, smallest to largest."""
+    """One set of faults in a recording of so many seconds.
+
+    rotation_deg, translation_mm, offset_ms: roots of the blocks' traces; gyroscope_rotation_deg: the same for the rotation
+    into the gyroscope's mean axes.   ignoring_rotation_deg and the two below: root mean square error, over faults drawn from
+    these sizes, of the efficient estimator for ideal sensors.   left: of each block's prior sigma, the part that remains,
+    smallest to largest.
+    """
 
     scenario: str
     faults: str
+    duration_s: float
     rotation_deg: float
     translation_mm: float
     offset_ms: float
@@ -127,12 +134,14 @@ def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: P
     """The rows of one scenario, shown and written; rows of other scenarios stay."""
     simulation = prepare(scenario_of(scenario), seed=1, duration_s=duration_s)
     triangle, blocks = with_parameters(simulation, Assumptions(every=7))
-    stds = {"ideal sensors": np.zeros(blocks.size)}
+    stds = {IDEAL: np.zeros(blocks.size)}
     stds |= {name: priors_of(parse_faults(text), blocks) for name, text in rows.items()}
     R = simulation.truth.R_imu_lidar
-    made = [_row(scenario, name, some, triangle, blocks, R) for name, some in stds.items()]
+    made = [_row((scenario, name, duration_s), some, triangle, blocks, R) for name, some in stds.items()]
     path = folder / FAULT_BOUNDS
-    kept = [row for row in read_rows(path, FaultBoundRow, ()) if row.scenario != scenario]
+    kept = [
+        row for row in read_rows(path, FaultBoundRow, ()) if (row.scenario, row.duration_s) != (scenario, duration_s)
+    ]
     path.unlink(missing_ok=True)
     for row in (*kept, *made):
         append_row(path, row, ())
@@ -145,7 +154,7 @@ def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: P
 
 
 def _row(
-    scenario: str, name: str, stds: FloatArray, triangle: FloatArray, blocks: Blocks, R_imu_lidar: FloatArray
+    of: tuple[str, str, float], stds: FloatArray, triangle: FloatArray, blocks: Blocks, R_imu_lidar: FloatArray
 ) -> FaultBoundRow:
     covariance = joint(triangle, stds)
     gyroscope = in_the_gyroscopes_axes(covariance, blocks, R_imu_lidar)
@@ -156,8 +165,7 @@ def _row(
         if stds[place].any()
     ]
     return FaultBoundRow(
-        scenario,
-        name,
+        *of,
         *_norms(covariance[blocks.size :, blocks.size :]),
         float(np.degrees(np.sqrt(np.trace(gyroscope)))),
         *_norms(ignored(triangle, stds)),

@@ -11,6 +11,8 @@ What the paper leaves open, or where its letter is left:
 
     eq. 3     has its missing 1/2; reading and attitude are taken in mid-step, so that steps may be 1 ms
     II-C      kernel of smoothness 5/2; scales by maximum likelihood on a grid, the same on every machine
+    II-E      planes by sequential RANSAC whose hypotheses count inliers, where the paper cites MLESAC, which weighs them by
+              their likelihood: both are refitted to all points in the band
     II-E      P is what the first scan shows in directions 30 deg apart; a point close to two planes is given to neither
     eq. 2     the turn of the world about the vertical is held: nothing observes it
     lost      scans keep a state without lidar factors, so that no preintegration spans more than a scan (timeline.py)
@@ -80,15 +82,16 @@ def track_planes(
     *,
     planes: Sequence[Plane] | None = None,
     first_scan: int = 0,
+    by_map: bool = False,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> FrontEnd:
-    """The map and each scan's points on it (II-E); arguments as for `calibrate_paper`."""
+    """The map and each scan's points on it (II-E); arguments as for `calibrate_paper`.   by_map: as Selection has it."""
     return run_front_end(
         recording.scans,
         range(first_scan, len(recording.scans)),
         planes=planes,
-        selection=_selection(settings),
+        selection=replace(_selection(settings), by_map=by_map),
         on_event=on_event,
         should_cancel=should_cancel,
     )

@@ -43,11 +43,16 @@ _FLAT_COSINE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which points are used (III-C). points_per_plane: None for all.   field_of_view_deg: azimuth within +-."""
+    """Which points are used (III-C). points_per_plane: None for all.   field_of_view_deg: azimuth within +-.
+
+    by_map: points belong to a plane by their distance from the map's, seen from the scan's rough pose; else, as published, from
+    the plane that was fitted to the scan by itself.
+    """
 
     points_per_plane: int | None
     field_of_view_deg: float
     seed: int
+    by_map: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +130,14 @@ class _Tracker:
         if last is not None:
             points, of = view.points_lidar[on_any], plane[on_any]
             R, p = rough_pose(points, normals[of], offsets[of], last.R_map_lidar, last.p_map_lidar)
+            if self.selection.by_map:
+                fits = _off_edges(
+                    [_seen_from(each, R, p, fit, view) for each, fit in zip(self.planes, fits, strict=True)], view
+                )
+                plane[:] = -1
+                for i, fit in enumerate(fits):
+                    plane[fit.inliers] = i
+                on_any = np.flatnonzero(plane >= 0)
         start_s = (scan.stamp_ns - self.epoch_ns) * 1e-9
         pose_s = start_s + float(np.mean(view.elapsed_s[on_any]))
         kept = on_any[_capped(plane[on_any], self.selection, position)]
@@ -190,6 +203,13 @@ def _on_plane(view: _View, plane: Plane) -> PlaneFit:
     rms = float(np.sqrt(np.mean(distance[inliers] ** 2))) if inliers.any() else 0.0
     side = 1.0 if plane.offset_m >= 0 else -1.0
     return PlaneFit(side * plane.normal, side * plane.offset_m, inliers, rms)
+
+
+def _seen_from(plane: Plane, R: FloatArray, p: FloatArray, fit: PlaneFit, view: _View) -> PlaneFit:
+    """A map's plane in a scan taken from R, p, and the scan's points as near to it as those of the scan's own fit are."""
+    normal, offset_m = R.T @ plane.normal, float(plane.normal @ p + plane.offset_m)
+    distance = np.abs(view.points_lidar @ normal + offset_m)
+    return PlaneFit(normal, offset_m, distance < max(3.0 * fit.rms_m, _LEAST_BAND_M), fit.rms_m)
 
 
 def _range_std(view: _View, fits: Sequence[PlaneFit]) -> float:

@@ -12,7 +12,7 @@ so that with gravity g and elapsed time z (eq. 4-6)
 
 Departures. The printed eq. (3) lacks the 1/2 of the last term; a constant acceleration decides for it. Reading and
 attitude are taken in mid-step, not at its start: at 1 kHz and fast motion the left-hand rule is wrong by 1e-3 rad a
-scan.
+scan. What the letter of eq. (3) leads to can be had (`as_printed`): w, f at the step's start, S = DR, and no 1/2.
 
 First-order changes, tangents on the right, E = Exp(w h), H = Exp(w h / 2), K = hat(f), Jr at w h, Jh at w h / 2:
 
@@ -104,8 +104,10 @@ class _Chain:
         return _Chain(*(each[index] for each in self.arrays()))
 
 
-def _advance(chain: _Chain, gyro: FloatArray, accel: FloatArray, h: FloatArray) -> _Chain:
+def _advance(chain: _Chain, gyro: FloatArray, accel: FloatArray, h: FloatArray, as_printed: bool) -> _Chain:
     """The chain after one step. gyro, accel: (L, 3), biases removed.   h: (L,) [s]."""
+    if as_printed:
+        return _advance_as_printed(chain, gyro, accel, h)
     h1, h2 = h[..., None], h[..., None, None]
     S, E, H = _step_rotations(chain.DR, gyro, h1)
     Sf = _rotate(S, accel)
@@ -121,6 +123,22 @@ def _advance(chain: _Chain, gyro: FloatArray, accel: FloatArray, h: FloatArray) 
         chain.Dp_D_bg + chain.Dv_D_bg * h2 - 0.5 * SK @ S_D_bg * h2**2,
         chain.Dv_D_ba - S * h2,
         chain.Dp_D_ba + chain.Dv_D_ba * h2 - 0.5 * S * h2**2,
+    )
+
+
+def _advance_as_printed(chain: _Chain, gyro: FloatArray, accel: FloatArray, h: FloatArray) -> _Chain:
+    """Eq. (3) to the letter: the attitude at the step's start, and no 1/2."""
+    h1, h2 = h[..., None], h[..., None, None]
+    E, Sf, SK = exp(gyro * h1), _rotate(chain.DR, accel), chain.DR @ hat(accel)
+    return _Chain(
+        chain.DR @ E,
+        chain.Dv + Sf * h1,
+        chain.Dp + chain.Dv * h1 + Sf * h1**2,
+        _transpose(E) @ chain.DR_D_bg - right_jacobian(gyro * h1) * h2,
+        chain.Dv_D_bg - SK @ chain.DR_D_bg * h2,
+        chain.Dp_D_bg + chain.Dv_D_bg * h2 - SK @ chain.DR_D_bg * h2**2,
+        chain.Dv_D_ba - chain.DR * h2,
+        chain.Dp_D_ba + chain.Dv_D_ba * h2 - chain.DR * h2**2,
     )
 
 
@@ -162,28 +180,33 @@ def _rotate(R: FloatArray, vector: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """A chain at the knots of every scan: chain (M, K + 1), step readings gyro, accel (M, K, 3), step_s (M,)."""
+    """A chain at the knots of every scan: chain (M, K + 1), step readings gyro, accel (M, K, 3), step_s (M,).
+
+    as_printed: stepped by the letter of eq. (3).
+    """
 
     chain: _Chain
     gyro: FloatArray
     accel: FloatArray
     step_s: FloatArray
+    as_printed: bool
 
     def at(self, scan: IntArray, elapsed_s: FloatArray) -> _Chain:
         """The chain at elapsed_s (N,) after the starts of scans (N,): the last knot and a shorter step from there."""
         step = np.clip((elapsed_s / self.step_s[scan]).astype(np.int64), 0, self.gyro.shape[1] - 1)
         rest = elapsed_s - step * self.step_s[scan]
-        return _advance(self.chain.take(scan, step), self.gyro[scan, step], self.accel[scan, step], rest)
+        start = self.chain.take(scan, step)
+        return _advance(start, self.gyro[scan, step], self.accel[scan, step], rest, self.as_printed)
 
 
-def _integrate(readings: Readings, step_s: FloatArray) -> _Grid:
+def _integrate(readings: Readings, step_s: FloatArray, as_printed: bool) -> _Grid:
     """The chain of every scan over its steps. readings: (M, K, 3). step_s: (M,)."""
     n_scans, n_steps, _ = readings.gyro_rad_s.shape
     chains = [_Chain.at_rest(n_scans)]
     for k in range(n_steps):
-        chains.append(_advance(chains[-1], readings.gyro_rad_s[:, k], readings.accel_m_s2[:, k], step_s))
+        chains.append(_advance(chains[-1], readings.gyro_rad_s[:, k], readings.accel_m_s2[:, k], step_s, as_printed))
     stacked = [np.stack(each, axis=1) for each in zip(*(chain.arrays() for chain in chains), strict=True)]
-    return _Grid(_Chain(*stacked), readings.gyro_rad_s, readings.accel_m_s2, step_s)
+    return _Grid(_Chain(*stacked), readings.gyro_rad_s, readings.accel_m_s2, step_s, as_printed)
 
 
 def _integrate_covariance(grid: _Grid, readings: Readings) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -255,16 +278,17 @@ def preintegrate_scans(
     gyro_bias_prior: FloatArray,
     accel_bias_prior: FloatArray,
     rate_hz: float = 1000.0,
+    as_printed: bool = False,
 ) -> ScanPreintegration:
     """Preintegration of all scans on grids of about `rate_hz`.
 
     start_s, duration_s: (M,) [s, lidar clock].   time_offset_prior_s: t_imu = t_lidar - time_offset.   *_bias_prior:
-    (3,).
+    (3,).   as_printed: by the letter of eq. (3).
     """
     n_scans = start_s.shape[0]
     n_steps = max(1, int(np.ceil(np.median(duration_s) * rate_hz)))
     step_s = duration_s / n_steps
-    lidar_s = start_s[:, None] + (np.arange(n_steps) + 0.5) * step_s[:, None]
+    lidar_s = start_s[:, None] + (np.arange(n_steps) + (0.0 if as_printed else 0.5)) * step_s[:, None]
     scan = np.repeat(np.arange(n_scans), n_steps)
 
     def readings(shift_s: float) -> Readings:
@@ -278,7 +302,9 @@ def preintegrate_scans(
         return Readings(gyro, accel, flat.var_gyro.reshape(shape), flat.var_accel.reshape(shape))
 
     as_stamped = readings(0.0)
-    centre = _integrate(as_stamped, step_s)
-    later, earlier = (_integrate(readings(shift_s), step_s) for shift_s in (TIME_DIFFERENCE_S, -TIME_DIFFERENCE_S))
+    centre = _integrate(as_stamped, step_s, as_printed)
+    later, earlier = (
+        _integrate(readings(shift_s), step_s, as_printed) for shift_s in (TIME_DIFFERENCE_S, -TIME_DIFFERENCE_S)
+    )
     cov_R, cov_v, cov_p = _integrate_covariance(centre, as_stamped)
     return ScanPreintegration(start_s, duration_s, centre, later, earlier, cov_R, cov_v, cov_p)

@@ -25,12 +25,15 @@ class PaperOptions:
     fixed_states: the IMU states of all scans, by position in the recording, taken as known (IV-A.3, IV-A.4).
     motion_in_sweep: "upsampled" as published; "held": preintegration of raw readings, each held until the next;
     "none": a scan's points all seen from the pose of its first one. The last two are models for table I (ii).
+    eq_3: "midpoint" with the 1/2 that it lacks, reading and attitude taken in mid-step; "printed" to the letter, without it,
+    and with both taken at the step's start.
     relinearise: preintegrate again about the estimate before each refinement round; the paper expands about the prior
     only.
     """
 
     fixed_states: ImuStates | None = None
     motion_in_sweep: Literal["upsampled", "held", "none"] = "upsampled"
+    eq_3: Literal["midpoint", "printed"] = "midpoint"
     relinearise: bool = False
     refinement_rounds: int = 3
     iterations_per_round: int = 20

@@ -45,6 +45,7 @@ def expand(run: Run, about: Round | None, state: PaperState) -> tuple[Round, Pap
         gyro_bias_prior=gyro_bias,
         accel_bias_prior=accel_bias,
         rate_hz=run.options.upsampling_hz,
+        as_printed=run.options.eq_3 == "printed",
     )
     problem, plane = _problem(run, preintegration)
     return Round(problem, preintegration, plane, gyro_bias, accel_bias, offset_s), state

@@ -38,7 +38,7 @@ def swaying(t):
     return np.stack([2.0 * np.cos(3.0 * t), 9.8 + np.sin(7.0 * t), 3.0 * np.sin(4.0 * t + 0.3)], axis=1)
 
 
-def integrated(source, *, offset=0.0, bg=ZERO, ba=ZERO, rate=1000.0, starts=(0.0, 0.7), duration=0.1):
+def integrated(source, *, offset=0.0, bg=ZERO, ba=ZERO, rate=1000.0, starts=(0.0, 0.7), duration=0.1, as_printed=False):
     starts = np.array(starts)
     return preintegrate_scans(
         source,
@@ -48,6 +48,7 @@ def integrated(source, *, offset=0.0, bg=ZERO, ba=ZERO, rate=1000.0, starts=(0.0
         gyro_bias_prior=np.asarray(bg, dtype=float),
         accel_bias_prior=np.asarray(ba, dtype=float),
         rate_hz=rate,
+        as_printed=as_printed,
     )
 
 
@@ -117,6 +118,44 @@ def test_slow_twin():
     np.testing.assert_allclose(m.DR[0], R.as_matrix(), atol=1e-13)
     np.testing.assert_allclose(m.Dv[0], v, atol=1e-13)
     np.testing.assert_allclose(m.Dp[0], p, atol=1e-13)
+
+
+def test_eq_3_to_the_letter():
+    """The printed sums and the printed product, term by term: no 1/2, reading and attitude at each step's start.
+
+    Mutations: the 1/2 put in; readings in mid-step; the attitude after the step.
+    """
+    source = Analytic(wavy, swaying)
+    bg, ba, h = np.array([0.02, -0.01, 0.03]), np.array([0.1, 0.2, -0.3]), 0.005
+    pre = integrated(source, offset=0.013, bg=bg, ba=ba, starts=(0.3, 1.1), rate=200.0, as_printed=True)
+    m = pre.at(np.array([1]), np.array([0.06]))
+    t = 1.1 - 0.013 + h * np.arange(12)
+    turns = Rotation.from_rotvec((wavy(t) - bg) * h)
+    R = [Rotation.identity()]
+    for turn in turns:
+        R.append(R[-1] * turn)
+    push = np.array([at.apply(f) for at, f in zip(R[:-1], swaying(t) - ba, strict=True)])
+    v = np.vstack([np.zeros(3), np.cumsum(push * h, axis=0)])
+    np.testing.assert_allclose(m.DR[0], R[-1].as_matrix(), atol=1e-13)
+    np.testing.assert_allclose(m.Dv[0], v[-1], atol=1e-13)
+    np.testing.assert_allclose(m.Dp[0], (v[:-1] * h + push * h**2).sum(axis=0), atol=1e-13)
+
+
+@pytest.mark.parametrize("as_printed", [False, True])
+def test_biases_move_what_is_integrated_to_first_order(as_printed):
+    """Central differences over each bias, by either rule. Mutation: a Jacobian of the other rule."""
+    source, step = Analytic(wavy, swaying), 1e-4
+    base = integrated(source, rate=200.0, as_printed=as_printed).to_next()
+    for axis in range(3):
+        unit = np.eye(3)[axis]
+        for kind in ("bg", "ba"):
+            forth, back = (
+                integrated(source, rate=200.0, as_printed=as_printed, **{kind: s * step * unit}).to_next()
+                for s in (1, -1)
+            )
+            Dp_D, Dv_D = getattr(base, f"Dp_D_{kind}"), getattr(base, f"Dv_D_{kind}")
+            np.testing.assert_allclose((forth.Dv - back.Dv) / (2 * step), Dv_D[:, :, axis], atol=1e-7)
+            np.testing.assert_allclose((forth.Dp - back.Dp) / (2 * step), Dp_D[:, :, axis], atol=1e-8)
 
 
 def test_time_shift_has_the_contracts_sign():
