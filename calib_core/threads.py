@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 #: More threads than this gain nothing: the compiled loops wait for memory.
-_MOST = 4
+MOST_THREADS = 4
 
 
 def usable_cores() -> int:
@@ -22,7 +22,7 @@ def usable_cores() -> int:
 
 def usual_threads() -> int:
     """Threads for a loop over scans."""
-    return min(_MOST, usable_cores())
+    return min(MOST_THREADS, usable_cores())
 
 
 @lru_cache(maxsize=1)

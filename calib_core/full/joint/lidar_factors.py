@@ -21,11 +21,8 @@ from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.solver.arrow import ArrowSystem
-from calib_core.threads import workers
+from calib_core.threads import MOST_THREADS, workers
 from calib_core.types import FloatArray, IntArray
-
-#: Parts of the lasers' clusters that are added at the same time.
-_PARTS = 4
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class LidarFactors:
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
         of_knot = lasers.knot[lasers.pair]
-        edges = np.searchsorted(of_knot, of_knot[(np.arange(1, _PARTS) * len(of_knot)) // _PARTS])
+        edges = np.searchsorted(of_knot, of_knot[(np.arange(1, MOST_THREADS) * len(of_knot)) // MOST_THREADS])
 
         def one(first: int, last: int) -> ArrowSystem:
             own = replace(
