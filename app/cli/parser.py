@@ -64,6 +64,19 @@ def _add_serve(commands: Commands[Parser]) -> None:
         "--recordings", type=Path, metavar="DIR", help="a folder whose recordings open without an upload"
     )
     command.add_argument("--token", help="what every request must show; UNSWEEP_TOKEN does the same")
+    group = command.add_argument_group("beyond one machine")
+    group.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a dask.distributed cluster whose workers run the jobs and see DIR under the same path, "
+        "e.g. tcp://host:8786",
+    )
+    group.add_argument(
+        "--database",
+        metavar="URL",
+        help="where records are kept instead of in DIR, e.g. postgresql+psycopg://user@host/unsweep; "
+        "UNSWEEP_DATABASE_URL does the same and shows no password to others on the machine",
+    )
 
 
 def _add_inspect(commands: Commands[Parser]) -> None:

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from app.fleet.summary import NAME, read_rows
 from calib_core.errors import InputError
 from calib_core.result import CalibrationResult, Message
 from calib_core.simulate import simulate
+from tests.app.support.cluster import dask_processes
 from tests.app.support.processes import is_alive
 from tests.core.exporters.results import make_result
 from tests.core.full.conftest import SHORT
@@ -202,33 +202,13 @@ def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     assert [row.name for row in read_rows(hall / "out")] in ([], ["room"])
 
 
-@contextmanager
-def dask_processes(folder, workers):
-    """A real scheduler and real worker processes: the scheduler's address and the workers."""
-    file = folder / "scheduler.json"
-    quiet = {"cwd": ROOT, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "dask"]
-    scheduler = ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    worker = ["worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard"]
-    worker += ["--host", "127.0.0.1", "--local-directory", str(folder)]
-    started = [subprocess.Popen([*dask, *scheduler], **quiet)]
-    try:
-        wait_for(lambda: file.exists() and file.read_text().strip().endswith("}"))
-        started += [subprocess.Popen([*dask, *worker], **quiet) for _ in range(workers)]
-        yield json.loads(file.read_text())["address"], started[1:]
-    finally:
-        for process in reversed(started):
-            process.kill()
-            process.wait()
-
-
 def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
     """Real scheduler and workers; the one that has the recording is killed in the middle of it.
 
     Mutations: an executor that does not kill what is taken back; a child that outlives its worker.
     """
     cluster = pytest.importorskip("app.fleet.cluster")
-    with dask_processes(hall, 2) as (address, workers):
+    with dask_processes(hall, 2) as (address, started):
         executor = cluster.DaskCluster(address, FAKE)
         killed = []
 
@@ -237,7 +217,7 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
             child = int((hall / "sleepy.started").read_text().split()[0])
             parent = int((hall / "sleepy.started").read_text().split()[1])
             killed.append(child)
-            next(worker for worker in workers if worker.pid == parent).kill()
+            next(process for process in started if process.pid == parent).kill()
 
         killer = threading.Thread(target=kill)
         killer.start()
