@@ -104,7 +104,11 @@ def _add_calibrate_many(commands: Commands[Parser]) -> None:
     command = _command(commands, "calibrate-many", text)
     command.add_argument("source", type=Path, metavar="FOLDER|LIST", help="a list has a path a line")
     command.add_argument(
-        "--output", type=Path, required=True, metavar="DIR", help="gets NAME.json each and summary.csv; goes on, too"
+        "--output",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="gets NAME.json each and summary.csv, .json, .html; goes on, too",
     )
     group = command.add_argument_group("where, and how much of it")
     group.add_argument("--workers", type=positive, metavar="N", help="recordings at a time on this machine (its cores)")
