@@ -177,7 +177,10 @@ def report(costs: Sequence[Cost], passes: Sequence[Pass], recordings: int, durat
     lines = [
         "# What a fleet costs",
         "",
-        f"Written by `python -m bench.fleet`: `{SCENARIO}`, simulated, mcap, all points used. {usable_cores()} cores, {processor()}.",
+        (
+            f"Written by `python -m bench.fleet`: `{SCENARIO}`, simulated, mcap, all points used. {usable_cores()} cores, "
+            f"{processor()}."
+        ),
         "",
         head,
         "| ---: " * head.count(" | ") + "| ---: |",

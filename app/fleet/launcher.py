@@ -185,8 +185,6 @@ class ClusterJob:
 
     def _is_over(self, *, has_begun: bool) -> bool:
         """Whether nothing more will be heard, now that nothing has been for a while."""
-        if self._client.status != "running":
-            return True
         if self._stopping_since_s is not None:
             patience_s = self._longest_end_s if has_begun else 2.0 * _LOOK_S
             return time.monotonic() - self._stopping_since_s > patience_s

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
 from app.errors import Unavailable
 from app.fleet import launcher as launching
 from app.fleet.launcher import ClusterLauncher
-from app.jobs.orders import Begun, Failed, Order, Stopped
+from app.jobs.orders import Begun, Failed, Finished, Order, Stopped
 from app.jobs.processes import Processes
 from tests.app.support.cluster import dask_processes
 from tests.app.support.live import FAKE_JOBS, serving
@@ -59,8 +60,7 @@ def order_in(folder, name="room.bag", kind="solve"):
 def test_jobs_tell_and_leave_the_same_as_processes_here(address, client, tmp_path):
     """Oracle: the same recording through processes of the server. Steps come as they are made, files lie where they lay.
 
-    Mutations: a relay that drops the last step; threads of a job uncapped; a path that only the server's working directory makes
-    whole; a daemon's word that no job may be started.
+    Mutations: a relay that drops the last step; dask's word heeded that its workers, daemons, may have no children.
     """
     told = {}
     for name, launcher in (("here", None), ("there", cluster_of(address))):
@@ -91,11 +91,12 @@ def test_bounds_and_ends_are_those_of_processes_here(address, client, tmp_path):
         "crash.bag": "job.died",
         "defect.bag": "defect",
     }
-    with serving(tmp_path, launcher=cluster_of(address), solve_limit_s=2.0) as live:
+    with serving(tmp_path, launcher=cluster_of(address, memory_bytes=2 * 2**30), solve_limit_s=2.0) as live:
         started = {name: live.start(live.upload(name)) for name in ends}
         ended = {name: live.finish(job_id) for name, job_id in started.items()}
         assert {name: job["state"] for name, job in ended.items()} == dict.fromkeys(ends, "failed")
         assert {name: job["error"]["code"] for name, job in ended.items()} == ends
+        assert "than the 2.1 GB a job may have" in ended["greedy.bag"]["error"]["text"]
 
 
 def test_a_cancelled_job_is_over_there_too(address, client, tmp_path):
@@ -108,7 +109,7 @@ def test_a_cancelled_job_is_over_there_too(address, client, tmp_path):
             assert live.http.post(f"/api/jobs/{job_id}/cancel").status_code == 200
         assert [live.finish(job_id)["state"] for job_id in started] == ["cancelled"] * 2
         assert len(children) == 2
-        live.wait(lambda: not any(is_alive(pid) for pid in children))
+        assert not any(is_alive(pid) for pid in children)
 
 
 def children_of_worker():
@@ -174,8 +175,19 @@ def test_a_worker_that_cannot_do_it_says_what_to_do(address, client, tmp_path, m
     cluster.close()
 
 
+def test_paths_mean_the_same_to_a_worker_that_is_elsewhere(address, client, tmp_path, monkeypatch):
+    """Mutation: `--data-dir data` handed on as it was typed."""
+    (tmp_path / "data").mkdir()
+    monkeypatch.chdir(tmp_path)
+    cluster = cluster_of(address)
+    *_, last = cluster.launch(order_in(Path("data"), kind="inspect")).parcels()
+    assert isinstance(last, Finished)
+    assert (tmp_path / "data" / ("1" * 32) / "report.json").is_file()
+    cluster.close()
+
+
 def test_a_scheduler_that_goes_away_ends_jobs_with_a_sentence(tmp_path, monkeypatch):
-    """In the middle of a job, before the next one, and before the server starts. Mutations: wait for ever; a defect's words."""
+    """In the middle of a job, before the next one, and before the server starts. Mutation: dask's own error let out, a defect then."""
     from app.fleet import cluster as joining
 
     with dask_processes(tmp_path, 1) as (found, started):

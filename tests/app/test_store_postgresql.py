@@ -25,6 +25,8 @@ URL = os.environ.get("UNSWEEP_TEST_DATABASE_URL", "")
 #: Foreign keys before what they point at would be refused.
 IN_ORDER = ["alembic_version", "recordings", "schema_version", "documents", "jobs"]
 NOW = datetime(2026, 7, 1, 12, 0, 0, 250, tzinfo=UTC)
+#: A microsecond later, elsewhere.
+FAR = NOW.astimezone(timezone(timedelta(hours=-7))) + timedelta(microseconds=1)
 
 
 @pytest.fixture(scope="module")
@@ -134,12 +136,11 @@ def keep_some(engine):
     )
     for record in (one, gone):
         recordings.add(record)
-    far = NOW.astimezone(timezone(timedelta(hours=-7))) + timedelta(microseconds=1)
     job = JobRecord("a" * 32, one.id, "solve", "queued", '{"client": ""}', None, None, None, NOW, None, None)
-    late = JobRecord("0" * 32, one.id, "audit", "running", "{}", None, None, job.id, NOW, far, None)
+    late = JobRecord("0" * 32, one.id, "audit", "running", "{}", None, None, job.id, NOW, FAR, None)
     lost = JobRecord("b" * 32, gone.id, "planes", "done", "{}", None, "{}", None, NOW, NOW, NOW)
     kept = [jobs.add(each) for each in (job, late, lost)]
-    jobs.save(JobRecord(**{**fields(kept[0]), "state": "failed", "error_json": '{"text": "ü"}', "ended_at": far}))
+    jobs.save(JobRecord(**{**fields(kept[0]), "state": "failed", "error_json": '{"text": "ü"}', "ended_at": FAR}))
     documents.write(one.id, "view", "1")
     documents.write(one.id, "view", '{"zoom": 2}')
     documents.write(gone.id, "planes", "[]")
@@ -163,7 +164,9 @@ def test_postgresql_and_sqlite_keep_the_same(database, tmp_path):
     assert told["postgresql"] == told["sqlite"]
     assert kept["postgresql"] == kept["sqlite"]
     assert {name: len(rows) for name, rows in kept["sqlite"].items()} == {"recordings": 1, "jobs": 2, "documents": 1}
-    assert told["sqlite"][0] == ["a" * 32, "0" * 32]
+    in_states, of_recording = told["sqlite"]
+    assert in_states == ["a" * 32, "0" * 32]
+    assert of_recording[0].started_at == FAR
 
 
 def test_a_server_on_either_has_the_same_table_of_jobs(database, tmp_path):
