@@ -187,7 +187,7 @@ def test_paths_mean_the_same_to_a_worker_that_is_elsewhere(address, client, tmp_
 
 
 def test_a_scheduler_that_goes_away_ends_jobs_with_a_sentence(tmp_path, monkeypatch):
-    """In the middle of a job, before the next one, and before the server starts. Mutation: dask's own error let out, a defect then."""
+    """In the middle of a job, before the next one, and before the server starts. Mutation: dask's own error let out."""
     from app.fleet import cluster as joining
 
     with dask_processes(tmp_path, 1) as (found, started):

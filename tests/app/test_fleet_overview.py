@@ -26,8 +26,8 @@ def row(name, verdict="calibrated", **more):
 
 
 ROWS = [
-    row("car-10", duration_s=12.0),
-    row("car-2", duration_s=30.0, translation_std_y_m=0.0015),
+    row("car-10", duration_s=12.0, translation_std_y_m=0.00225),
+    row("car-2", duration_s=30.0, translation_std_y_m=0.0025),
     row("car-3", "weak", translation_std_z_m=4.2, sentence="The height is open."),
     row("dolly", "refused", code="motion.none", sentence="It stands still; record motion."),
     row("lost", "failed", code="job.lost", sentence="The worker was lost.", tries=3),
