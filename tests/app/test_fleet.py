@@ -236,6 +236,31 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
         wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
 
 
+def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(hall):
+    """What was finished stays, what ran is ended, the rest is run by the same call with another scheduler.
+
+    Mutations: wait for ever; tell each recording's row that its worker was lost.
+    """
+    cluster = pytest.importorskip("app.fleet.cluster")
+    asked = orders(hall, "room", "slow", "weak")
+    with dask_processes(hall, 1) as (address, started):
+        done = []
+
+        def lose():
+            wait_for(lambda: done and (hall / "slow.started").exists())
+            started[0].kill()
+
+        loser = threading.Thread(target=lose)
+        loser.start()
+        with pytest.raises(InputError, match="scheduler no longer answers"):
+            run_fleet(asked, hall, cluster.DaskCluster(address, FAKE), done.append)
+        loser.join()
+    assert [row.name for row in read_rows(hall)] == ["room"]
+    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+    kept, ahead = take_up(asked, hall)
+    assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
+
+
 def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sentence(monkeypatch):
     """Mutations: let dask's own error out; name no way to install it."""
     from app.fleet import cluster
