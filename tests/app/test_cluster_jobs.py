@@ -100,7 +100,9 @@ def test_bounds_and_ends_are_those_of_processes_here(address, client, tmp_path):
 
 
 def test_a_cancelled_job_is_over_there_too(address, client, tmp_path):
-    """By the wish, and by force. Mutations: a task taken back that nobody heeds; an end that is not waited for."""
+    """By the wish, and by force, one that says nothing too. Mutations: a task taken back that nobody heeds; an end that is not
+    waited for.
+    """
     with serving(tmp_path, launcher=cluster_of(address)) as live:
         started = [live.start(live.upload(name)) for name in ("slow.bag", "deaf.bag")]
         live.wait(lambda: [live.job(job_id)["text"] for job_id in started] == ["thinking"] * 2)
@@ -110,6 +112,12 @@ def test_a_cancelled_job_is_over_there_too(address, client, tmp_path):
         assert [live.finish(job_id)["state"] for job_id in started] == ["cancelled"] * 2
         assert len(children) == 2
         assert not any(is_alive(pid) for pid in children)
+        silent = live.start(live.upload("lost.bag"))
+        marker = live.services.files.job(silent) / "process"
+        live.wait(lambda: marker.exists() and marker.read_text())
+        live.http.post(f"/api/jobs/{silent}/cancel")
+        assert live.finish(silent)["state"] == "cancelled"
+        assert not is_alive(int(marker.read_text()))
 
 
 def children_of_worker():
@@ -128,7 +136,7 @@ def test_the_job_of_a_killed_worker_is_run_again_and_its_process_is_gone(address
         live.wait(lambda: set(live.job_states(recording_id).values()) == {"done"})
         job_id = live.start(recording_id)
         marker = live.services.files.job(job_id) / "process"
-        live.wait(marker.exists)
+        live.wait(lambda: marker.exists() and marker.read_text())
         process = int(marker.read_text())
         (parent,) = [pid for pid in client.run(os.getpid).values() if process in children_of(pid)]
         os.kill(parent, signal.SIGKILL)
