@@ -178,7 +178,7 @@ def test_a_worker_that_cannot_do_it_says_what_to_do(address, client, tmp_path, m
 
 def test_the_end_of_a_job_that_says_nothing_is_waited_for(address, client, tmp_path):
     """What it works on may be deleted next. Mutation: a task that was taken back counted as ended."""
-    cluster = cluster_of(address)
+    cluster = ClusterLauncher(address, grace_s=2.0, entry=FAKE_JOBS)
     job = cluster.launch(order_in(tmp_path, "lost.bag"))
     marker = tmp_path / ("1" * 32) / "process"
 
