@@ -160,7 +160,9 @@ def test_a_fleet_goes_on_where_it_stopped(hall):
 
 
 def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monkeypatch, capsys):
-    """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing."""
+    """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing; a
+    page that is left as it was in the middle.
+    """
     monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     listed, out = hall / "list.txt", hall / "out"
     listed.write_text("room.bag\nrefused.bag\n")
@@ -168,6 +170,8 @@ def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monk
     assert cli.run(command) == 0
     told = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
     assert {(event["event"], event["name"]) for event in told} == {("recording", "room"), ("recording", "refused")}
+    assert json.loads((out / "summary.json").read_text())["is_running"] is False
+    assert (out / "summary.html").read_text().count('scope="row"') == 2
     stamp = (out / "room.json").stat().st_mtime_ns
     listed.write_text("room.bag\nbroken.bag\n")
     assert cli.run([*command[:-1]]) == 3
@@ -275,7 +279,10 @@ def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sent
 
 @pytest.mark.slow
 def test_simulated_recordings_are_calibrated_on_two_workers(tmp_path, capsys):
-    """The whole way: two bags and a path that leads nowhere; settings arrive. Mutation: an order that forgets its settings."""
+    """The whole way: two bags and a path that leads nowhere; settings arrive, and the tables are of all.
+
+    Mutation: an order that forgets its settings.
+    """
     simulate(SHORT, tmp_path / "room-1.bag", seed=1)
     shutil.copy(tmp_path / "room-1.bag", tmp_path / "room-2.bag")
     listed, out = tmp_path / "list.txt", tmp_path / "out"
@@ -286,7 +293,11 @@ def test_simulated_recordings_are_calibrated_on_two_workers(tmp_path, capsys):
     said = capsys.readouterr().err.splitlines()
     assert said[-1].startswith("unsweep: 1 of 3 recordings has no document; the first is gone: ")
     assert str(tmp_path / "gone.bag") in said[-1]
-    results = [CalibrationResult.model_validate_json(path.read_text()) for path in sorted(out.glob("*.json"))]
+    table = json.loads((out / "summary.json").read_text())
+    assert (table["counts"]["calibrated"], table["counts"]["failed"], table["is_running"]) == (2, 1, False)
+    assert (out / "summary.html").read_text().count('<tr class="calibrated">') == 2
+    documents = sorted(set(out.glob("*.json")) - {out / "summary.json"})
+    results = [CalibrationResult.model_validate_json(path.read_text()) for path in documents]
     assert [result.provenance.recording.name for result in results] == ["room-1.bag", "room-2.bag"]
     for result in results:
         assert result.status == "calibrated"
