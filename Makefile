@@ -116,7 +116,7 @@ sbom: $(STAMPS)/project
 
 # Known vulnerabilities of what is pinned, as the package index's advisories tell them; without a network, a sentence.
 audit:
-	@$(PYTHON) tools/audit.py $(VENV)/audit $(PIP_AUDIT_VERSION) requirements.txt requirements-build.txt
+	@$(PYTHON) tools/audit.py $(VENV)/audit $(PIP_AUDIT_VERSION) requirements-fleet.txt requirements-build.txt
 
 clean:
 	rm -rf $(VENV) app/static frontend/node_modules

@@ -40,6 +40,9 @@ class AppSettings(BaseSettings):
     max_connections: int = Field(default=800, ge=10, description="open connections; more are answered 503")
     log_json: bool = Field(default=False, description="the log as one JSON object a line, for machines")
     database_url: str | None = Field(default=None, description="SQLAlchemy URL; None: SQLite in the data directory")
+    scheduler: str | None = Field(
+        default=None, description="address of a dask.distributed cluster that runs the jobs; None: this machine does"
+    )
     allowed_origins: tuple[str, ...] = Field(
         default=(), description="origins accepted besides the server's own, as https://calib.example.org behind a proxy"
     )
@@ -52,7 +55,7 @@ class AppSettings(BaseSettings):
         default=None, gt=0, le=36500, description="a recording that nobody used for so long is removed; None: never"
     )
     max_body_bytes: int = Field(default=2**20, gt=0, description="the largest body of any other request")
-    concurrent_jobs: int = Field(default=2, ge=1, description="jobs that run at once; more are queued")
+    concurrent_jobs: int = Field(default=2, ge=1, description="jobs that run at once on this machine; more are queued")
     max_waiting_jobs: int = Field(default=1000, ge=1, description="jobs that may wait; more are refused")
     simulate_limit_s: float = Field(default=1800.0, gt=0, description="the longest a sample may take to be made")
     inspect_limit_s: float = Field(default=3600.0, gt=0, description="the longest an inspection may take")

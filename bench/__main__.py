@@ -31,12 +31,21 @@ from bench.metrics import Metric, slips
 from bench.readme import README, with_tables
 from bench.store import RESULTS, bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, Workload, metrics_of, runs_of
+from calib_core.errors import InputError
 from calib_core.threads import usable_cores
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one of the commands; its exit code."""
     chosen = _parser().parse_args(arguments)
+    try:
+        return _run(chosen)
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+
+
+def _run(chosen: argparse.Namespace) -> int:
     match chosen.command:
         case "bound":
             bounds.compute(chosen.names or bounds.BOUNDED, jobs=chosen.jobs, folder=chosen.folder)
@@ -51,7 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 fault_runs.Campaign(name, faults, chosen.duration_s, chosen.set, label)
                 for name, faults in fault_runs.TABLE
             ]
-            fault_runs.monte_carlo(campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder)
+            fault_runs.monte_carlo(
+                campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder, scheduler=chosen.scheduler
+            )
         case "report-faults":
             sys.stdout.write(f"{fault_report.write_report(chosen.folder)}\n")
         case "starts":
@@ -62,6 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 jobs=chosen.jobs,
                 label=chosen.label or campaign.version_label(),
                 folder=chosen.folder,
+                scheduler=chosen.scheduler,
             )
         case "report":
             sys.stdout.write(f"{accuracy.write_report(chosen.folder, chosen.label)}\n")
@@ -86,6 +98,7 @@ def _monte_carlo(chosen: argparse.Namespace) -> None:
             label=label,
             folder=chosen.folder,
             independent=chosen.independent,
+            scheduler=chosen.scheduler,
         )
         return
     campaigns = [
@@ -93,7 +106,7 @@ def _monte_carlo(chosen: argparse.Namespace) -> None:
         for name in chosen.names
         for faults in chosen.faults
     ]
-    fault_runs.monte_carlo(campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder)
+    fault_runs.monte_carlo(campaigns, chosen.seeds, jobs=chosen.jobs, folder=chosen.folder, scheduler=chosen.scheduler)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -181,6 +194,12 @@ def _add_campaign(command: argparse.ArgumentParser, seeds: str) -> None:
         "--seeds", type=campaign.seeds_of, default=campaign.seeds_of(seeds), help=f"such as 1-5,8 ({seeds})"
     )
     command.add_argument("--label", help="of the program's version; default: the commit")
+    command.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a dask.distributed cluster that does it instead of --jobs processes here: `dask worker --nthreads 1`, "
+        "each in this same checkout",
+    )
     _add_jobs(command)
     _add_folder(command)
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
+from app.fleet.cluster import connect
 from bench.runs import PARAMETERS, Run, solve_once
 from bench.store import RESULTS
 from bench.tables import append_row, read_rows
@@ -44,8 +46,16 @@ def version_label() -> str:
     return commit + ("+" if git("status", "--porcelain", "--", "calib_core") else "")
 
 
-def spread(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]:
-    """Results as they are done, each process with one numerical thread."""
+def spread(work: Callable[[T], R], tasks: Sequence[T], jobs: int, scheduler: str | None = None) -> Iterator[R]:
+    """Results as they are done, each process with one numerical thread.
+
+    scheduler: address of a dask.distributed cluster that does the work instead, on machines with this same checkout.
+    """
+    if not tasks:
+        return
+    if scheduler is not None:
+        yield from _spread_over(scheduler, work, tasks)
+        return
     if jobs == 1:
         yield from map(work, tasks)
         return
@@ -60,6 +70,22 @@ def spread(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[R]
             pool.shutdown(wait=False, cancel_futures=True)
 
 
+def _spread_over(scheduler: str, work: Callable[[T], R], tasks: Sequence[T]) -> Iterator[R]:
+    """The same on a cluster, where what a lost worker had is done by another; what is left is taken back at the end."""
+    from distributed import as_completed as completed
+
+    with connect(scheduler) as client:
+        # By number: of two tasks that are alike dask would do one.
+        keys = [f"{work.__name__}-{uuid.uuid4().hex}" for _ in tasks]
+        waiting = [client.submit(work, task, key=key, pure=False) for key, task in zip(keys, tasks, strict=True)]
+        try:
+            for future in completed(waiting, loop=client.loop):
+                yield future.result()
+                future.release()
+        finally:
+            client.cancel(waiting)
+
+
 def monte_carlo(
     scenarios: Sequence[str],
     seeds: Sequence[int],
@@ -68,17 +94,19 @@ def monte_carlo(
     label: str,
     folder: Path = RESULTS,
     independent: bool = False,
+    scheduler: str | None = None,
 ) -> None:
     """Every scenario with every seed, appended to monte_carlo.csv.
 
     independent: no scenario shares random numbers with another; the label then says so, since such runs are not paired.
+    scheduler: as in `spread`.
     """
     label = label + INDEPENDENT if independent else label
     path = folder / MONTE_CARLO
     done = {(run.scenario, run.seed, run.label) for run in read_runs(folder)}
     # Seed by seed, so that an unfinished campaign has its scenarios paired.
     tasks = [(name, seed, label) for seed in seeds for name in scenarios if (name, seed, label) not in done]
-    for number, run in enumerate(spread(_solve, tasks, jobs), start=1):
+    for number, run in enumerate(spread(_solve, tasks, jobs, scheduler), start=1):
         append_row(path, run, PARAMETERS)
         sys.stderr.write(
             f"{number} of {len(tasks)}: {run.scenario} seed {run.seed}: {run.status} {run.code} "

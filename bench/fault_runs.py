@@ -127,11 +127,18 @@ class Stated(BaseModel):
     state: str
 
 
-def monte_carlo(campaigns: Sequence[Campaign], seeds: Sequence[int], *, jobs: int, folder: Path = RESULTS) -> None:
+def monte_carlo(
+    campaigns: Sequence[Campaign],
+    seeds: Sequence[int],
+    *,
+    jobs: int,
+    folder: Path = RESULTS,
+    scheduler: str | None = None,
+) -> None:
     """Every campaign with every seed, appended to the two tables; what is there is not run again."""
     done = {(run.campaign, run.seed) for run in read_fault_runs(folder)}
     tasks = [(each, seed) for seed in seeds for each in campaigns if (each, seed) not in done]
-    for number, (run, parameters) in enumerate(spread(_solve, tasks, jobs), start=1):
+    for number, (run, parameters) in enumerate(spread(_solve, tasks, jobs, scheduler), start=1):
         for parameter in parameters:
             append_row(folder / FAULT_PARAMETERS, parameter, ())
         append_row(folder / FAULT_RUNS, run, PARAMETERS)

@@ -81,14 +81,14 @@ def report(turns: Sequence[Turn], bag_mb: float, load: float) -> str:
         "",
         (
             f"All turns: {', '.join(f'{turn.wall_s:.1f} s' for turn in turns)}. Python {platform.python_version()}, "
-            f"{os.cpu_count()} cores, {_processor()}; load average before {load:.1f}."
+            f"{os.cpu_count()} cores, {processor()}; load average before {load:.1f}."
         ),
         "",
     ]
     return "\n".join(lines)
 
 
-def _processor() -> str:
+def processor() -> str:
     """The processor's name, where the system tells it."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():

@@ -152,13 +152,20 @@ def _worst(values: FloatArray, stds: FloatArray) -> float:
 
 
 def campaign(
-    seeds: Sequence[int], *, scenario: str, kinds: Sequence[str], jobs: int, label: str, folder: Path = RESULTS
+    seeds: Sequence[int],
+    *,
+    scenario: str,
+    kinds: Sequence[str],
+    jobs: int,
+    label: str,
+    folder: Path = RESULTS,
+    scheduler: str | None = None,
 ) -> None:
     """Everything that is not in starts.csv yet."""
     done = {run.key for run in read_starts(folder)}
     tasks = [StartTask(scenario, seed, kind, label) for kind in kinds for seed in seeds]
     tasks = [task for task in tasks if task.key not in done]
-    for number, run in enumerate(spread(solve_start, tasks, jobs), start=1):
+    for number, run in enumerate(spread(solve_start, tasks, jobs, scheduler), start=1):
         append_row(folder / STARTS, run, PARAMETERS)
         sys.stderr.write(
             f"{number} of {len(tasks)}: {run.kind} seed {run.seed}, {run.turn_deg:.0f} deg, {run.lever_m:.2f} m, "

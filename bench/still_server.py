@@ -31,6 +31,9 @@ class StillLauncher:
     def terminate(self) -> None:
         """It has."""
 
+    def slots(self) -> None:
+        """As many as the settings say."""
+
     def prepare(self) -> None:
         """Nothing to prepare."""
 

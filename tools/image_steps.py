@@ -133,6 +133,9 @@ class Roots:
                 ["/bin/sh", "-c", text],
                 beside={name: os.environ[name] for name in HOST_ENVIRONMENT if name in os.environ},
             )
+        elif step.word == "ARG":
+            name, _, value = text.partition("=")
+            stage.environment.setdefault(name, value)
         elif step.word == "ENV":
             for pair in shlex.split(text):
                 name, _, value = pair.partition("=")

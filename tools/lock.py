@@ -19,10 +19,12 @@ def compile_lock(uv: str, output: str, *arguments: str) -> None:
 
 
 def main(uv: str) -> None:
-    """Write the three lock files; the later ones agree with the first wherever they share a package."""
+    """Write the four lock files; the later ones agree with the first wherever they share a package."""
+    agreed = ["--constraint", "requirements.txt"]
     compile_lock(uv, "requirements.txt", "pyproject.toml")
-    for group in ("build", "test"):
-        compile_lock(uv, f"requirements-{group}.txt", "--group", group, "--constraint", "requirements.txt")
+    compile_lock(uv, "requirements-fleet.txt", "pyproject.toml", "--extra", "fleet", *agreed)
+    compile_lock(uv, "requirements-build.txt", "--group", "build", *agreed)
+    compile_lock(uv, "requirements-test.txt", "--group", "test", *agreed, "--constraint", "requirements-fleet.txt")
 
 
 if __name__ == "__main__":

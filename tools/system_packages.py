@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 OLDEST_PYTHON = (3, 11)
 
@@ -25,6 +26,8 @@ TEST_LIBRARIES = (("libatomic.so.1", "libatomic1"),)
 BROWSERS = ("chromium", "google-chrome", "google-chrome-stable")
 # A browser without a font draws boxes, and the screenshots would show them.
 BROWSER_PACKAGES = ("chromium", "fonts-dejavu-core")
+# Where Debian keeps the server that tests of the store start; what others have is not looked for, and these tests are left out.
+DATABASES = Path("/usr/lib/postgresql")
 
 
 def can_make_environments():
@@ -63,6 +66,8 @@ def missing_packages(purpose):
         packages += [package for library, package in libraries if not can_load(library)]
     if purpose == "test" and is_debian() and not any(shutil.which(browser) for browser in BROWSERS):
         packages += BROWSER_PACKAGES
+    if purpose == "test" and is_debian() and not any(DATABASES.glob("*/bin/postgres")):
+        packages.append("postgresql")
     return packages
 
 

@@ -50,6 +50,8 @@ def serve(chosen: argparse.Namespace) -> None:
         data_dir=chosen.data_dir,
         recordings_dir=chosen.recordings,
         token=chosen.token,
+        scheduler=chosen.scheduler,
+        database=chosen.database,
     )
 
 

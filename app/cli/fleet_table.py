@@ -106,9 +106,8 @@ def _sigmas(row: Row) -> tuple[str, str, str]:
 
 def _after(row: Row) -> str:
     deg, mm, ms = _sigmas(row)
-    if row.sentence:
-        return f": {row.sentence}"
-    return f", 1 sigma up to {deg} deg, {mm} mm, {ms} ms" if deg else ""
+    sigmas = f", 1 sigma up to {deg} deg, {mm} mm, {ms} ms" if deg else ""
+    return f"{sigmas}: {row.sentence}" if row.sentence else sigmas
 
 
 def _write(line: str) -> None:

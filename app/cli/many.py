@@ -12,6 +12,7 @@ from app.fleet.campaign import run_fleet, take_up
 from app.fleet.executors import Executor, LocalProcesses
 from app.fleet.find import document_names, find_recordings
 from app.fleet.orders import FleetOrder
+from app.fleet.overview import PAGE_NAME, Overview
 from app.fleet.summary import NAME, Row, read_rows
 from calib_core import api
 from calib_core.errors import InputError
@@ -25,17 +26,36 @@ def calibrate_all(
     folder = _output_folder(chosen.output)
     orders = orders_of(chosen, reading, solving)
     done, ahead = take_up(orders, folder)
-    rows = list(done)
-    if ahead:
-        executor = choose_executor(chosen.scheduler, chosen.workers)
-        with fleet_listener(manner, len(orders), done, executor.where) as on_row:
-            try:
-                rows += run_fleet(ahead, folder, executor, on_row)
-            except KeyboardInterrupt:
-                raise Stopped(folder) from None
+    if not ahead:
+        Overview(folder, done, total=len(orders)).write(is_running=False)
+    rows = list(done) + (_run(ahead, done, folder, chosen, manner) if ahead else [])
     if manner in {Manner.live, Manner.plain}:
-        sys.stderr.write(f"{len(rows)} recordings: {counts(rows)}; {folder / NAME} has them all\n")
+        sys.stderr.write(
+            f"{len(rows)} recordings: {counts(rows)}; {folder / NAME} has them all, {PAGE_NAME} shows them\n"
+        )
     return rows
+
+
+def _run(
+    ahead: list[FleetOrder], done: list[Row], folder: Path, chosen: argparse.Namespace, manner: Manner
+) -> list[Row]:
+    """The rows of what is still to run.   done: those of what was found finished."""
+    total = len(ahead) + len(done)
+    executor = choose_executor(chosen.scheduler, chosen.workers)
+    overview = Overview(folder, done, total=total, where=executor.where)
+    with fleet_listener(manner, total, done, executor.where) as tell:
+
+        def on_row(row: Row) -> None:
+            overview.add(row)
+            tell(row)
+
+        try:
+            overview.write(is_running=True)
+            return run_fleet(ahead, folder, executor, on_row)
+        except KeyboardInterrupt:
+            raise Stopped(folder) from None
+        finally:
+            overview.write(is_running=False)
 
 
 class Stopped(KeyboardInterrupt):

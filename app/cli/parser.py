@@ -64,6 +64,19 @@ def _add_serve(commands: Commands[Parser]) -> None:
         "--recordings", type=Path, metavar="DIR", help="a folder whose recordings open without an upload"
     )
     command.add_argument("--token", help="what every request must show; UNSWEEP_TOKEN does the same")
+    group = command.add_argument_group("beyond one machine")
+    group.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a dask.distributed cluster whose workers run the jobs and see DIR under the same path, "
+        "e.g. tcp://host:8786",
+    )
+    group.add_argument(
+        "--database",
+        metavar="URL",
+        help="where records are kept instead of in DIR, e.g. postgresql+psycopg://user@host/unsweep; "
+        "UNSWEEP_DATABASE_URL does the same and shows no password to others on the machine",
+    )
 
 
 def _add_inspect(commands: Commands[Parser]) -> None:
@@ -91,7 +104,11 @@ def _add_calibrate_many(commands: Commands[Parser]) -> None:
     command = _command(commands, "calibrate-many", text)
     command.add_argument("source", type=Path, metavar="FOLDER|LIST", help="a list has a path a line")
     command.add_argument(
-        "--output", type=Path, required=True, metavar="DIR", help="gets NAME.json each and summary.csv; goes on, too"
+        "--output",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="gets NAME.json each and summary.csv, .json, .html; goes on, too",
     )
     group = command.add_argument_group("where, and how much of it")
     group.add_argument("--workers", type=positive, metavar="N", help="recordings at a time on this machine (its cores)")

@@ -20,10 +20,25 @@ from calib_core.errors import InputError
 
 
 def serve_until_stopped(
-    *, host: str, port: int, data_dir: Path | None, recordings_dir: Path | None, token: str | None
+    *,
+    host: str,
+    port: int,
+    data_dir: Path | None,
+    recordings_dir: Path | None,
+    token: str | None,
+    scheduler: str | None,
+    database: str | None,
 ) -> None:
     """Serve the web application until Ctrl-C or SIGTERM. Prints one line with the address, token included."""
-    settings = server_settings(host=host, port=port, data_dir=data_dir, recordings_dir=recordings_dir, token=token)
+    settings = server_settings(
+        host=host,
+        port=port,
+        data_dir=data_dir,
+        recordings_dir=recordings_dir,
+        token=token,
+        scheduler=scheduler,
+        database=database,
+    )
     listening = listen(settings.host, settings.port)
     with listening:
         sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
@@ -45,7 +60,14 @@ def serve_until_stopped(
 
 
 def server_settings(
-    *, host: str, port: int, data_dir: Path | None, recordings_dir: Path | None, token: str | None
+    *,
+    host: str,
+    port: int,
+    data_dir: Path | None = None,
+    recordings_dir: Path | None = None,
+    token: str | None = None,
+    scheduler: str | None = None,
+    database: str | None = None,
 ) -> AppSettings:
     """The settings that options and environment give; with a token where the address is not loopback."""
     if recordings_dir is not None and not recordings_dir.is_dir():
@@ -59,11 +81,13 @@ def server_settings(
         first = error.errors()[0]
         option = "--" + "-".join(str(part) for part in first["loc"]).replace("_", "-")
         raise InputError(f"The option {option} does not fit: {first['msg']}; correct it.") from error
-    changes: dict[str, object] = {}
-    if data_dir is not None:
-        changes["data_dir"] = data_dir
-    if recordings_dir is not None:
-        changes["recordings_dir"] = recordings_dir
+    given = {
+        "data_dir": data_dir,
+        "recordings_dir": recordings_dir,
+        "scheduler": scheduler,
+        "database_url": database,
+    }
+    changes: dict[str, object] = {name: value for name, value in given.items() if value is not None}
     if settings.token is None and not settings.is_loopback():
         changes["token"] = secrets.token_urlsafe(24)
     return settings.model_copy(update=changes)

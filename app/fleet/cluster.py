@@ -25,7 +25,7 @@ class DaskCluster:
     """The workers of the scheduler at an address, e.g. tcp://host:8786."""
 
     def __init__(self, address: str, entry: str = CALIBRATE) -> None:
-        self._client = _connect(address)
+        self._client = connect(address)
         self._entry = entry
         self._futures: FutureExecutor = self._client.get_executor(pure=False)
         self.where = f"{len(self._client.scheduler_info()['workers'])} workers of {address}"
@@ -51,16 +51,17 @@ def run_on_worker(order_text: str, entry: str) -> str:
 
     worker = get_worker()
     key = worker.get_current_task()
-    return run_order(order_text, entry, lambda: _is_dropped(worker, str(key)))
+    return run_order(order_text, entry, lambda: is_dropped(worker, str(key)))
 
 
-def _is_dropped(worker: Worker, key: str) -> bool:
+def is_dropped(worker: Worker, key: str) -> bool:
     """Whether the scheduler has taken the task back; dask itself lets a running function run."""
     task = worker.state.tasks.get(key)
     return task is None or task.state == "cancelled"
 
 
-def _connect(address: str) -> Client:
+def connect(address: str) -> Client:
+    """A client of the scheduler at the address. Raises InputError where there is none, or no dask."""
     try:
         from distributed import Client
     except ImportError as error:

@@ -26,7 +26,7 @@ Verdict = Literal["calibrated", "weak", "refused", "failed"]
 class Row(BaseModel):
     """One recording. Empty where there is no answer; rotation about the lidar's axes, translation along the IMU's.
 
-    code, sentence: why a recording was refused or has no document; else empty.
+    code, sentence: why a recording was refused or has no document; sentence also of a weak one, about what it left open.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -70,6 +70,8 @@ def row_of(name: str, recording: Path, outcome: FleetOutcome, tries: int) -> Row
     if result.status == "refused":
         reasons = [message for message in result.messages if message.level == "error"]
         facts |= {"code": reasons[0].code, "sentence": reasons[0].text} if reasons else {}
+    elif result.status == "weak" and result.observability.weak_directions:
+        facts["sentence"] = result.observability.weak_directions[0].text
     return Row.model_validate(facts)
 
 

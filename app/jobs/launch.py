@@ -15,7 +15,7 @@ from multiprocessing.context import SpawnProcess
 from multiprocessing.synchronize import Event as ProcessEvent
 from typing import Protocol
 
-from app.jobs.orders import PARCEL, Order, Parcel
+from app.jobs.orders import PARCEL, Begun, Order, Parcel
 from app.jobs.worker import run_worker
 
 #: One core per job: many tiny products on many threads were ten times slower than on one.
@@ -55,6 +55,9 @@ class Launcher(Protocol):
     def launch(self, order: Order) -> RunningJob:
         """Start the job."""
 
+    def slots(self) -> int | None:
+        """How many jobs may be under way; None: as many as the settings say."""
+
     def prepare(self) -> None:
         """The server has started: what makes the first job quicker may be done now."""
 
@@ -89,6 +92,9 @@ class ProcessLauncher:
         worker.orders.close()
         # The next spare is made when this job has ended: until then the processor is the job's.
         return JobProcess(worker.process, worker.parcels, worker.cancel, on_end=self.prepare)
+
+    def slots(self) -> None:
+        """As many as the settings say."""
 
     def prepare(self) -> None:
         """Have a spare process."""
@@ -158,6 +164,7 @@ class JobProcess:
     def parcels(self) -> Iterator[Parcel]:
         """What the worker tells, until it ends; the process is gone afterwards, and all that it has started."""
         try:
+            yield Begun()
             while self._pipe.poll(DEATH_POLL_S) or self._process.is_alive() or self._pipe.poll():
                 if not self._pipe.poll():
                     continue

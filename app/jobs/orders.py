@@ -62,6 +62,12 @@ class Order(_Parcel):
     limits: JobLimits | None = Field(default=None, description="None: as much as there is")
 
 
+class Begun(_Parcel):
+    """A process has the job, on this machine or another: its time counts from now. Said again where it is run again."""
+
+    parcel: Literal["begun"] = "begun"
+
+
 class Happened(_Parcel):
     """Something to tell those who watch."""
 
@@ -89,5 +95,5 @@ class Stopped(_Parcel):
     parcel: Literal["stopped"] = "stopped"
 
 
-Parcel = Annotated[Happened | Finished | Failed | Stopped, Field(discriminator="parcel")]
-PARCEL: TypeAdapter[Happened | Finished | Failed | Stopped] = TypeAdapter(Parcel)
+Parcel = Annotated[Begun | Happened | Finished | Failed | Stopped, Field(discriminator="parcel")]
+PARCEL: TypeAdapter[Begun | Happened | Finished | Failed | Stopped] = TypeAdapter(Parcel)

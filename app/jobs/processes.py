@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from app.jobs.launch import Launcher, RunningJob
-from app.jobs.orders import Happened, Order, Parcel
+from app.jobs.orders import Begun, Happened, Order, Parcel
 
 
 class Processes:
@@ -30,20 +30,20 @@ class Processes:
     ) -> Parcel | None:
         """The job's last parcel, once it has ended; None where its process died without a word.
 
-        limit_s: after so long it is asked to stop.   on_start: it can be stopped from now on; what was asked for while it was
-        being started is heeded here.   on_parcel: what it tells on the way, from the caller's thread.
+        limit_s: so long after it has begun it is asked to stop.   on_start: it can be stopped from now on; what was asked for
+        while it was being started is heeded here.   on_parcel: what it tells on the way, from the caller's thread.
         """
         running = self._launcher.launch(order)
         with self._lock:
             self._running[job_id] = running
         ending: Parcel | None = None
-        limit = threading.Timer(limit_s, self._stop_overdue, (job_id,))
-        limit.daemon = True
-        limit.start()
+        limit: threading.Timer | None = None
         try:
             on_start()
             for parcel in running.parcels():
-                if isinstance(parcel, Happened):
+                if isinstance(parcel, Begun):
+                    limit = self._limited(job_id, limit_s, instead_of=limit)
+                elif isinstance(parcel, Happened):
                     on_parcel(parcel)
                 else:
                     ending = parcel
@@ -53,7 +53,8 @@ class Processes:
                 pass
             raise
         finally:
-            limit.cancel()
+            if limit is not None:
+                limit.cancel()
         return ending
 
     def ask_to_stop(self, job_id: str) -> None:
@@ -92,6 +93,15 @@ class Processes:
         with self._lock:
             self._running.pop(job_id, None)
             self._overdue.discard(job_id)
+
+    def _limited(self, job_id: str, limit_s: float, *, instead_of: threading.Timer | None) -> threading.Timer:
+        """What stops the job when its time is up.   instead_of: what did so before it was begun anew."""
+        if instead_of is not None:
+            instead_of.cancel()
+        limit = threading.Timer(limit_s, self._stop_overdue, (job_id,))
+        limit.daemon = True
+        limit.start()
+        return limit
 
     def _stop_overdue(self, job_id: str) -> None:
         self._overdue.add(job_id)

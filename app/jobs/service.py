@@ -72,6 +72,7 @@ class JobService:
         self._store = store
         self._files = files
         self._settings = settings
+        self._launcher = launcher
         self._processes = Processes(launcher, grace_s=settings.cancel_grace_s)
         self._make_order = make_order
         self._bus = bus
@@ -189,12 +190,12 @@ class JobService:
 
     def start_queued(self) -> None:
         """Start what waits, as far as slots are free, and tell those who wait on where they are."""
+        slots = self._launcher.slots()  # not under the lock: another machine may have to be asked
+        limit = self._settings.concurrent_jobs if slots is None else slots
         with self._lock:
             if self._closing:
                 return
-            moved = self._line.advance(
-                running=len(self._threads), limit=self._settings.concurrent_jobs, start=self._start
-            )
+            moved = self._line.advance(running=len(self._threads), limit=limit, start=self._start)
         if moved:
             self._bus.publish(QueueMoved([self.wire(record) for record in moved[:TOLD_PLACES]]))
 

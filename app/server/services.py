@@ -74,6 +74,7 @@ class Services:
         self.files = DataFolder(settings)
         self.files.prepare()
         try:
+            self._launcher = launcher or self._choose_launcher()
             self._engine = open_database(settings.store_url())
         except BaseException:
             self.files.release()
@@ -82,7 +83,6 @@ class Services:
         recording_store, documents = RecordingStore(self._engine), DocumentStore(self._engine)
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
-        self._launcher = launcher or ProcessLauncher(spare=settings.spare_worker)
         bus = Bus()
         self.planes = PlaneService(recording_store, documents, self.files, bus)
         self.jobs = JobService(
@@ -184,6 +184,18 @@ class Services:
         if found is None or recording is None or len(recording.scans) == 0:
             raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
         return shared_page(recording, found.solved, limit=self.settings.displayed_points, dark=dark)
+
+    def _choose_launcher(self) -> Launcher:
+        """Processes on this machine, or the cluster of a scheduler; Unavailable where none answers."""
+        if self.settings.scheduler is None:
+            return ProcessLauncher(spare=self.settings.spare_worker)
+        from app.fleet.launcher import ClusterLauncher
+
+        return ClusterLauncher(
+            self.settings.scheduler,
+            grace_s=self.settings.cancel_grace_s,
+            memory_bytes=self.settings.job_memory_bytes,
+        )
 
     def _subscribe(self, bus: Bus) -> None:
         """Who hears of what, beside the workflow: scenes that show it, browsers that look."""

@@ -125,13 +125,13 @@ def open_database(url: str) -> Engine:
         raise Unavailable(
             "store.bad_url",
             f"Expected a database address such as postgresql+psycopg://user@host/unsweep, found one that {_shortly(error)}; "
-            "correct UNSWEEP_DATABASE_URL.",
+            "correct --database or UNSWEEP_DATABASE_URL.",
         ) from error
     except ModuleNotFoundError as error:
         raise Unavailable(
             "store.no_driver",
             f"The database address needs the Python package {error.name}, which is not installed: for PostgreSQL write "
-            "postgresql+psycopg:// and install psycopg[binary].",
+            "postgresql+psycopg:// and install it with `pip install unsweep[fleet]`.",
         ) from error
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)

@@ -142,4 +142,13 @@ describe("the stages of a run", () => {
   it("counts only what is there to be done", () => {
     expect(wholeFraction([seen("initialise", 1)], ["track", "initialise"])).toBe(1);
   });
+
+  // Fails when the convergence of a lost worker goes on in that of the one that begins anew, or its sentence is dropped.
+  it("begins anew where a worker was lost", () => {
+    const moved = { event: "log", level: "warning", code: "job.moved", text: "It is run again." } as const;
+    const run = addMessages(emptyRun, [stage("solve", 0.9), iteration(1, 7), moved, stage("solve", 0.1)]);
+    expect(run.iterations).toEqual([]);
+    expect(run.stages.map((one) => one.fraction)).toEqual([0.1]);
+    expect(run.logs).toEqual([moved]);
+  });
 });

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from app.fleet.summary import NAME, read_rows
 from calib_core.errors import InputError
 from calib_core.result import CalibrationResult, Message
 from calib_core.simulate import simulate
+from tests.app.support.cluster import dask_processes
 from tests.app.support.processes import is_alive
 from tests.core.exporters.results import make_result
 from tests.core.full.conftest import SHORT
@@ -160,7 +160,9 @@ def test_a_fleet_goes_on_where_it_stopped(hall):
 
 
 def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monkeypatch, capsys):
-    """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing."""
+    """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing; a
+    page that is left as it was in the middle.
+    """
     monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     listed, out = hall / "list.txt", hall / "out"
     listed.write_text("room.bag\nrefused.bag\n")
@@ -168,6 +170,8 @@ def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monk
     assert cli.run(command) == 0
     told = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
     assert {(event["event"], event["name"]) for event in told} == {("recording", "room"), ("recording", "refused")}
+    assert json.loads((out / "summary.json").read_text())["is_running"] is False
+    assert (out / "summary.html").read_text().count('scope="row"') == 2
     stamp = (out / "room.json").stat().st_mtime_ns
     listed.write_text("room.bag\nbroken.bag\n")
     assert cli.run([*command[:-1]]) == 3
@@ -202,33 +206,13 @@ def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     assert [row.name for row in read_rows(hall / "out")] in ([], ["room"])
 
 
-@contextmanager
-def dask_processes(folder, workers):
-    """A real scheduler and real worker processes: the scheduler's address and the workers."""
-    file = folder / "scheduler.json"
-    quiet = {"cwd": ROOT, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "dask"]
-    scheduler = ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    worker = ["worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny", "--no-dashboard"]
-    worker += ["--host", "127.0.0.1", "--local-directory", str(folder)]
-    started = [subprocess.Popen([*dask, *scheduler], **quiet)]
-    try:
-        wait_for(lambda: file.exists() and file.read_text().strip().endswith("}"))
-        started += [subprocess.Popen([*dask, *worker], **quiet) for _ in range(workers)]
-        yield json.loads(file.read_text())["address"], started[1:]
-    finally:
-        for process in reversed(started):
-            process.kill()
-            process.wait()
-
-
 def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
     """Real scheduler and workers; the one that has the recording is killed in the middle of it.
 
     Mutations: an executor that does not kill what is taken back; a child that outlives its worker.
     """
     cluster = pytest.importorskip("app.fleet.cluster")
-    with dask_processes(hall, 2) as (address, workers):
+    with dask_processes(hall, 2) as (address, started):
         executor = cluster.DaskCluster(address, FAKE)
         killed = []
 
@@ -237,7 +221,7 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
             child = int((hall / "sleepy.started").read_text().split()[0])
             parent = int((hall / "sleepy.started").read_text().split()[1])
             killed.append(child)
-            next(worker for worker in workers if worker.pid == parent).kill()
+            next(process for process in started if process.pid == parent).kill()
 
         killer = threading.Thread(target=kill)
         killer.start()
@@ -256,6 +240,31 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
         wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
 
 
+def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(hall):
+    """What was finished stays, what ran is ended, the rest is run by the same call with another scheduler.
+
+    Mutations: wait for ever; tell each recording's row that its worker was lost.
+    """
+    cluster = pytest.importorskip("app.fleet.cluster")
+    asked = orders(hall, "room", "slow", "weak")
+    with dask_processes(hall, 1) as (address, started):
+        done = []
+
+        def lose():
+            wait_for(lambda: done and (hall / "slow.started").exists())
+            started[0].kill()
+
+        loser = threading.Thread(target=lose)
+        loser.start()
+        with pytest.raises(InputError, match="scheduler no longer answers"):
+            run_fleet(asked, hall, cluster.DaskCluster(address, FAKE), done.append)
+        loser.join()
+    assert [row.name for row in read_rows(hall)] == ["room"]
+    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+    kept, ahead = take_up(asked, hall)
+    assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
+
+
 def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sentence(monkeypatch):
     """Mutations: let dask's own error out; name no way to install it."""
     from app.fleet import cluster
@@ -270,7 +279,10 @@ def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sent
 
 @pytest.mark.slow
 def test_simulated_recordings_are_calibrated_on_two_workers(tmp_path, capsys):
-    """The whole way: two bags and a path that leads nowhere; settings arrive. Mutation: an order that forgets its settings."""
+    """The whole way: two bags and a path that leads nowhere; settings arrive, and the tables are of all.
+
+    Mutation: an order that forgets its settings.
+    """
     simulate(SHORT, tmp_path / "room-1.bag", seed=1)
     shutil.copy(tmp_path / "room-1.bag", tmp_path / "room-2.bag")
     listed, out = tmp_path / "list.txt", tmp_path / "out"
@@ -281,7 +293,11 @@ def test_simulated_recordings_are_calibrated_on_two_workers(tmp_path, capsys):
     said = capsys.readouterr().err.splitlines()
     assert said[-1].startswith("unsweep: 1 of 3 recordings has no document; the first is gone: ")
     assert str(tmp_path / "gone.bag") in said[-1]
-    results = [CalibrationResult.model_validate_json(path.read_text()) for path in sorted(out.glob("*.json"))]
+    table = json.loads((out / "summary.json").read_text())
+    assert (table["counts"]["calibrated"], table["counts"]["failed"], table["is_running"]) == (2, 1, False)
+    assert (out / "summary.html").read_text().count('<tr class="calibrated">') == 2
+    documents = sorted(set(out.glob("*.json")) - {out / "summary.json"})
+    results = [CalibrationResult.model_validate_json(path.read_text()) for path in documents]
     assert [result.provenance.recording.name for result in results] == ["room-1.bag", "room-2.bag"]
     for result in results:
         assert result.status == "calibrated"

@@ -13,8 +13,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from app.cli.parser import build_parser
+
 ROOT = Path(__file__).resolve().parents[2]
 SERVICE = yaml.safe_load((ROOT / "docker" / "compose.yaml").read_text())["services"]["unsweep"]
+CLUSTER = yaml.safe_load((ROOT / "docker" / "compose.cluster.yaml").read_text())
 DOCKERFILE = (ROOT / "docker" / "Dockerfile").read_text()
 FLAW = {"id": "CVE-1", "fix_versions": ["2"]}
 
@@ -38,11 +41,57 @@ def test_the_container_is_bounded_and_may_write_in_few_places():
     assert all(port.startswith("127.0.0.1:") for port in SERVICE["ports"])
 
 
+def test_the_cluster_is_one_application_one_store_one_scheduler_and_two_workers():
+    """All bounded, what jobs read and write under the same paths, nothing but the page reachable from outside.
+
+    Mutations: the scheduler's port published; a worker without the data directory, or with it elsewhere; a bound left out; an
+    image without the cluster's client.
+    """
+    services = CLUSTER["services"]
+    assert {name: one.get("deploy", {}).get("replicas", 1) for name, one in services.items()} == {
+        "unsweep": 1,
+        "database": 1,
+        "scheduler": 1,
+        "worker": 2,
+    }
+    assert [name for name, one in services.items() if "ports" in one] == ["unsweep"]
+    assert all(port.startswith("127.0.0.1:") for port in services["unsweep"]["ports"])
+    assert services["worker"]["volumes"] == services["unsweep"]["volumes"]
+    for name, one in services.items():
+        assert one["cap_drop"] == ["ALL"], name
+        assert one["mem_limit"] == one["memswap_limit"], name
+        assert 0 < one["pids_limit"] <= 1024, name
+        if name != "database":
+            assert one["build"]["args"]["REQUIREMENTS"] == "requirements-fleet.txt"
+            assert one["read_only"] is True
+    assert {volume.partition(":")[0] for one in services.values() for volume in one.get("volumes", ())} >= set(
+        CLUSTER["volumes"]
+    )
+
+
+def test_the_commands_of_the_containers_are_understood():
+    """By the program's own parser and by dask's. Mutations: `--data` for `--data-dir`; an option that dask has dropped."""
+    from distributed.cli import dask_scheduler, dask_worker
+
+    for words in (SERVICE["command"], CLUSTER["services"]["unsweep"]["command"]):
+        chosen = build_parser().parse_args(words)
+        assert (chosen.command, str(chosen.data_dir), chosen.port) == ("serve", "/data", 8080)
+    assert chosen.scheduler == "tcp://scheduler:8786"
+    for name, command in (("scheduler", dask_scheduler.main), ("worker", dask_worker.main)):
+        words = CLUSTER["services"][name]["entrypoint"] + CLUSTER["services"][name]["command"]
+        assert words[:2] == ["dask", name]
+        understood = command.make_context(name, words[2:])
+        assert understood.params.get("nthreads", 1) == 1
+    url = CLUSTER["services"]["unsweep"]["environment"]["UNSWEEP_DATABASE_URL"]
+    assert "@database/" in url and url.startswith("postgresql+psycopg://")
+
+
 def test_the_container_is_well_when_it_can_write_and_has_its_loops_compiled():
     """Mutations: health by a page that answers on a full disk too; loops compiled in somebody's first click; run as root."""
     assert "/readyz" in DOCKERFILE.partition("HEALTHCHECK")[2].partition("ENTRYPOINT")[0]
     assert DOCKERFILE.index("USER unsweep") < DOCKERFILE.index("RUN unsweep compile-kernels")
-    assert "--require-hashes -r requirements.txt" in DOCKERFILE
+    assert "--require-hashes -r ${REQUIREMENTS}" in DOCKERFILE
+    assert "ARG REQUIREMENTS=requirements.txt" in DOCKERFILE
     assert {line.split()[1] for line in DOCKERFILE.splitlines() if line.startswith("FROM")} == {"${BASE}"}
 
 

@@ -15,7 +15,7 @@ import pytest
 from calib_core import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
-LOCKS = ("requirements.txt", "requirements-test.txt", "requirements-build.txt")
+LOCKS = ("requirements.txt", "requirements-fleet.txt", "requirements-test.txt", "requirements-build.txt")
 #: Imported where it is there, with a pinned package for the Pythons that lack it.
 NEWER_STANDARD_LIBRARY = {"compression"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -74,11 +74,14 @@ def test_locks_agree_and_hold_what_is_declared() -> None:
     """Fails if pyproject.toml was changed without `make lock`, or two locks pin different versions of one package."""
     runtime = pinned("requirements.txt")
     assert {bare(name) for name in PROJECT["project"]["dependencies"]} <= set(runtime)
+    fleet = pinned("requirements-fleet.txt")
+    assert {bare(name) for name in PROJECT["project"]["optional-dependencies"]["fleet"]} | set(runtime) <= set(fleet)
     for group in ("build", "test"):
         entries = pinned(f"requirements-{group}.txt")
         assert {bare(name) for name in PROJECT["dependency-groups"][group]} <= set(entries)
-        for name in set(entries) & set(runtime):
-            assert entries[name].split()[0] == runtime[name].split()[0]
+        for name in set(entries) & set(fleet):
+            assert entries[name].split()[0] == fleet[name].split()[0]
+    assert all(fleet[name].split()[0] == entry.split()[0] for name, entry in runtime.items())
 
 
 def test_one_open3d_for_each_machine() -> None:

@@ -40,6 +40,11 @@ export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLo
         break;
       case "log":
         next.logs.push(message);
+        // Its worker was lost: another one begins anew, and what the first had reached is no longer on the way to the answer.
+        if (message.code === "job.moved") {
+          next.stages = [];
+          next.iterations = [];
+        }
         break;
       case "state":
         next.job = message.job;

@@ -1,6 +1,7 @@
 """Job functions for tests of the machinery: quick, and told by the recording's name how to behave.
 
 - slow: works until it is asked to stop; stubborn: works and never looks; deaf: does not even hear SIGTERM
+- lost: works until its process is killed, once; run again it succeeds. Its process's number is in its folder
 - family: dies and leaves a child of its own behind that holds its pipes
 - crash: its process dies; defect: raises what nobody expects; broken: refuses the input
 - greedy: asks for 64 GB of memory; filling: writes a file of 8 MB
@@ -90,6 +91,9 @@ def solve(order, on_event, should_cancel):
         raise ZeroDivisionError("secret internals")
     for step in range(5):
         on_event(iteration(step))
+    if name.startswith("lost") and not (order.folder / "process").exists():
+        (order.folder / "process").write_text(str(os.getpid()))
+        time.sleep(600)
     while name.startswith(("slow", "stubborn", "deaf")):
         on_event(StageEvent(stage="solve", fraction=0.5, text="thinking"))
         time.sleep(0.02)
