@@ -7,7 +7,8 @@ that stretches of time ask for by themselves (parts.py) are still no line:
     x_b = a + c t_b + d [b > k] + e_b,      b != k,
 
 a step d within stretch k on top of a line. A stretch of standstill tells no time: what it asks for is what its readings are wrong
-by, as where a gyroscope in steps of 1 deg/s reads nothing of a hand's tremor, and 160 ms. In recordings without one, weighted squares about a line are as chance has them.
+by, as where a gyroscope in steps of 1 deg/s reads nothing of a hand's tremor, and 160 ms. In recordings without a step, weighted
+squares about a line are as chance has them.
 """
 
 from __future__ import annotations

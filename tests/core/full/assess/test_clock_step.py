@@ -77,8 +77,7 @@ def test_disagreement_that_no_step_explains_stays_what_it_is() -> None:
 def test_a_stretch_that_tells_no_time_has_no_say() -> None:
     """A first stretch of standstill, a hundred times less sure than the others and thirteen of its own sigmas off them: a
     gyroscope in steps of 1 deg/s asks for that. A step among the others is seen as it was. Oracle: the squares of seven stretches
-    about a line are chi-square with five degrees of freedom. Mutations: a weight for every stretch; the others' ten times as large
-    a share (0.1); the mean for the best.
+    about a line are chi-square with five degrees of freedom. Mutations: a weight for every stretch; the mean for the best.
     """
 
     def still_first(offsets_s: FloatArray) -> list[TimeBlock]:
