@@ -27,6 +27,9 @@ from calib_core.full.prepare.settings import STEPS
 from calib_core.full.run import StampStep
 from calib_core.types import ImuData, IntArray, Scan
 
+#: Standard deviations in the width of a uniform law.
+_UNIFORM_STDS = np.sqrt(12.0)
+
 
 def imu_step(imu: ImuData) -> StampStep | None:
     """Of the IMU's stamps."""
@@ -44,7 +47,7 @@ def scan_step(stamps_ns: IntArray, topic: str) -> StampStep | None:
 
 def point_step(scans: Sequence[Scan], topic: str) -> StampStep | None:
     """Of the points' times after their scan's, whose phases spread over any step: there are hundreds of instants in a sweep."""
-    places = np.unique(np.linspace(0, len(scans) - 1, STEPS.scans).astype(np.int64)) if len(scans) else []
+    places: IntArray = np.unique(np.linspace(0, len(scans) - 1, min(len(scans), STEPS.scans)).astype(np.int64))
     times = [np.unique(scans[int(place)].points["offset_ns"].astype(np.int64)) for place in places]
     if not times or max(len(each) for each in times) < STEPS.fewest_instants:
         return None
@@ -69,7 +72,9 @@ def _of_step(whose: str, step_ns: int, share: float, spread: float, count: int) 
     mean_variance = 0.5 * ((0.5 * share) ** 2 + (0.5 * (1.0 - share)) ** 2)
     width = share * (1.0 - spread)
     step_s = step_ns * 1e-9
-    return StampStep(whose, step_s, step_s * float(np.sqrt(mean_variance + width**2 / 12.0)), spread, count)
+    return StampStep(
+        whose, step_s, step_s * float(np.sqrt(mean_variance + (width / _UNIFORM_STDS) ** 2)), spread, count
+    )
 
 
 def _step_ns(stamps_ns: IntArray, *, least_ns: int) -> int:

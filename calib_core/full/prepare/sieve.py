@@ -22,7 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.prepare.settings import SIEVING
-from calib_core.types import FloatArray, PointArray, Scan
+from calib_core.types import FloatArray, IntArray, PointArray, Scan
+
+#: Row, column and layer as one number: 2^20 cells either way are kilometres.
+_ROW_KEY = np.array([1 << 42, 1 << 21, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,7 @@ class Sieve:
 
 def sieve_of(scans: Sequence[Scan], period_s: float) -> Sieve | None:
     """What clouds were thinned by; None where they were not, or where it left no trace. period_s: for a look round."""
-    places = np.unique(np.linspace(0, len(scans) - 1, SIEVING.scans).astype(np.int64)) if len(scans) else []
+    places: IntArray = np.unique(np.linspace(0, len(scans) - 1, min(len(scans), SIEVING.scans)).astype(np.int64))
     sample = [scans[int(place)].points for place in places]
     clouds = [points["xyz"] for points in sample]
     if not clouds:
@@ -93,8 +96,7 @@ def _beside(place: FloatArray) -> float:
 
 def _shared(place: FloatArray) -> int:
     """Points (N, 3), in cells, that share one with a point before them."""
-    cell = np.floor(place).astype(np.int64) + (1 << 20)
-    key = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
+    key = np.floor(place).astype(np.int64) @ _ROW_KEY
     return len(key) - len(np.unique(key))
 
 
