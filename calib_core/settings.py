@@ -102,6 +102,10 @@ class CalibrateSettings(_Settings):
         default="detect",
         description="when sweeps began: when their stamps say, or as a rotor turns, where it tells that a host stamped them",
     )
+    cloud: Literal["detect", "as-sent"] = Field(
+        default="detect",
+        description="clouds that a grid thinned: told by their points and used away from its faces, or taken as a lidar's own",
+    )
     intrinsics: Literal["auto", "consider", "off"] | tuple[Block, ...] = Field(
         default="auto",
         description="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "

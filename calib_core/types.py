@@ -62,6 +62,7 @@ class ImuData:
     """Readings of one IMU in SI units, sorted by stamp, duplicates removed.
 
     stamps_ns: (Q,) int64, IMU clock.   gyro_rad_s, accel_m_s2: (Q, 3), IMU frame; specific force, +g up at rest.
+    stamp_step_ns: of a clock that several readings fell on one tick of, and were spread over it; 0 where stamps are their own.
     """
 
     stamps_ns: IntArray
@@ -69,6 +70,7 @@ class ImuData:
     accel_m_s2: FloatArray
     topic: str = ""
     frame_id: str = ""
+    stamp_step_ns: int = 0
 
     def __post_init__(self) -> None:
         n = self.stamps_ns.shape[0]

@@ -38,6 +38,8 @@ RECORDS = (
     ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
     ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
     ("prepare", "calib_core/full/prepare/settings.py", "Sweeps"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Steps"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Sieving"),
     ("prepare", "calib_core/full/prepare/settings.py", "Lasers"),
     ("prepare", "calib_core/full/prepare/settings.py", "ToneSizes"),
     ("planes", "calib_core/planes/settings.py", "SegmentSettings"),

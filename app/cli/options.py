@@ -65,6 +65,7 @@ def solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
             bias_model=chosen.bias_model,
             imu_sampling=chosen.imu_sampling,
             lidar_sampling=chosen.lidar_sampling,
+            cloud=chosen.cloud,
             priors=parse_priors(chosen.prior),
             random_seed=chosen.random_seed,
             max_rounds=chosen.max_rounds,

@@ -88,6 +88,12 @@ def add_solving(command: Parser) -> None:
         default=defaults.lidar_sampling,
         help="when sweeps began: when stamped, or as the rotor turns where a host stamped them (%(default)s)",
     )
+    add(
+        "--cloud",
+        choices=("detect", "as-sent"),
+        default=defaults.cloud,
+        help="clouds that a grid thinned, one point to a cell: told by their points, or taken as a lidar's own (%(default)s)",
+    )
     add("--random-seed", type=natural, default=defaults.random_seed, help="seed of the plane search (%(default)s)")
     add(
         "--max-rounds",

@@ -97,9 +97,10 @@ def _solving_words(settings: CalibrateSettings) -> list[str]:
 
 
 def _sensor_words(settings: CalibrateSettings) -> list[str]:
-    """The sensors' own parameters; no block at all is the same as `off`."""
+    """The sensors' own parameters, no block at all is the same as `off`; and whose points they are."""
     named = settings.intrinsics if isinstance(settings.intrinsics, str) else ",".join(settings.intrinsics) or "off"
     words = [] if named == CalibrateSettings().intrinsics else ["--intrinsics", named]
+    words += [] if settings.cloud == CalibrateSettings().cloud else ["--cloud", settings.cloud]
     return words if settings.lidar is None else [*words, "--lidar", settings.lidar]
 
 

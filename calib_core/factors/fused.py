@@ -12,7 +12,16 @@ import numba
 import numpy as np
 
 from calib_core.factors.cell_kernels import Grids, lies_within
-from calib_core.factors.kernels import SeenPlanes, Weighing, add_moments, looked_at, meet, weight_of
+from calib_core.factors.kernels import (
+    SeenPlanes,
+    Weighing,
+    add_moments,
+    as_sieved,
+    is_sieved,
+    looked_at,
+    meet,
+    weight_of,
+)
 from calib_core.factors.laser_features import LaserErrors, LaserSums, steps_to_middles
 from calib_core.factors.laser_kernels import FEATURES, LaserTable, add_features, correct_point
 from calib_core.factors.lidar_plane import Gate, LidarNoise, MicroBins, SlicePoses, grids, seen_planes, weighing_of
@@ -138,6 +147,8 @@ def moments_kernel(
             range_m = np.sqrt(hit[0] * hit[0] + hit[1] * hit[1] + hit[2] * hit[2])
             d -= slant[1] * range_m * np.sqrt(max(1.0 - hit[4] * hit[4], 0.0))
         weight = weight_of(hit[0], hit[1], hit[2], d, hit[4], hit[5], extra_of_plane_m[j], weighing)
+        if is_sieved(weight, extra_of_plane_m[j], hit[4], weighing):
+            d, weight = as_sieved(hit, d, xyz[i], extra_of_plane_m[j], weighing)
         if weight < 0.0 or (
             inside.shape[0] > 0 and not lies_within(hit, u[k, j], origin[k, j], cell_m, half, inside[j])
         ):

@@ -6,6 +6,7 @@ is to do. Compiled code is kept beside this file, so that only a machine's first
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -15,6 +16,12 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 #: A plane seen at a smaller cosine is taken to be seen at this one, where it is asked how far a hit is from it.
 GRAZING = 0.25
+#: A ray that is parallel to a face but for this never meets it.
+FLAT = 1e-9
+#: Of the normal law, and of the error function.
+DENSITY, HALF_ROOT = 1.0 / np.sqrt(2.0 * np.pi), np.sqrt(0.5)
+#: A cell that leaves a return less than this share of its variance leaves nothing to learn from it.
+TOLD_SHARE = 1e-3
 #: Over the last quarter of a standard deviation before the gate, and of the margin, weights fall to zero: with a step
 #: there, a point that comes or goes moves the answer, which lets another one go, and so on for ever.
 RAMP = 0.25
@@ -41,6 +48,7 @@ class Weighing(NamedTuple):
     """What a hit's weight depends on beside itself: lidar_plane.LidarNoise and Gate.
 
     extra_stds: the extra width of a gate in standard deviations of what it makes room for.   farthest_m: no range beyond.
+    sieve_m: edge of the cells of which each left one point, 0 for none.
     """
 
     range_std_m: float
@@ -50,6 +58,7 @@ class Weighing(NamedTuple):
     robust_sigmas: float
     extra_stds: float
     farthest_m: float
+    sieve_m: float
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -149,6 +158,29 @@ def hits_kernel(
 
 
 @numba.njit(cache=True, nogil=True)
+def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: float) -> tuple[float, float]:
+    """Mean [m] and variance, as a share of std_m^2, that a return's range error has in the cell in which it lies.
+
+    x, y, z: the return as published, which reads long_m too far.   std_m: of its range.   sieve_m: edge of the cells, of a grid
+    through the origin. The law is the normal one between the two faces that the ray passes.
+    """
+    r = np.sqrt(x * x + y * y + z * z)
+    near, far = -np.inf, np.inf
+    for value in (x, y, z):
+        if abs(value) > FLAT * r:
+            face, step = np.floor(value / sieve_m) * sieve_m * r / value, sieve_m * r / abs(value)
+            begin = face if value > 0.0 else face - step
+            near, far = max(near, begin), min(far, begin + step)
+    a, b = (near - r + long_m) / std_m, (far - r + long_m) / std_m
+    inside = 0.5 * (math.erf(b * HALF_ROOT) - math.erf(a * HALF_ROOT))
+    if not inside > 0.0:
+        return 0.0, 0.0
+    at_a, at_b = DENSITY * np.exp(-0.5 * a * a) / inside, DENSITY * np.exp(-0.5 * b * b) / inside
+    mean = at_a - at_b
+    return mean * std_m, max(1.0 + a * at_a - b * at_b - mean * mean, 0.0)
+
+
+@numba.njit(cache=True, nogil=True)
 def weight_of(
     x: float,
     y: float,
@@ -164,7 +196,7 @@ def weight_of(
     extra_m: room in its plane's gate, below zero for none.   Where the ray meets the plane no nearer to the farthest range
     than noise reaches, of returns only those that read short are there: none is taken.
     """
-    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m = weighing
+    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m, _ = weighing
     variance = (range_std_m * cosine) ** 2 + surface_std_m**2
     std = np.sqrt(variance)
     room = sigmas * std + extra_m - abs(d)
@@ -205,6 +237,55 @@ def select_kernel(
         if worth >= 0.0:
             keep[i] = True
             weight[i] = worth
+
+
+@numba.njit(cache=True, nogil=True)
+def as_sieved(
+    hit: FloatArray, d: float, published_m: Float32Array, extra_m: float, weighing: Weighing
+) -> tuple[float, float]:
+    """The distance [m] and weight [1/m^2] to count a return with that somebody left in its cell; weight below zero for none.
+
+    Its score is (e - mean) / std^2 and its information variance / std^4 (`cut_off`); a weight times the square of a distance has
+    the same. Nothing else of its weight may depend on the noise: no robust one, which leans to where the cell is open.   hit:
+    (6,) of `meet`, and d what is left of its distance.   published_m: (3,).
+    """
+    variance = (weighing.range_std_m * hit[4]) ** 2 + weighing.surface_std_m**2
+    std_m = np.sqrt(variance) / abs(hit[4])
+    mean_m, share = cut_off(published_m[0], published_m[1], published_m[2], d / hit[4], std_m, weighing.sieve_m)
+    if share < TOLD_SHARE:
+        return d, -1.0
+    weight = weight_of(hit[0], hit[1], hit[2], 0.0, hit[4], hit[5], extra_m, weighing)
+    return (d - mean_m * hit[4]) / share, weight * share
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def is_sieved(weight: float, extra_m: float, cosine: float, weighing: Weighing) -> bool:
+    """Whether a return counts that a grid left, and the motion is surer than its range: else it counts as it came."""
+    variance = (weighing.range_std_m * cosine) ** 2 + weighing.surface_std_m**2
+    return weighing.sieve_m > 0.0 and weight >= 0.0 and (extra_m / weighing.extra_stds) ** 2 <= variance
+
+
+@numba.njit(cache=True, nogil=True)
+def sieve_kernel(
+    plane: IntArray,
+    published_m: Float32Array,
+    x_hit: FloatArray,
+    d: FloatArray,
+    cosine: FloatArray,
+    ambiguous_m: FloatArray,
+    extra_of_plane_m: FloatArray,
+    weighing: Weighing,
+    keep: BoolArray,
+    weight: FloatArray,
+) -> None:
+    """`as_sieved` of the kept hits: changes d (N,), keep and weight."""
+    hit = np.empty(6)
+    for i in range(plane.shape[0]):
+        extra_m = extra_of_plane_m[plane[i]]
+        if keep[i] and is_sieved(weight[i], extra_m, cosine[i], weighing):
+            hit[:3], hit[3], hit[4], hit[5] = x_hit[i], d[i], cosine[i], ambiguous_m[i]
+            d[i], weight[i] = as_sieved(hit, d[i], published_m[i], extra_m, weighing)
+            keep[i] = weight[i] >= 0.0
 
 
 @numba.njit(cache=True, nogil=True)

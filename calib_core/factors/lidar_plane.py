@@ -19,7 +19,7 @@ estimate would change in that is far below any uncertainty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from calib_core.factors.kernels import (
     hits_kernel,
     move_and_sum_kernel,
     select_kernel,
+    sieve_kernel,
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
@@ -39,6 +40,8 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 SLICE_S = 0.002
 #: A gate's extra width in standard deviations of what it makes room for.
 GATE_STDS = 4.0
+#: How far apart two points of a cell of edge 1 may be.
+DIAGONAL = 3.0**0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +49,14 @@ class LidarNoise:
     """Standard deviation of a point-to-plane distance: range_std_m along the ray, surface_std_m across the plane.
 
     std^2 = range_std_m^2 c^2 + surface_std_m^2, c the cosine between ray and normal.   farthest_m: the longest range that
-    was recorded. Of the returns from just beyond it those that read long are missing, so what is left there lies.
+    was recorded. Of the returns from just beyond it those that read long are missing, so what is left there lies.   sieve_m: edge
+    of the cells of which somebody left one point each, 0 for none. Near their faces what is there lies as well.
     """
 
     range_std_m: float
     surface_std_m: float
     farthest_m: float = float("inf")
+    sieve_m: float = 0.0
 
     def distance_std_m(self, cosine: FloatArray) -> FloatArray:
         """Of points seen under the given cosines."""
@@ -108,6 +113,7 @@ class Hits:
 
     plane: (N,), -1 where none is seen face on.   x_hit: (N, 3) lidar frame at the slice's centre.   d [m], cosine: (N,).
     ambiguous_m: (N,) distance along the ray from the hit to the nearest other plane (`hits_kernel`).   slice_index: (N,).
+    published_m: (N, 3) the points themselves, lidar frame at their own times.
     """
 
     plane: IntArray
@@ -116,6 +122,7 @@ class Hits:
     d: FloatArray
     cosine: FloatArray
     ambiguous_m: FloatArray
+    published_m: Float32Array
     poses: SlicePoses
 
 
@@ -150,12 +157,14 @@ def find_hits(
     *,
     first_slice: IntArray | None = None,
     field_of_view_deg: float | None = None,
+    published_m: Float32Array | None = None,
 ) -> Hits:
     """The plane each ray most plausibly ended on, and where the ray meets it.
 
     points_m: (N, 3) lidar frame at each point's time.   offset_s: (N,) after the scan's first point, any order.   normals
     (P, 3), offsets_m (P,): map frame, normals towards where the plane was seen from.   first_slice: (N,) of each point's
-    scan in the poses, where they are of several.   field_of_view_deg: keep azimuths within +-.
+    scan in the poses, where they are of several.   field_of_view_deg: keep azimuths within +-.   published_m: (N, 3) as they
+    came, where points_m are corrected.
     """
     n = len(points_m)
     seen = seen_planes(poses, normals, offsets_m, gate, field_of_view_deg)
@@ -164,7 +173,7 @@ def find_hits(
     d, cosine, beside = np.zeros(n), np.zeros(n), np.zeros(n)
     first = np.zeros(n, np.int64) if first_slice is None else first_slice
     hits_kernel(points_m, offset_s, first, seen, plane, index, x_hit, d, cosine, beside)
-    return Hits(plane, index, x_hit, d, cosine, beside, poses)
+    return Hits(plane, index, x_hit, d, cosine, beside, points_m if published_m is None else published_m, poses)
 
 
 def seen_planes(
@@ -224,16 +233,17 @@ def weighing_of(noise: LidarNoise, gate: Gate) -> Weighing:
     """What weights depend on.
 
     What widens the gate is an error of the motion, and counts as noise: a clutter point at grazing incidence, let in by it,
-    would otherwise outweigh a wall.
+    would otherwise outweigh a wall. Where a cell's points were averaged, one that two planes pass through holds none of either.
     """
     return Weighing(
         noise.range_std_m,
         noise.surface_std_m,
         gate.sigmas,
-        gate.margin_m,
+        max(gate.margin_m, DIAGONAL * noise.sieve_m),
         gate.robust_sigmas,
         GATE_STDS,
         noise.farthest_m,
+        noise.sieve_m,
     )
 
 
@@ -251,6 +261,22 @@ def select(hits: Hits, noise: LidarNoise, gate: Gate, extents: PlaneExtents | No
         cells = grids(hits.poses, extents.normals)
         within_kernel(hits.plane, hits.slice_index, hits.x_hit, cells, extents.inside, keep)
     return keep, weight
+
+
+def as_sieved(
+    hits: Hits, noise: LidarNoise, gate: Gate, keep: BoolArray, weight: FloatArray
+) -> tuple[Hits, BoolArray, FloatArray]:
+    """What `select` kept of a cloud that a grid thinned, as it is to be counted (`kernels.as_sieved`)."""
+    if noise.sieve_m <= 0.0:
+        return hits, keep, weight
+    extra = gate.extra_of_plane_m
+    if extra is None:
+        extra = np.full(int(hits.plane.max(initial=0)) + 1, gate.extra_m)
+    d, keep, weight = hits.d.copy(), keep.copy(), weight.copy()
+    sieve_kernel(
+        hits.plane, hits.published_m, hits.x_hit, d, hits.cosine, hits.ambiguous_m, extra, weighing_of(noise, gate), keep, weight
+    )  # fmt: skip
+    return replace(hits, d=d), keep, weight
 
 
 def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> MicroBins:

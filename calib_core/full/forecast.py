@@ -236,5 +236,5 @@ def _knowledge(data: JointData, state: Estimation, stands_for: FloatArray, share
         problem.priors,
         inflation=float(np.sqrt(share)),
         frozen_offset=not data.run.settings.estimate_time_offset,
-        offset_std_s=data.run.clocks.jitter_mean_std_s * float(np.sqrt(share)),
+        offset_std_s=float(np.hypot(data.run.clocks.jitter_mean_std_s * np.sqrt(share), data.run.clocks.steps_std_s)),
     )

@@ -126,6 +126,7 @@ def _as_solved(result: CalibrationResult) -> CalibrateSettings:
     return CalibrateSettings(
         imu_sampling=imu if imu in {"as-stamped", "even"} else "detect",
         lidar_sampling="as-stamped" if lidar == "as-stamped" else "detect",
+        cloud="as-sent" if known.get("cloud") == "as-sent" else "detect",
     )
 
 

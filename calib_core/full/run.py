@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
@@ -17,13 +18,36 @@ from calib_core.threads import usual_threads
 from calib_core.types import FloatArray, IntArray, Level, Recording
 
 
+@dataclass(frozen=True, slots=True)
+class StampStep:
+    """whose: the stamps, in words.   step_s: they are multiples of this.   std_s: of the time offset, for it.   spread: 0 to 1,
+    how much of the step the phases of the true instants cover.   count: of stamps that were looked at.
+    """
+
+    whose: str
+    step_s: float
+    std_s: float
+    spread: float
+    count: int
+
+    @property
+    def text(self) -> str:
+        """To a person: what, by which evidence, what follows and what to do."""
+        kept = "" if self.spread > 0.5 else ", and the sensor keeps step with them"
+        return (
+            f"{self.whose}, all {self.count} of them, are multiples of {1e3 * self.step_s:.4g} ms{kept}: what was cut off is "
+            f"part of the time offset, {1e3 * self.std_s:.2g} ms of its standard deviation; let the driver stamp to microseconds"
+        )
+
+
 @dataclass(frozen=True)
 class Clocks:
     """Both clocks in seconds of their own epochs. lidar time = imu time + offset, |offset| small after coarse alignment.
 
     imu_s: (Q,).   scan_s: (M,) first points' times.   sweep_s: (M,) last point after the first.   scan_points: (M,) how
     many there are.   jitter_mean_std_s: what the time offset is unsure by because the mean of the stamps' jitter is part
-    of it.   late_ns: of scans that were taken before their stamp says, by stamp: how late it is.
+    of it.   late_ns: of scans that were taken before their stamp says, by stamp: how late it is.   steps: of stamps and times
+    that a clock's ticks cut.   sieve_std_s: what the time offset is unsure by for clouds that a grid thinned.
     """
 
     lidar_epoch_ns: int
@@ -34,6 +58,13 @@ class Clocks:
     scan_points: IntArray
     jitter_mean_std_s: float = 0.0
     late_ns: Mapping[int, int] = field(default_factory=dict)
+    steps: tuple[StampStep, ...] = ()
+    sieve_std_s: float = 0.0
+
+    @property
+    def steps_std_s(self) -> float:
+        """What the time offset is unsure by for what was cut off, of stamps and of clouds, however long the recording is."""
+        return math.hypot(self.sieve_std_s, *(step.std_s for step in self.steps))
 
     @property
     def middle_s(self) -> float:
@@ -78,8 +109,9 @@ class ImuNoiseLevel:
 class Run:
     """What every stage needs, as `prepare` leaves it.
 
-    farthest_m: the longest range that any return has.   training: of the IMU's interpolation, which goes on beside the search
-    for planes.   portion: of the running stage, which what is reported now is a fraction of.
+    farthest_m: the longest range that any return has.   sieve_m: edge of the cells of which the clouds were left one point each,
+    0 for none.   training: of the IMU's interpolation, which goes on beside the search for planes.   portion: of the running
+    stage, which what is reported now is a fraction of.
     """
 
     recording: Recording
@@ -90,6 +122,7 @@ class Run:
     on_event: OnEvent
     should_cancel: ShouldCancel
     farthest_m: float = float("inf")
+    sieve_m: float = 0.0
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
 

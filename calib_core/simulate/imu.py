@@ -117,6 +117,11 @@ def stamped_late(messages: ImuMessages, error_ns: IntArray) -> ImuMessages:
     return replace(messages, stamp_error_ns=messages.stamp_error_ns + error_ns)
 
 
+def in_steps(messages: ImuMessages, step_rad_s: float) -> ImuMessages:
+    """The messages of a gyroscope that tells whole steps, the nearest."""
+    return replace(messages, gyro_rad_s=np.rint(messages.gyro_rad_s / step_rad_s) * step_rad_s)
+
+
 def sent_again(messages: ImuMessages, times: int) -> ImuMessages:
     """The messages of a driver that sends what the sensor reads so many times before it asks for the next."""
     read = np.arange(len(messages.true_ns)) // times * times

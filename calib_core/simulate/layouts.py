@@ -7,7 +7,7 @@ made in memory and one read from a bag agree to the last bit (within 1 ns where 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -87,6 +87,23 @@ class Cloud:
 def encode(sweep: Sweep, lidar: Lidar, epoch_ns: int) -> Cloud:
     """The sweep as this lidar's driver publishes it."""
     return _ENCODERS[lidar.layout](sweep, lidar, epoch_ns)
+
+
+def first_of_cells(cloud: Cloud, cell_m: float) -> Cloud:
+    """What a voxel filter leaves of a message: of its valid points, the first that was sent in each cube of space."""
+    sent = np.flatnonzero(cloud.valid)
+    cubes = [np.floor(cloud.points[axis][sent].astype(np.float64) / cell_m).astype(np.int64) for axis in "xyz"]
+    # Kilometres either way: no two cubes have one number.
+    _, first = np.unique((cubes[0] << 42) + (cubes[1] << 21) + cubes[2], return_index=True)
+    kept = sent[np.sort(first)]
+    return replace(
+        cloud,
+        points=cloud.points[kept],
+        height=1,
+        time_ns=cloud.time_ns[kept],
+        valid=np.ones(len(kept), bool),
+        is_dense=True,
+    )
 
 
 def scan_of(cloud: Cloud) -> Scan:

@@ -25,7 +25,7 @@ from calib_core.simulate import scenarios
 from calib_core.simulate.faults import IDEAL, Drawn, Fault, clock
 from calib_core.simulate.faults.draw import Draws, draw, world
 from calib_core.simulate.imu import ImuMessages
-from calib_core.simulate.layouts import Cloud, encode, scan_of
+from calib_core.simulate.layouts import Cloud, encode, first_of_cells, scan_of
 from calib_core.simulate.lidar import Sweep
 from calib_core.simulate.motion import seconds
 from calib_core.simulate.patterns import Spinning
@@ -95,11 +95,20 @@ class Simulation:
     def cloud(self, index: int) -> Cloud:
         """Sweep number `index` as the lidar's driver publishes it."""
         cloud = encode(self.sweep(index), self.scenario.lidar, EPOCH_NS)
+        if self.faults.voxel_grid_m:
+            cloud = first_of_cells(cloud, self.faults.voxel_grid_m)
         # Points that bear the sensor's own time are as they are, whenever the host gets them.
-        if not self.faults.scan_latency_s or self.scenario.lidar.layout not in _STAMPED_BY_HEADER:
+        if self.scenario.lidar.layout not in _STAMPED_BY_HEADER:
             return cloud
-        late_ns = int(self._scans_late_ns[index])
-        return replace(cloud, stamp_ns=cloud.stamp_ns + late_ns, time_ns=cloud.time_ns + late_ns)
+        late_ns = int(self._scans_late_ns[index]) if self.faults.scan_latency_s else 0
+        if self.faults.stamp_step_s:
+            stamp_ns = cloud.stamp_ns + late_ns
+            late_ns += int(clock.ticked_ns(np.array([stamp_ns]), self.faults.stamp_step_s)[0]) - stamp_ns
+        return (
+            cloud
+            if late_ns == 0
+            else replace(cloud, stamp_ns=cloud.stamp_ns + late_ns, time_ns=cloud.time_ns + late_ns)
+        )
 
     @cached_property
     def _scans_late_ns(self) -> IntArray:
@@ -125,6 +134,8 @@ class Simulation:
             (np.asarray(scenario.gyro_bias_rad_s), np.asarray(scenario.accel_bias_m_s2)),
             self._rng(_IMU_STREAM),
         )
+        if self.faults.gyro_step_rad_s:
+            messages = imu_module.in_steps(messages, self.faults.gyro_step_rad_s)
         if self.faults.stamp_latency_s:
             late_ns = clock.latency_ns(instants, self.faults.stamp_latency_s, self._rng(_STAMP_STREAM))
             messages = imu_module.stamped_late(messages, late_ns)
@@ -143,8 +154,9 @@ class Simulation:
         latency_s = 0.0008 + 0.0002 * self._rng(_LATENCY_STREAM, 1 << 30).exponential(size=messages.true_ns.shape)
         received = EPOCH_NS + messages.true_ns + np.rint(latency_s * 1e9).astype(np.int64)
         apart_ns = clock.rate_error_ns(messages.true_ns, truth.faults.clock_rate_ppm, truth.middle_ns)
+        stamps_ns = EPOCH_NS + messages.true_ns - truth.time_offset_ns - apart_ns + messages.stamp_error_ns
         return ImuRecords(
-            EPOCH_NS + messages.true_ns - truth.time_offset_ns - apart_ns + messages.stamp_error_ns,
+            clock.ticked_ns(stamps_ns, truth.faults.stamp_step_s) if truth.faults.stamp_step_s else stamps_ns,
             np.maximum.accumulate(received),
             messages.gyro_rad_s,
             messages.accel_m_s2 / STANDARD_GRAVITY_M_S2 if in_g else messages.accel_m_s2,

@@ -190,7 +190,7 @@ def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
     words += " --gyroscope-unit deg_s --stamps receive --range-min-m 1 --range-max-m 50 --method paper --gravity 9.81"
     words += " --exclude 2:3 --exclude 12.5:14"
     words += " --prior tz=-0.3+-0.01 --prior rx=0+-1deg --fix-time-offset --fix-planes --bias-model constant"
-    words += " --imu-sampling even"
+    words += " --imu-sampling even --cloud as-sent"
     words += f" --random-seed 7 --max-rounds 3 --imu-noise mti-3 --planes {planes} --initial-guess {guess}"
     assert cli.run(words.split()) == 0
     assert library.asked.reading.model_dump(exclude_defaults=True) == {
@@ -212,7 +212,7 @@ def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
     assert (solving.method, solving.points_per_plane_per_scan, solving.field_of_view_deg) == ("paper", 100, 45.0)
     assert (solving.estimate_time_offset, solving.estimate_planes, solving.bias_model) == (False, False, "constant")
     assert (solving.random_seed, solving.max_rounds, solving.imu_noise) == (7, 3, "mti-3")
-    assert solving.imu_sampling == "even"
+    assert (solving.imu_sampling, solving.cloud) == ("even", "as-sent")
     assert solving.excluded_spans_s == ((2.0, 3.0), (12.5, 14.0))
     assert [(prior.axis, prior.value) for prior in solving.priors] == [("tz", -0.3), ("rx", 0.0)]
     assert [plane.name for plane in library.asked.planes] == ["floor"]

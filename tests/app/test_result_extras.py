@@ -104,12 +104,13 @@ def test_walls_and_scans_are_measured_within_their_outlines():
         CalibrateSettings(priors=(Prior(axis="tz", value=-0.3, std=0.01), Prior(axis="rx", value=0.1, std=1 / 3))),
         CalibrateSettings(imu_noise="mti-3", imu_sampling="as-stamped"),
         CalibrateSettings(intrinsics="consider", lidar="velodyne-vlp16"),
+        CalibrateSettings(cloud="as-sent"),
         CalibrateSettings(intrinsics=("gyroscope_scale", "clock_rate", "laser_range_offset")),
     ],
 )
 def test_the_command_asks_for_the_same(settings):
     """Round trip through the command line's own parser. Mutations: exclusions, priors, the seed,
-    the sensors' blocks or the lidar left out."""
+    the sensors' blocks, the lidar or whose points they are left out."""
     reading = ReadSettings(lidar_topic="/points", start_s=2.5, synthesise_point_time=True, stamps="receive")
     command = command_of(world.make_result(name="my room's.bag"), reading, StoredRequest(settings=settings))
     words = shlex.split(command.text)

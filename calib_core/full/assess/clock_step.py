@@ -6,7 +6,9 @@ that stretches of time ask for by themselves (parts.py) are still no line:
 
     x_b = a + c t_b + d [b > k] + e_b,      b != k,
 
-a step d within stretch k on top of a line. In recordings without one, weighted squares about a line are as chance has them.
+a step d within stretch k on top of a line. A stretch of standstill tells no time: what it asks for is what its readings are wrong
+by, as where a gyroscope in steps of 1 deg/s reads nothing of a hand's tremor, and 160 ms. In recordings without a step, weighted
+squares about a line are as chance has them.
 """
 
 from __future__ import annotations
@@ -64,10 +66,12 @@ def clock_step(blocks: Sequence[TimeBlock]) -> ClockStep | None:
 
 
 def _columns(blocks: Sequence[TimeBlock]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Middle [s], offset asked for [s] and weight [1/s^2] of every stretch."""
+    """Middle [s], offset asked for [s] and weight [1/s^2] of every stretch, 0 of those that tell no time."""
     t = np.array([0.5 * (block.t_start_s + block.t_end_s) for block in blocks])
     std_s = np.array([block.time_offset_std_s for block in blocks])
-    return t - t.mean(), np.array([block.time_offset_shift_s for block in blocks]), 1.0 / np.maximum(std_s, 1e-9) ** 2
+    telling = std_s < CLOCK_STEP.telling * float(std_s.min(initial=np.inf))
+    weight = np.where(telling, 1.0 / np.maximum(std_s, 1e-9) ** 2, 0.0)
+    return t - t.mean(), np.array([block.time_offset_shift_s for block in blocks]), weight
 
 
 def _squares(design: FloatArray, x: FloatArray, weight: FloatArray, used: BoolArray) -> float:

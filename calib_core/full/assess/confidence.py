@@ -10,7 +10,9 @@ from calib_core.full.assess.considered import Considered, consider
 from calib_core.full.assess.disagreement import Apart, Disagreement, disagreements, take_apart, together
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
 from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.state import TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
+from calib_core.full.prepare.settings import STEPS
 from calib_core.full.run import Run
 from calib_core.types import FloatArray
 
@@ -63,10 +65,20 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
         priors,
         inflation=at_least,
         frozen_offset=frozen,
-        offset_std_s=run.clocks.jitter_mean_std_s,
+        offset_std_s=float(np.hypot(run.clocks.jitter_mean_std_s, run.clocks.steps_std_s)),
         added=added + beyond,
     )
+    if not frozen:
+        _say_steps(run, knowledge)
     return Confidence(knowledge, considered, found, apart)
+
+
+def _say_steps(run: Run, knowledge: Knowledge) -> None:
+    steps_std_s = run.clocks.steps_std_s
+    else_std_s = np.sqrt(max(knowledge.covariance[TIME_OFFSET, TIME_OFFSET] - steps_std_s**2, 0.0))
+    if steps_std_s > STEPS.worth_saying * else_std_s:
+        for step in run.clocks.steps:
+            run.say("warning", "clock.coarse", step.text)
 
 
 def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:

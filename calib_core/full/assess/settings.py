@@ -79,6 +79,9 @@ class ClockSteps:
     misfit: float = 40.0
     #: measured: with steps, a step left 0.04 to 0.24 of what a line leaves; it has to leave less than this share.
     unexplained: float = 0.4
+    #: derived: a stretch that knows the time so many times worse than the best has a hundredth of its weight or less. That much
+    #: it has to say in any line; what it is off by is its own fault.
+    telling: float = 10.0
 
 
 PLAUSIBLE, WORDING, PARTS, CLOCK_STEP = Plausible(), Wording(), Parts(), ClockSteps()

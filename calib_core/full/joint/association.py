@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, near_hits, select
+from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, as_sieved, near_hits, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.many_scans import OnScans, ignore, over_batches, over_scans
 from calib_core.full.joint.moments import Micro
@@ -40,6 +40,7 @@ def associate(
     def some(batch: Sequence[int]) -> Micro:
         hits = view.hits(batch, gate, stride)
         keep, weight = select(hits, noise, gate, extents)
+        hits, keep, weight = as_sieved(hits, noise, gate, keep, weight)
         if cap is not None:
             keep = _capped(hits, keep, cap, seed=view.settings.random_seed + batch[0])
         e = view.estimate

@@ -99,7 +99,9 @@ def begin(
         priors=standing_priors(run, estimate, guess),
         planes=tuple(MapPlane(plane.name, plane.outline_m) for plane in followed.planes),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
-        lidar_noise=LidarNoise(BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m),
+        lidar_noise=LidarNoise(
+            BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m, run.sieve_m
+        ),
     )
     spacing_s = readings.spacing_s
     most_rounds = schedule.most_rounds(inside * spacing_s, len(whole) * spacing_s, run.settings.max_rounds)

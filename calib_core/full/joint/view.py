@@ -102,6 +102,7 @@ class View:
             gate,
             first_slice=np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds]),
             field_of_view_deg=self.settings.field_of_view_deg,
+            published_m=points["xyz"],
         )
         hits.plane[hits.plane >= len(e.normals)] = -1
         if errors is not None and errors.slant().any():

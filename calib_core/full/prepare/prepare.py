@@ -10,11 +10,13 @@ import numpy as np
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.full.prepare.clocks import clocks_of, look
+from calib_core.full.prepare.coarse_stamps import imu_step, point_step, scan_step
 from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise
 from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.full.prepare.settings import LENGTH
+from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
 from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
-from calib_core.full.run import Clocks, ImuNoiseLevel, Run
+from calib_core.full.run import Clocks, ImuNoiseLevel, Run, StampStep
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.presets import find_imu_preset
@@ -48,14 +50,18 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     require_order(recording.imu.stamps_ns, "IMU readings")
+    steps = _steps(recording, settings)
     recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
     stamped = look(recording)
     require_order(stamped.stamps_ns, "scans")
+    sieve = _sieve(recording, stamped.period_s, settings, on_event)
     recording, seen, sweeps_mean_std_s = begun_evenly(recording, stamped, settings, on_event)
     clocks = replace(
         clocks_of(recording, seen),
         jitter_mean_std_s=float(np.hypot(jitter_mean_std_s, sweeps_mean_std_s)),
         late_ns=late_ns(stamped, seen),
+        steps=steps,
+        sieve_std_s=0.0 if sieve is None else sieve.std_s,
     )
     imu = recording.imu
     noise = _imu_noise(recording, settings, clocks, on_event)
@@ -64,7 +70,30 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     values = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])
     training = pool.submit(fit_hyper, clocks.imu_s, values, noise_std=noise.sample_std)
     pool.shutdown(wait=False)
-    return Run(recording, settings, clocks, noise, training, on_event, should_cancel, farthest_m=seen.farthest_m)
+    return Run(
+        recording, settings, clocks, noise, training, on_event, should_cancel,
+        farthest_m=seen.farthest_m, sieve_m=0.0 if sieve is None else sieve.cell_m,
+    )  # fmt: skip
+
+
+def _steps(recording: Recording, settings: CalibrateSettings) -> tuple[StampStep, ...]:
+    """Of stamps and times that a clock's ticks cut, but for those that the user takes as they are."""
+    found: list[StampStep | None] = []
+    if settings.imu_sampling != "as-stamped":
+        found.append(imu_step(recording.imu))
+    if settings.lidar_sampling != "as-stamped":
+        topic, stamps_ns = recording.lidar.topic, np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
+        found += [scan_step(stamps_ns, topic), point_step(recording.scans, topic)]
+    return tuple(step for step in found if step is not None)
+
+
+def _sieve(recording: Recording, period_s: float, settings: CalibrateSettings, on_event: OnEvent) -> Sieve | None:
+    """The grid that the clouds were thinned by, None for none; said."""
+    found = None if settings.cloud == "as-sent" else sieve_of(recording.scans, period_s)
+    if found is not None:
+        text = in_words(found, recording.lidar.topic or "the lidar")
+        on_event(LogEvent(level="warning", code="points.thinned", text=text))
+    return found
 
 
 def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks, on_event: OnEvent) -> ImuNoiseLevel:

@@ -134,6 +134,60 @@ class Sweeps:
 
 
 @dataclass(frozen=True, slots=True)
+class Steps:
+    """Stamps that a clock's ticks cut."""
+
+    #: judged: steps are tenths of a second and down to hundred-thousandths, of which a half is a hundredth of the least time
+    #: offset's standard deviation that was ever stated; and ticks of hosts, 64 and 250 a second. Cut otherwise, nothing is said.
+    decades: int = 5
+    ticks_s: tuple[float, ...] = (0.015625, 0.004)
+    #: derived: seconds since 1970 in double precision are rounded by a quarter of a microsecond.
+    rounding_s: float = 2.5e-7
+    #: judged: most clocks that cut stamps count milliseconds. Where they do and sampling keeps step, stamps are multiples of the
+    #: sampling's own period by chance in one recording of ten at 100 Hz, in all at 1000 Hz. Rarer than in one of so many, such
+    #: stamps are taken for exact: a clock's that starts the sampling, a receiver's seconds, a simulation's.
+    usual_s: float = 1e-3
+    chance: float = 5.0
+    #: derived: fewer stamps are multiples by chance, or tell no line.
+    fewest_stamps: int = 20
+    #: judged: scans that are looked at for the points' times, and instants of a sweep, fewer than any lidar has and as many as
+    #: ten milliseconds leave of it.
+    scans: int = 10
+    fewest_instants: int = 5
+    #: derived: columns of a lidar that turns ten times a second are 0.2 deg and 50 microseconds apart, and may be whole tenths of
+    #: a millisecond; whole milliseconds would be 3.6 deg.
+    least_of_points_s: float = 1e-3
+    #: derived: what widens a standard deviation by an eighth is worth a sentence, hypot(1, 0.5) = 1.12.
+    worth_saying: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Sieving:
+    """Whether clouds were thinned by a grid."""
+
+    #: judged: cells that people choose, and steps in which they do. What is thinned by another size counts as it came.
+    least_m: float = 0.02
+    most_m: float = 0.5
+    step_m: float = 0.005
+    #: judged: clouds that are looked at, and points of the largest that every size is tried on. Time alone depends on it, once
+    #: there are thousands.
+    scans: int = 20
+    first_points: int = 5000
+    #: derived: of so many points that share a cell beside, chance would leave none in the grid itself once in e^200 recordings.
+    fewest_beside: int = 200
+    #: derived: coordinates in single precision are rounded by a ten-millionth of themselves, and one point in a hundred
+    #: thousand lies so near to a face; clouds put together of two were thinned by themselves, and share a seam.
+    most_shared: float = 0.02
+    #: derived: times of the first of a cell's points, evenly over half of the beam's way through it, would scatter directions by
+    #: an eighth of that way about their mean; their own scatter them by less.
+    in_time: float = 0.125
+    #: derived: a packet more or less makes a scan of a tenth of a second longer by a hundredth; of so many turns as long but for
+    #: that, the nearest is off by a thousandth, 1.6 mrad for half of the points, and a cell of 10 cm is 20 wide at 5 m.
+    uneven: float = 0.01
+    periods: int = 21
+
+
+@dataclass(frozen=True, slots=True)
 class Lasers:
     """How many lasers there are, from the points themselves."""
 
@@ -160,4 +214,4 @@ class ToneSizes:
 
 
 LENGTH, NOISE, SPECTRUM, STAMPS, LASERS, TONES = Length(), Noise(), Spectrum(), Stamps(), Lasers(), ToneSizes()
-SWEEPS = Sweeps()
+SWEEPS, SIEVING, STEPS = Sweeps(), Sieving(), Steps()

@@ -3,6 +3,9 @@
 A serial adapter hands over what it holds every 16 ms, some drivers send twenty readings at once. All of a bundle bear the
 same stamp, or stamps as far apart as the host takes to read them. The sensor's period follows from how many readings come
 in a long time, not from the usual step.
+
+Where the stamps of all bundles are multiples of the time between two, nobody waited: a clock that ticks more slowly than the
+sensor measures stamped each reading with the last tick. They belong a period apart after it.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ _LEAST = 100
 #: A reading stamped so much of a period after the one before it waited with it; even stamps that jitter by a third of the
 #: period come so close in 2 of 100 steps, those behind a host's stalls in as many.
 _TOGETHER, _USUAL_SHARE = 0.25, 0.15
+#: Ticks are whole microseconds, and this share of the stamps is on them to half of one; more are where readings were lost.
+_ROUND_NS, _ON_TICKS = 1000, 0.99
 #: So many of an equal stamp are compared: more no buffer holds.
 _MOST_EQUAL = 64
 
@@ -30,7 +35,8 @@ class Bundles:
 
     stamps_ns: (Q,) spread: the newest of a bundle at the first stamp of it, the others the sensor's period before one
     another; strictly increasing.   period_ns: of the sensor.   size: readings in a bundle, mean.   largest: most.
-    waited_s: longest that a reading waited for the newest of its bundle, 99 of 100 wait less.
+    waited_s: longest that a reading waited for the newest of its bundle, 99 of 100 wait less.   tick_ns: of a clock that the
+    readings come faster than, and were spread over from its ticks on; 0 for a buffer's.
     """
 
     stamps_ns: IntArray
@@ -38,6 +44,7 @@ class Bundles:
     size: float
     largest: int
     waited_s: float
+    tick_ns: int = 0
 
 
 def spread(stamps_ns: IntArray) -> Bundles | None:
@@ -57,6 +64,9 @@ def spread(stamps_ns: IntArray) -> Bundles | None:
     period = _pace(t[first], newest)
     bundle = np.cumsum(begins) - 1
     behind = newest[bundle] - np.arange(count)
+    tick_ns = _tick_ns(stamps_ns[first])
+    if tick_ns:
+        behind = first[bundle] - np.arange(count)
     placed = np.rint(t[first][bundle] - behind * period).astype(np.int64)
     # No stamp is early: what would have been read after a later one was read before its stamp says.
     order = np.arange(count)
@@ -67,8 +77,20 @@ def spread(stamps_ns: IntArray) -> Bundles | None:
         period,
         size=float(np.mean(sizes)),
         largest=int(sizes.max()),
-        waited_s=float(np.percentile(behind, 99.0)) * period * 1e-9,
+        waited_s=float(np.percentile(np.abs(behind), 99.0)) * period * 1e-9,
+        tick_ns=tick_ns,
     )
+
+
+def _tick_ns(stamps_ns: IntArray) -> int:
+    """The time between bundles, where their stamps (B,) are multiples of it since their epoch; else 0."""
+    tick_ns = round(float(np.median(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0
+    # The reader tells equal stamps apart by nanoseconds, seconds in double precision are rounded: a hundredth is no chance of 50.
+    tick_ns = round(tick_ns / _ROUND_NS) * _ROUND_NS
+    if tick_ns == 0:
+        return 0
+    off = (stamps_ns + tick_ns // 2) % tick_ns - tick_ns // 2
+    return tick_ns if np.mean(np.abs(off) <= _ROUND_NS // 2) > _ON_TICKS else 0
 
 
 def _pace(t: FloatArray, number: IntArray) -> float:

@@ -125,7 +125,7 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if leapt.any():
         findings.append(_spikes_finding(leapt, gyro, accel, topic))
         taken_ns, gyro, accel = taken_ns[~leapt], gyro[~leapt], accel[~leapt]
-    data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id)
+    data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id, 0 if bundles is None else bundles.tick_ns)
     return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
 
 
@@ -158,6 +158,20 @@ def _spikes_finding(leapt: BoolArray, gyro: FloatArray, accel: FloatArray, topic
 
 def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
     period_s = bundles.period_ns * 1e-9
+    if bundles.tick_ns:
+        return Finding(
+            "imu.stamped_by_ticks",
+            "warning",
+            f"Stamps on {topic} are multiples of {1e-6 * bundles.tick_ns:.4g} ms, the time in which {bundles.size:.2g} readings"
+            f" come (at most {bundles.largest}): those of a tick are taken as sampled every {1e3 * period_s:.4g} ms from it on.",
+            (
+                Evidence("readings a tick", round(bundles.size, 2)),
+                Evidence("tick", bundles.tick_ns * 1e-9, "s"),
+                Evidence("period", round(period_s, 9), "s"),
+            ),
+            consequence="the time offset is unsure by about half a tick; let the driver stamp to microseconds",
+            override="--imu-bundles as-stamped",
+        )
     return Finding(
         "imu.stamped_in_bundles",
         "warning",

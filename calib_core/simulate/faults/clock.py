@@ -48,6 +48,12 @@ def bundle_ns(true_ns: IntArray, every_s: float, rng: np.random.Generator) -> In
     return np.asarray(np.rint(arrived_ns).astype(np.int64) + _IN_A_ROW_NS * place - true_ns, dtype=np.int64)
 
 
+def ticked_ns(stamps_ns: IntArray, step_s: float) -> IntArray:
+    """Stamps (Q,) by a clock that ticks so often: its last tick before them."""
+    step_ns = round(step_s * 1e9)
+    return np.asarray(stamps_ns // step_ns * step_ns, dtype=np.int64)
+
+
 def unbundled_ns(stamps_ns: IntArray, true_ns: IntArray) -> IntArray:
     """Stamps as a reader that knew the samples' times would spread a driver's bundles: the newest at the first stamp.
 

@@ -31,6 +31,10 @@ _USUAL = {
     "stamp-bundles": 0.016,
     "imu-repeats": 2.0,
     "scan-latency": 0.0005,
+    "stamp-step": 0.001,
+    # 0.25 deg/s: eight bits of 32 deg/s, twelve of 512.
+    "gyro-step": 0.0043633,
+    "voxel-grid": 0.1,
     "vibration": 1.0,
     # 2 to 5 mm off flat over a few metres.
     "bent-walls": 0.003,
@@ -46,7 +50,9 @@ class Drawn:
 
     names: of the faults, with the sizes that were asked for.   stamp_latency_s: mean, 0:
     none.   stamp_bundles_s: between two times at which a driver empties its buffer, 0: it has none.   imu_repeats: how often
-    each reading is sent.   scan_latency_s: mean, of the scans, 0: none.   The scene and the motion are changed by `world`.
+    each reading is sent.   scan_latency_s: mean, of the scans, 0: none.   stamp_step_s: of the clock that puts them,
+    gyro_step_rad_s: of readings, voxel_grid_m: of cells that were left one point each; 0: none.   The scene and the motion are
+    changed by `world`.
     """
 
     names: tuple[str, ...] = ()
@@ -57,6 +63,9 @@ class Drawn:
     stamp_bundles_s: float = 0.0
     imu_repeats: int = 1
     scan_latency_s: float = 0.0
+    stamp_step_s: float = 0.0
+    gyro_step_rad_s: float = 0.0
+    voxel_grid_m: float = 0.0
 
 
 IDEAL = Drawn()
@@ -111,6 +120,9 @@ def draw(faults: Sequence[Fault], draws: Draws) -> Drawn:
             stamp_bundles_s=_usual(fault) if fault.name == "stamp-bundles" else drawn.stamp_bundles_s,
             imu_repeats=round(_usual(fault)) if fault.name == "imu-repeats" else drawn.imu_repeats,
             scan_latency_s=_usual(fault) if fault.name == "scan-latency" else drawn.scan_latency_s,
+            stamp_step_s=_usual(fault) if fault.name == "stamp-step" else drawn.stamp_step_s,
+            gyro_step_rad_s=_usual(fault) if fault.name == "gyro-step" else drawn.gyro_step_rad_s,
+            voxel_grid_m=_usual(fault) if fault.name == "voxel-grid" else drawn.voxel_grid_m,
         )
     return drawn
 

@@ -28,6 +28,12 @@ def parameters(drawn: Drawn, rings: Sequence[int]) -> Iterator[Parameter]:
         yield "imu_repeats", "all", "1", drawn.imu_repeats
     if drawn.scan_latency_s:
         yield "scan_latency", "mean", "s", drawn.scan_latency_s
+    whole = (
+        ("stamp_step", "s", drawn.stamp_step_s),
+        ("gyro_step", "rad/s", drawn.gyro_step_rad_s),
+        ("voxel_grid", "m", drawn.voxel_grid_m),
+    )
+    yield from ((name, "all", unit, value) for name, unit, value in whole if value)
 
 
 def _block(block: Block, values: Sequence[float]) -> Iterator[Parameter]:

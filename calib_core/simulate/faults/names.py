@@ -57,6 +57,11 @@ FAULTS: dict[str, Kind] = {
     "stamp-bundles": Kind("s", "the IMU's driver empties a buffer so often and stamps all that waited in it then"),
     "imu-repeats": Kind("1", "the IMU's driver sends each reading so many times, as if it were a new one"),
     "scan-latency": Kind("s", "scans without a clock of their own are stamped by the host, late as with stamp-latency"),
+    "stamp-step": Kind(
+        "s", "a clock that ticks so often stamps the IMU, and scans without a clock of their own: with its last tick"
+    ),
+    "gyro-step": Kind("rad/s", "the gyroscope reads whole steps of this"),
+    "voxel-grid": Kind("m", "somebody left the first point of each cell of a grid, of this edge"),
     "vibration": Kind("m/s2", "an engine shakes the rig at 25 to 120 Hz"),
     "bent-walls": Kind("m", "walls are off flat by up to this"),
     "door-ajar": Kind("rad", "a door in a wall stands ajar by this angle"),

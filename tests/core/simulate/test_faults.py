@@ -222,6 +222,47 @@ def test_a_driver_that_empties_a_buffer_stamps_all_of_it_then() -> None:
     assert abs(np.average(wait, weights=sizes)) < 1_000
 
 
+def test_a_clock_that_ticks_stamps_with_its_last_tick() -> None:
+    """The IMU and the scans; points keep their times after their scan's. Mutations: the nearest tick; ticks counted from the
+    first stamp; a lateness that ticks were not taken of.
+    """
+    plain, cut = made(""), made("stamp-step=1ms")
+    lost = plain.imu_records.stamps_ns - cut.imu_records.stamps_ns
+    assert np.all(cut.imu_records.stamps_ns % 1_000_000 == 0)
+    assert lost.min() >= 0
+    assert lost.max() < 1_000_000
+    first, second = plain.cloud(2), cut.cloud(2)
+    assert second.stamp_ns == first.stamp_ns // 1_000_000 * 1_000_000
+    np.testing.assert_array_equal(first.time_ns - first.stamp_ns, second.time_ns - second.stamp_ns)
+    assert made("stamp-step=1ms,scan-latency=1ms").cloud(3).stamp_ns % 1_000_000 == 0
+
+
+def test_a_gyroscope_in_steps_reads_the_nearest() -> None:
+    """Mutations: cut to the step below; the accelerometer in its place."""
+    plain, coarse = (made(f, replace(STATIC, noise=True)).imu_records for f in ("", "gyro-step=0.002"))
+    np.testing.assert_allclose(coarse.gyro_rad_s, 0.002 * np.round(plain.gyro_rad_s / 0.002), atol=1e-15)
+    np.testing.assert_array_equal(coarse.accel, plain.accel)
+
+
+@pytest.mark.parametrize("slug", ["static", "ouster", "livox"])
+def test_a_grid_leaves_the_first_point_of_each_cell(slug: str) -> None:
+    """By a set of the cells that were filled so far, point by point. Mutations: the last of each; what did not return counts."""
+    whole, thinned = (
+        prepare(slug, seed=5, duration_s=1.0, faults=parse_faults(f)).cloud(1) for f in ("", "voxel-grid=0.2")
+    )
+    filled: set[tuple[int, int, int]] = set()
+    kept = []
+    for i in np.flatnonzero(whole.valid):
+        x, y, z = (float(whole.points[axis][i]) for axis in "xyz")
+        cell = int(np.floor(x / 0.2)), int(np.floor(y / 0.2)), int(np.floor(z / 0.2))
+        if cell not in filled:
+            filled.add(cell)
+            kept.append(i)
+    np.testing.assert_array_equal(thinned.points, whole.points[kept])
+    np.testing.assert_array_equal(thinned.time_ns, whole.time_ns[kept])
+    assert thinned.valid.all()
+
+
 def test_an_engine_really_shakes_the_rig() -> None:
     """Velocity, acceleration and rates are the derivatives of the pose, and as large as asked for. Mutations: the
     displacement without its acceleration; the size for each axis instead of for all."""
@@ -289,6 +330,7 @@ def test_every_fault_changes_the_data_and_is_in_the_truth(name: str) -> None:
         and np.array_equal(a.accel, b.accel)
         and np.array_equal(a.stamps_ns, b.stamps_ns)
         and plain.cloud(3).stamp_ns == faulty.cloud(3).stamp_ns
+        and len(plain.cloud(3).points) == len(faulty.cloud(3).points)
     )
     assert not same
     document = faulty.truth.to_file()

@@ -845,6 +845,13 @@ export interface components {
              */
             bias_model: "constant" | "random-walk";
             /**
+             * Cloud
+             * @description clouds that a grid thinned: told by their points and used away from its faces, or taken as a lidar's own
+             * @default detect
+             * @enum {string}
+             */
+            cloud: "detect" | "as-sent";
+            /**
              * Crispness
              * @description measure how crisp the room is, before and after
              * @default true
@@ -2089,6 +2096,7 @@ export interface components {
             /**
              * @default {
              *       "bias_model": "random-walk",
+             *       "cloud": "detect",
              *       "crispness": true,
              *       "estimate_planes": true,
              *       "estimate_time_offset": true,

@@ -55,6 +55,7 @@ function choices(run: Run): string {
     settings.imu_sampling === "even" ? "IMU taken as sampled evenly" : "",
     settings.imu_sampling === "as-stamped" ? "IMU taken as stamped" : "",
     settings.lidar_sampling === "as-stamped" ? "sweeps taken as stamped" : "",
+    settings.cloud === "as-sent" ? "points taken as sent" : "",
     settings.lidar == null ? "" : `as a ${settings.lidar}`,
     typeof settings.imu_noise === "string" ? `noise of a ${settings.imu_noise}` : "",
     settings.random_seed === 0 ? "" : `seed ${settings.random_seed}`,

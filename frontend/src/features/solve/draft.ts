@@ -86,6 +86,7 @@ export function settingsOf(draft: Draft, before: Served, usual: Usual): Partial<
     bias_model: draft.biasModel === "constant" ? "constant" : "random-walk",
     imu_sampling: draft.imuSampling === "even" ? "even" : draft.imuSampling === "as-stamped" ? "as-stamped" : "detect",
     lidar_sampling: draft.lidarSampling === "as-stamped" ? "as-stamped" : "detect",
+    cloud: before.cloud,
     imu_noise: draft.imuNoise === "" ? null : draft.imuNoise,
     excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
     // Blocks that were named one by one stay as they were.

@@ -74,6 +74,24 @@ def test_disagreement_that_no_step_explains_stays_what_it_is() -> None:
     assert clock_step(_blocks(offsets)) is None
 
 
+def test_a_stretch_that_tells_no_time_has_no_say() -> None:
+    """A first stretch of standstill, a hundred times less sure than the others and thirteen of its own sigmas off them: a
+    gyroscope in steps of 1 deg/s asks for that. A step among the others is seen as it was. Oracle: the squares of seven stretches
+    about a line are chi-square with five degrees of freedom. Mutations: a weight for every stretch; the mean for the best.
+    """
+
+    def still_first(offsets_s: FloatArray) -> list[TimeBlock]:
+        still = _blocks(np.full(1, 13.0 * 100.0 * STD_S), 100.0 * STD_S)
+        return [*still, *_blocks(offsets_s)[1:]]
+
+    squares = np.array([misfit(still_first(_noise(seed))) for seed in range(400)])
+    assert np.mean(squares) == pytest.approx(5.0, abs=4.0 * np.sqrt(10.0 / 400))
+    assert not any(clock_step(still_first(_noise(seed))) for seed in range(200))
+    step = clock_step(still_first(_noise(1) + 2e-3 * (np.arange(8) > 4)))
+    assert step is not None
+    assert step.longer_s == (0.0, 10.0)
+
+
 @pytest.fixture(scope="module")
 def recorded() -> tuple[Recording, Truth]:
     return generate("paper-normal", seed=2, duration_s=14.0)

@@ -100,18 +100,19 @@ def test_bins_hold_every_selected_point_once_and_the_same_cost(noisy: tuple[Reco
     assert directly == pytest.approx(int(micro.count.sum()), rel=0.3)
 
 
-@pytest.mark.parametrize("told_apart", [False, True])
+@pytest.mark.parametrize(("told_apart", "sieve_m"), [(False, 0.0), (True, 0.0), (False, 0.1), (True, 0.1)])
 def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
-    noisy: tuple[Recording, Truth], told_apart: bool
+    noisy: tuple[Recording, Truth], told_apart: bool, sieve_m: float
 ) -> None:
     """Its twin goes point by point through `find_hits`, `select`, `collapse`: what a cap that caps nothing asks for.
 
     Mutations: the margin and the robust scale exchanged; points of planes that stand aside counted; the incidence left
-    out; lasers not corrected; the extents of the first plane for all; the range where a ray meets its plane left at zero.
+    out; lasers not corrected; the extents of the first plane for all; the range where a ray meets its plane left at zero;
+    cells of the corrected points; no cells.
     """
     view = _view(*noisy)
     ranges_m = np.linalg.norm(noisy[0].scans[SCANS[0]].points["xyz"], axis=1)
-    short = replace(NOISE, farthest_m=float(np.quantile(ranges_m, 0.7)))
+    short = replace(NOISE, farthest_m=float(np.quantile(ranges_m, 0.7)), sieve_m=sieve_m)
     support = survey(view, SCANS, NOISE, Gate(extra_m=0.02), stride=2)
     if told_apart:
         nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))

@@ -42,8 +42,8 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
 
     A moment that the IMU missed at the beginning changes nothing: the planes stay in the frame of the scan they were shown in.
     The lidar's pose at the map's instant is no turn and no way; planes, outlines and gravity are told from there.
-    Mutations: the longest range unknown; keep the reference; move it for 0.3 s too; move the planes and not the track, or not
-    gravity; outlines left.
+    Mutations: the longest range unknown, or the grid that left its points; keep the reference; move it for 0.3 s too; move the
+    planes and not the track, or not gravity; outlines left.
     """
     recording, truth = clean
     recording = replace(recording, imu=_late(recording.imu, late_s))
@@ -55,7 +55,8 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
     linear = LinearStart(to_map @ truth.gravity_world_m_s2, truth.p_imu_lidar, np.zeros(3), 0.0)
     followed = Followed(0, [_outlined(plane) for plane in truth.planes], motions)
     lidar = LidarTrack.of(motions, clocks.scan_s, clocks.sweep_s)
-    data, state, _ = begin(run, followed, lidar, Start(rotation, linear), None, PLANES_GIVEN)
+    data, state, _ = begin(replace(run, sieve_m=0.1), followed, lidar, Start(rotation, linear), None, PLANES_GIVEN)
+    assert state.lidar_noise.sieve_m == 0.1
     farthest_m = max(float(np.linalg.norm(scan.points["xyz"], axis=1).max()) for scan in recording.scans)
     assert farthest_m - 0.1 < state.lidar_noise.farthest_m <= farthest_m
     first = data.reference
