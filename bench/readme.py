@@ -28,7 +28,7 @@ _HEAD = (
     "| --- | --- | --- | --- | --- | --- | --- |\n"
 )
 #: Fewer runs than this make no row: their mean says little.
-_LEAST_RUNS = 30
+_LEAST_RUNS, _LEAST_FAULTY_RUNS = 30, 20
 
 
 def table(folder: Path = RESULTS) -> str:
@@ -57,7 +57,7 @@ def real_table(folder: Path = RESULTS) -> str:
     """One row for the latest campaign on each recording with faults."""
     rows = []
     for campaign, runs in latest(read_fault_runs(folder)).items():
-        if len(runs) < _LEAST_RUNS:
+        if len(runs) < _LEAST_FAULTY_RUNS:
             continue
         found = summary(runs)
         cells = [
