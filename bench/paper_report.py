@@ -31,8 +31,9 @@ REMARKS = {
         "sigma of the cost there is 0.07 deg and 1.2 mm (norms). The paper gives neither its room nor its mounting, so "
         "its 0.02 deg cannot be repeated further. Perturbed poses: large errors as printed, more rotation and less "
         "translation. The first attitude is the main reason: its error turns the whole map, and everything with it; with the "
-        "first attitude exact and all others perturbed alike, the row below it, most of the rotation's error is gone. From "
-        "further away the same points tell the rotation better: at 3.6 m it is as printed."
+        "first attitude exact and all others perturbed alike, the row below it, more than half of the rotation's error is "
+        "gone. From further away the same points tell the rotation better: 3.6 m from the corner it is a third, and near what "
+        "is printed."
     ),
     "table I": (
         "Model (i) is far below what is printed: eq. (3) with its 1/2, integrated by the midpoint rule, leaves nothing "
