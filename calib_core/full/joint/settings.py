@@ -168,8 +168,8 @@ class Watching:
     motion_share: float = 0.2
     coarse_share: float = 0.8
     settled_share: float = 0.65
-    #: judged: nobody knows how many rounds there will be; a part of the points settles in three or four, of which each is taken for
-    #: so much of what is left, and all of them in one, whose first part this is. A bar alone depends on it.
+    #: judged: nobody knows how many rounds there will be; a part of the points settles in three or four, of which each is taken
+    #: for so much of what is left, and all of them in one, whose first part this is. A bar alone depends on it.
     settling_round: float = 0.42
     resting_round: float = 0.3
     #: judged: sweeps that are shown, and instants of each: within half of one the twist hardly changes, as far as the eye
