@@ -160,6 +160,31 @@ def test_a_cell_that_swings_is_left_out(monkeypatch: pytest.MonkeyPatch, begun: 
     assert end.surveys == 4
 
 
+def test_rounds_go_on_while_the_noise_is_still_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points hardly move from the first round on; the noise changes in the second, and then no more: three rounds.
+
+    Mutations: little movement alone ends them; nothing but the least movement does.
+    """
+    noises = iter([LidarNoise(0.02, 0.001), LidarNoise(0.019, 0.001)])
+
+    def measured(_: object, state: _Swinging, *__: object) -> _Swinging:
+        return replace(state, lidar_noise=next(noises) if state.surveys < 3 else state.lidar_noise)
+
+    same: Any = lambda _, state, *__, **___: state  # noqa: E731
+    monkeypatch.setattr(settling, "moved_in_gate", lambda *_: 0.5 * Settling().still)
+    still: Any = lambda _, state, **__: (state, None)  # noqa: E731  the cells stay as they are
+    for name, step in (("survey", _surveyed), ("descend", still), ("measure", measured), ("associate", same)):
+        monkeypatch.setattr(settling, name, step)
+    for name in ("gate_of", "coarse_stride"):
+        monkeypatch.setattr(settling, name, lambda *_: None)
+    run = SimpleNamespace(settings=CalibrateSettings(estimate_planes=False))
+    data: Any = SimpleNamespace(run=run, portion=lambda *_: data)
+    begin: Any = _Swinging(1.0, PlaneExtents(np.eye(3)[:1], np.zeros((1, 2, 2), dtype=bool)))
+    end: Any = settling.settle(data, begin, Settling(), Sampling())
+    assert end.surveys == 3
+    assert end.lidar_noise == LidarNoise(0.019, 0.001)
+
+
 def _estimate(rng: np.random.Generator) -> Estimate:
     normals = rng.standard_normal((4, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
