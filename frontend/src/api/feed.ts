@@ -1,5 +1,6 @@
 import { useQuery, useQueryClient, type QueryClient } from "@tanstack/react-query";
 import { useCallback, useEffect, useState } from "react";
+import { readAnew } from "./anew";
 import type { Planes, Recording, RecordingMessage } from "./client";
 import { spoken } from "../ui/words";
 import { keys } from "./queries";
@@ -49,7 +50,7 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
 
 /** The recording first: read anew it has no planes for a while, and who asked for them then would be refused. */
 async function refresh(client: QueryClient, id: string, planes: boolean): Promise<void> {
-  await client.invalidateQueries({ queryKey: keys.recording(id), exact: true });
+  await readAnew(client, { queryKey: keys.recording(id), exact: true });
   if (!planes) return;
   const there = client.getQueryData<Recording>(keys.recording(id))?.has_planes === true;
   await client.invalidateQueries({ queryKey: keys.planes(id), refetchType: there ? "active" : "none" });

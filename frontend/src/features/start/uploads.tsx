@@ -1,6 +1,7 @@
 import { useQueryClient } from "@tanstack/react-query";
 import { createContext, useCallback, useContext, useMemo, useRef, useState, type ReactNode } from "react";
 import type { HttpRequest, PreviousUpload, Upload as TusUpload } from "tus-js-client";
+import { readAnew } from "../../api/anew";
 import { asFault, type ApiFault } from "../../api/fault";
 import { keys } from "../../api/queries";
 import { addSample, type RateSample } from "./rate";
@@ -86,7 +87,7 @@ export function UploadProvider({ children }: { children: ReactNode }) {
             const id = entries.get(token)?.recordingId;
             if (id !== null && id !== undefined) {
               running.current.delete(id);
-              void client.invalidateQueries({ queryKey: keys.recording(id) });
+              void readAnew(client, { queryKey: keys.recording(id) });
             }
             void client.invalidateQueries({ queryKey: keys.recordings });
           },
