@@ -5,8 +5,54 @@ import type { Planes, Recording, RecordingMessage } from "./client";
 import { spoken } from "../ui/words";
 import { keys } from "./queries";
 
+/** Reads a recording anew, one reading at a time: who asks while one is on its way is served by one more after it.
+ *
+ *  The recording first, then its planes: read anew it has none for a while, and who asked for them then would be refused. A
+ *  reading that another one cut short would go on with what was known before. */
+class Refresher {
+  private readonly wishes: { planes: boolean }[] = [];
+  private busy = false;
+  private readonly client: QueryClient;
+  private readonly id: string;
+
+  constructor(client: QueryClient, id: string) {
+    this.client = client;
+    this.id = id;
+  }
+
+  ask(planes: boolean): void {
+    this.wishes.push({ planes });
+    if (!this.busy) void this.serve();
+  }
+
+  private async serve(): Promise<void> {
+    this.busy = true;
+    let planes = false;
+    while (this.wishes.length > 0) {
+      planes ||= this.wishes.splice(0).some((wish) => wish.planes);
+      await readAnew(this.client, { queryKey: keys.recording(this.id), exact: true });
+    }
+    this.busy = false;
+    if (planes) this.readPlanes();
+  }
+
+  private readPlanes(): void {
+    const there = this.client.getQueryData<Recording>(keys.recording(this.id))?.has_planes === true;
+    void this.client.invalidateQueries({ queryKey: keys.planes(this.id), refetchType: there ? "active" : "none" });
+  }
+}
+
+/** All that is known of a recording, its planes once it is known whether there are any. */
+function readAll(client: QueryClient, id: string, refresher: Refresher): void {
+  refresher.ask(true);
+  void client.invalidateQueries({
+    queryKey: keys.recording(id),
+    predicate: ({ queryKey }) => queryKey.length > 2 && queryKey[2] !== keys.planes(id)[2],
+  });
+}
+
 /** Brings what is cached of a recording up to date with one message. */
-export function applyMessage(client: QueryClient, id: string, message: RecordingMessage): void {
+function applyMessage(client: QueryClient, id: string, message: RecordingMessage, refresher: Refresher): void {
   switch (message.event) {
     case "planes-changed":
       void client.invalidateQueries({ queryKey: keys.planes(id) });
@@ -29,31 +75,20 @@ export function applyMessage(client: QueryClient, id: string, message: Recording
           old === undefined ? old : { ...old, latest_job: message.job },
         );
       // A report names the planes and says which way is up.
-      void refresh(client, id, message.job.kind === "planes" || message.job.kind === "inspect");
+      refresher.ask(message.job.kind === "planes" || message.job.kind === "inspect");
       void client.invalidateQueries({ queryKey: keys.jobs(id) });
       void client.invalidateQueries({ queryKey: keys.runs(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });
-      void refresh(client, id, true);
-      void client.invalidateQueries({
-        queryKey: keys.recording(id),
-        predicate: ({ queryKey }) => queryKey.length > 2 && queryKey[2] !== keys.planes(id)[2],
-      });
+      readAll(client, id, refresher);
       void client.invalidateQueries({ queryKey: keys.recordings });
       return;
     case "resync":
-      void client.invalidateQueries();
+      readAll(client, id, refresher);
+      void client.invalidateQueries({ predicate: ({ queryKey }) => queryKey[0] !== keys.recording(id)[0] });
       return;
   }
-}
-
-/** The recording first: read anew it has no planes for a while, and who asked for them then would be refused. */
-async function refresh(client: QueryClient, id: string, planes: boolean): Promise<void> {
-  await readAnew(client, { queryKey: keys.recording(id), exact: true });
-  if (!planes) return;
-  const there = client.getQueryData<Recording>(keys.recording(id))?.has_planes === true;
-  await client.invalidateQueries({ queryKey: keys.planes(id), refetchType: there ? "active" : "none" });
 }
 
 interface Refusal {
@@ -84,9 +119,10 @@ export function useRecordingFeed(id: string): boolean {
   const client = useQueryClient();
   const [lost, setLost] = useState(false);
   useEffect(() => {
+    const refresher = new Refresher(client, id);
     const source = new EventSource(`/api/recordings/${id}/events`);
     source.onmessage = (event: MessageEvent<string>) => {
-      applyMessage(client, id, spoken(JSON.parse(event.data) as RecordingMessage));
+      applyMessage(client, id, spoken(JSON.parse(event.data) as RecordingMessage), refresher);
     };
     let broke: number | null = null;
     source.onerror = () => {
@@ -99,7 +135,7 @@ export function useRecordingFeed(id: string): boolean {
         setLost(false);
       }
       // What came to pass between what is known and now was told to nobody: a file that is no recording is refused in no time.
-      void client.invalidateQueries({ queryKey: keys.recording(id) });
+      readAll(client, id, refresher);
     };
     return () => {
       if (broke !== null) window.clearTimeout(broke);
