@@ -4,6 +4,7 @@
     python -m bench.rooms --seeds 1-3 --extremes all each kind of extremes.py with each seed's rig
     python -m bench.rooms --seeds 0-39 --start-only  the lidar-only track and the start values alone, to the terminal
     python -m bench.rooms --clutter 1-10             the cluttered room, seed by seed
+    python -m bench.rooms --bounds --seeds 100-299   what is possible for these rigs: room_bounds.csv
     python -m bench.rooms --report                   rooms.md from the rows
 
 What is in the table is not run again. `--mixed`: every third rig has the faults of a profile, by turns.
@@ -19,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench import room_bounds
 from bench.campaign import seeds_of, version_label
 from bench.extremes import EXTREMES, extreme
 from bench.rigs import cluttered, draw, rate_deg_s
@@ -110,9 +112,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--again", action="store_true", help="also what is in the table")
     parser.add_argument("--start-only", action="store_true", help="track and start values, no solve")
     parser.add_argument("--bare", action="store_true", help="the buildings alone: no boxes, nobody")
+    parser.add_argument("--bounds", action="store_true", help="what is possible for these rigs, no solve")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="of the results (bench/results)")
     chosen = parser.parse_args(arguments)
     done = {key_of(row.kind, row.place, row.seed) for row in read(chosen.folder)}
+    bounded = room_bounds.read(chosen.folder)
     kinds = list(EXTREMES) if chosen.extremes == ["all"] else chosen.extremes
     tasks = [("extreme", kind, seed) for seed in chosen.seeds for kind in kinds]
     if not kinds:
@@ -120,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             ("clutter", "clutter", seed) for seed in chosen.clutter
         ]
     for kind, which, seed in tasks:
-        if not chosen.again and not chosen.start_only and key_of(kind, which, seed) in done:
+        if not chosen.again and not chosen.start_only and not chosen.bounds and key_of(kind, which, seed) in done:
             continue
         faults = faults_of(seed) if chosen.mixed and kind == "drawn" else chosen.faults
         if kind == "extreme":
@@ -129,6 +133,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             place, name, scenario = which, "VLP-16", cluttered(duration_s=chosen.duration_s)
         else:
             place, name, scenario = draw(seed, duration_s=chosen.duration_s, bare=chosen.bare)
+        if chosen.bounds:
+            if chosen.again or (place, seed) not in bounded:
+                bound = room_bounds.compute(place, seed, scenario)
+                append_row(chosen.folder / room_bounds.ROWS, bound, room_bounds.NORMS)
+                _say(
+                    f"{seed:4d} {place:6s} {name:8s} {1e3 * bound.ideal[1]:7.2f} mm, cheap {1e3 * bound.cheap[1]:7.2f} mm"
+                )
+            continue
         if chosen.start_only:
             _say(f"{seed:4d} {place:6s} {name:8s} {start_of(scenario, seed)}")
             continue

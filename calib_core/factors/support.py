@@ -21,10 +21,12 @@ from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, In
 
 CELL_M = 0.2
 #: A cell's mean is off where it is beyond so many times what is usual on its plane, and beyond so many standard deviations of
-#: chance: what stands before the rim of a wall fills the rest of the cell with returns from there.
-_OFF_TIMES, _OFF_SIGMAS = 4.0, 4.0
-#: In the units of `off` (1: too far for any mean) what walls do anyway: an eighth of a return's standard deviation.
-_USUAL_OFF = 0.0625
+#: chance: what stands before the rim of a wall fills the rest of the cell with returns from there. A skirting board of 15 mm
+#: in a third of a cell moves its mean by 5.
+_OFF_TIMES, _OFF_SIGMAS = 3.0, 3.0
+#: In the units of `off` (1: too far for any mean) what walls do anyway, where they are flatter than that: a thirtieth of a
+#: return's standard deviation, under a millimetre.
+_USUAL_OFF = 1 / 60
 #: Of one return in these units: half.
 _RETURN_STD = 0.5
 #: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.

@@ -187,7 +187,8 @@ class Settling:
     #: two starts end at the same cost to a millionth does.
     unmoved: float = 2e-6
     #: measured: a round moves points by a twentieth of what the one before it did. So little, under the same cells and the
-    #: same noise as in the round before, changes neither in the next one: it is at rest.
+    #: same noise as in the round before, changes neither in the next one: it is at rest. Gates that noise has moved by no
+    #: more are the same.
     still: float = 1e-4
     #: judged: all points are gated anew where the solve has moved planes by more than this part of their scatter: a gate
     #: laid about a wrong motion keeps those points that confirm it.

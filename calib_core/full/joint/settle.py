@@ -22,6 +22,9 @@ from calib_core.full.joint.settings import DOUBTING, WATCHING
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import BoolArray
 
+#: Cosine of a wall seen slantwise, at 60 degrees.
+_SLANTWISE = np.array(0.5)
+
 
 def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
     """With a part of the points, as near to rest as they come."""
@@ -59,7 +62,9 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
         moves.append(moved_in_gate(problem, before, state.estimate))
         assert state.support is not None
         found, last = (state.support.inside, state.lidar_noise), surveyed
-        if moves[-1] < settling.unmoved or (moves[-1] < settling.still and is_same(found, last)):
+        if moves[-1] < settling.unmoved or (
+            moves[-1] < settling.still and is_same(found, last, settling.still / gate.sigmas)
+        ):
             break
         surveyed = found
         if moves[-1] == min(moves):
@@ -69,9 +74,18 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
     return state, True
 
 
-def is_same(found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoise] | None) -> bool:
-    """Whether a round has surveyed the cells and the noise that the one before it had."""
-    return last is not None and found[1] == last[1] and np.array_equal(found[0], last[0])
+def is_same(found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoise] | None, part: float) -> bool:
+    """Whether a round has surveyed the cells of the one before it, and its noise but for this part of it.
+
+    The noise is that across a wall seen slantwise: what is left of the unevenness, which is measured in micrometres, differs
+    from round to round by as many as no point feels.
+    """
+    if last is None or not np.array_equal(found[0], last[0]):
+        return False
+    new, old = found[1], last[1]
+    new_std_m, old_std_m = (float(noise.distance_std_m(_SLANTWISE)) for noise in (new, old))
+    limits_differ = (new.farthest_m, new.sieve_m) != (old.farthest_m, old.sieve_m)
+    return not limits_differ and abs(new_std_m - old_std_m) <= part * old_std_m
 
 
 def goes_away(moves: Sequence[float], settling: Settling) -> bool:

@@ -183,3 +183,20 @@ def test_cells_that_lie_off_the_others_are_left_out() -> None:
     few = np.arange(len(column)) % 400 < np.where(column == 510, 8, 400)
     plane, cell, on = plane[few], cell[few], on[few]
     assert inside((noise + np.where(column == 510, 0.5, 0.0))[few]).all()
+
+
+def test_cells_that_a_skirting_board_fills_a_third_of_are_left_out() -> None:
+    """15 mm of board in a third of a cell are 5 mm of its mean, of the 60 mm that no mean may reach.
+
+    Seen on simulated rooms: the turn about one axis was wrong by 1.9 of its sigmas, always the same way. Mutation: an eighth of
+    a return's noise is called usual.
+    """
+    rng = np.random.default_rng(4)
+    row = np.repeat(np.arange(500, 510), 10_000)
+    survey = ExtentSurvey.empty(NORMALS[:1])
+    board = (row == 500) & (np.arange(len(row)) % 3 == 0)
+    off = 0.5 * rng.normal(size=len(row)) + np.where(board, 15 / 60, 0.0)
+    survey.add(
+        np.zeros(len(row), np.int64), np.stack([row, np.full(len(row), 500)], axis=1), np.ones(len(row), bool), off
+    )
+    np.testing.assert_array_equal(survey.finish().inside[0, 500:510, 500], np.arange(10) > 0)

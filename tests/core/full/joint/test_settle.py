@@ -12,7 +12,7 @@ import pytest
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import Event, IterationEvent
 from calib_core.factors.imu import KnotStates
-from calib_core.factors.lidar_plane import LidarNoise
+from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint import settle as settling
 from calib_core.full.joint.begin import knots_over
@@ -98,13 +98,18 @@ def test_rounds_that_move_points_farther_and_farther_go_away(moves: list[float],
 
 
 def test_the_same_survey_twice_is_none_that_still_changes() -> None:
-    """Mutations: cells alone are asked for; the noise alone; the first survey is taken for the same as none."""
+    """Mutations: cells alone are asked for; the noise alone; the first survey is taken for the same as none; noise to the bit."""
     cells, more = np.zeros((1, 2, 2), bool), np.ones((1, 2, 2), bool)
     noise = LidarNoise(0.02, 0.001)
-    assert settling.is_same((cells, noise), (cells.copy(), LidarNoise(0.02, 0.001)))
-    assert not settling.is_same((cells, noise), None)
-    assert not settling.is_same((cells, noise), (more, noise))
-    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.0199, 0.001)))
+    part = 1e-4
+    assert settling.is_same((cells, noise), (cells.copy(), LidarNoise(0.02, 0.001)), part)
+    assert not settling.is_same((cells, noise), None, part)
+    assert not settling.is_same((cells, noise), (more, noise), part)
+    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.0199, 0.001)), part)
+    assert not settling.is_same((cells, noise), (cells, replace(noise, farthest_m=30.0)), part)
+    # At 60 degrees 1e-4 of sqrt(0.01^2 + 0.001^2) m are moved by 10 micrometres of 0.001 m, and by no fewer.
+    assert settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001009)), part)
+    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001012)), part)
 
 
 @dataclass(frozen=True)
@@ -175,8 +180,8 @@ def test_rounds_go_on_while_the_noise_is_still_learnt(monkeypatch: pytest.Monkey
     still: Any = lambda _, state, **__: (state, None)  # noqa: E731  the cells stay as they are
     for name, step in (("survey", _surveyed), ("descend", still), ("measure", measured), ("associate", same)):
         monkeypatch.setattr(settling, name, step)
-    for name in ("gate_of", "coarse_stride"):
-        monkeypatch.setattr(settling, name, lambda *_: None)
+    monkeypatch.setattr(settling, "gate_of", lambda *_: Gate())
+    monkeypatch.setattr(settling, "coarse_stride", lambda *_: None)
     run = SimpleNamespace(settings=CalibrateSettings(estimate_planes=False))
     data: Any = SimpleNamespace(run=run, portion=lambda *_: data)
     begin: Any = _Swinging(1.0, PlaneExtents(np.eye(3)[:1], np.zeros((1, 2, 2), dtype=bool)))
