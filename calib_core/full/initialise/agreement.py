@@ -16,6 +16,8 @@ from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.initialise.time_offset import Turns, least_overlap, masked_correlation, turns_of
 from calib_core.types import FloatArray
 
+#: Of a radian.
+DEGREES = 180.0 / np.pi
 _QUARTILES = (25.0, 50.0, 75.0)
 
 
@@ -31,6 +33,13 @@ class Agreement:
     lag_s: float
     ratio: float
     ratio_spread: float
+
+    @property
+    def is_of_a_unit(self) -> bool:
+        """Whether one turns about as fast as the other in radians or in degrees: a few leaps of a lost track, laid upon a swing
+        that is as short, correlate, too."""
+        most = AGREEING.as_fast
+        return any(unit / most < self.ratio < unit * most for unit in (1.0, DEGREES, 1.0 / DEGREES))
 
 
 NO_AGREEMENT = Agreement(0.0, 0.0, 1.0, np.inf)
@@ -56,7 +65,7 @@ def agreeing_part(lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) 
         for first in np.linspace(0, scans - length, round(2.0 / share) - 1).astype(int):
             one = lidar.part(slice(first, first + length))
             agreed = agreement(one, imu_s, gyro_rad_s)
-            if agreed.correlation > max(best.correlation, AGREEING.trusted):
+            if agreed.is_of_a_unit and agreed.correlation > max(best.correlation, AGREEING.trusted):
                 best, part = agreed, one
     return part, best
 

@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from calib_core.full.initialise.agreement import agreement
+from calib_core.full.initialise.agreement import DEGREES, agreement
 from calib_core.full.initialise.linear import linear_start
 from calib_core.full.initialise.settings import SIGNS
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
@@ -23,7 +23,6 @@ from calib_core.full.initialise.time_offset import GyroTurns, turns_of
 from calib_core.types import FloatArray, ImuData
 
 #: Degrees in a radian.
-_DEGREES = 180.0 / np.pi
 #: What a mirrored cloud looks like too.
 _ALL = "accelerometer's x, y and z axes"
 
@@ -39,7 +38,7 @@ def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
     found = agreement(lidar, imu_s, imu.gyro_rad_s)
     if found.correlation < SIGNS.together or found.ratio_spread > SIGNS.steady:
         return ""
-    if abs(abs(np.log(found.ratio)) - np.log(_DEGREES)) > SIGNS.steady:
+    if abs(abs(np.log(found.ratio)) - np.log(DEGREES)) > SIGNS.steady:
         return ""
     unit = "deg_s" if found.ratio > 1.0 else "rad_s"
     return (

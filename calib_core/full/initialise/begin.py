@@ -124,6 +124,8 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     own = agreement(lidar, imu_s, gyro_rad_s)
     if own.correlation < AGREEING.trusted:  # a gyroscope in another unit is not meant
         _refuse_standing_clouds(ctx, first, rates)
+    if not own.is_of_a_unit:
+        own = NO_AGREEMENT
     trusted = own.correlation > AGREEING.trusted
     if trusted and whole:
         return first, own

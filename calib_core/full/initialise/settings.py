@@ -92,6 +92,9 @@ class Agreeing:
     #: by 0.6 at the most; with the former nothing is looked into, below the latter nothing is believed.
     trusted: float = 0.9
     believed: float = 0.6
+    #: derived: at the right lag the middle of the ratios of a track and the gyroscope is one to some per cent, or that of their
+    #: units, 57 apart. What is neither to so many times goes together by chance.
+    as_fast: float = 2.0
     #: measured on clouds laid in the world's frame: persons who walk about turn a track by 2 deg/s where the gyroscope turns
     #: by 25. Less than this part of its rate, where that is no bias, is none of the lidar's: medians over the recording.
     standing: float = 0.2

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.full.initialise.agreement import agreeing_part, agreement, agreement_of
+from calib_core.full.initialise import agreement as agreement_module
+from calib_core.full.initialise.agreement import Agreement, agreeing_part, agreement, agreement_of
 from calib_core.full.initialise.begin import GyroTurning
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -97,6 +98,32 @@ def test_the_part_that_agrees_is_found_where_a_track_is_lost_elsewhere() -> None
     assert nowhere is None
     short = LidarTrack(*(getattr(late, name)[:50] for name in ("start_s", "sweep_s", "R", "p", "omega_rad_s", "v_m_s")))
     assert agreeing_part(short, *_gyro(1.0))[0] is None
+
+
+@pytest.mark.parametrize(
+    ("ratio", "told"),
+    [
+        (0.96, True),
+        (1.9, True),
+        (57.0, True),
+        (0.0175, True),
+        (0.045, False),
+        (2.1, False),
+        (20.0, False),
+        (0.0, False),
+    ],
+)
+def test_rates_that_go_together_by_chance_are_no_agreement(
+    monkeypatch: pytest.MonkeyPatch, ratio: float, told: bool
+) -> None:
+    """Seen: the leaps at the end of a lost track lay upon a swing 4.7 s away, 0.91 alike and 22 times as fast; the solve set out
+    from there and the walls were blamed. Mutations: any ratio is a unit's; a part is taken whatever its ratio."""
+    found = Agreement(0.95, 4.7, ratio, 0.3)
+    assert found.is_of_a_unit == told
+    monkeypatch.setattr(agreement_module, "agreement", lambda *_: found)
+    t = np.arange(0.0, 30.0, 0.1)
+    part, _ = agreeing_part(_track(t, np.zeros(len(t), np.bool_), seed=1), *_gyro(1.0))
+    assert (part is not None) == told
 
 
 def test_the_gyroscope_turns_the_lidar() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.events import LogEvent, ignore_event, never_cancel
+from calib_core.full.initialise.agreement import Agreement
 from calib_core.full.initialise.begin import _pairs_start, begin
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference import Followed, follow
@@ -71,6 +72,19 @@ def test_given_planes_keep_their_frame(noisy: tuple[Recording, Truth]) -> None:
     found, said = _begin(_half_empty(noisy[0]), given=True)
     assert found.reference == 0
     assert "track.reference" not in said
+
+
+def test_a_track_that_agrees_by_chance_is_not_trusted(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Alike to 0.95, but 22 times as fast: the turns between neighbours are asked. Mutation: trusted by the correlation alone."""
+    by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
+    monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
+    found, said = _begin(noisy[0], given=False)
+    assert "track.aided" in said
+    turned, moved = _errors(noisy[0], noisy[1], found)
+    assert turned < 4.0
+    assert moved < 0.08
 
 
 def test_a_choice_of_planes_does_not_feed_the_start(noisy: tuple[Recording, Truth]) -> None:
