@@ -17,7 +17,7 @@ from calib_core.full.initialise.time_offset import Turns, least_overlap, masked_
 from calib_core.types import FloatArray
 
 #: Of a radian.
-DEGREES = 180.0 / np.pi
+DEGREES = float(np.degrees(1.0))
 _QUARTILES = (25.0, 50.0, 75.0)
 
 
