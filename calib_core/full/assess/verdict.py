@@ -21,8 +21,11 @@ from calib_core.full.run import Clocks, Run
 from calib_core.presets import random_walks
 from calib_core.result import Evidence, Message, PlaneQuality
 from calib_core.settings import ImuNoise
+from calib_core.solver.arrow import NotPositiveDefinite
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import Trajectory
+
+_NO_ANSWER = "the joint solve found no stable answer; the planes or the motion do not fit the data"
 
 
 def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
@@ -32,9 +35,7 @@ def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
     """
     minimum = solved.minimum
     if minimum.solution is None or minimum.outcome is Outcome.SINGULAR or not np.isfinite(minimum.cost):
-        raise Refused(
-            "solve.diverged", "the joint solve found no stable answer; the planes or the motion do not fit the data"
-        )
+        raise Refused("solve.diverged", _NO_ANSWER)
     points = int(solved.observations.count.sum())
     chi2 = 2.0 * minimum.cost / max(points, 1)
     if points < PLAUSIBLE.fewest_points or chi2 > PLAUSIBLE.worst_chi2:
@@ -46,7 +47,10 @@ def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
     wrong = implausible(run, solved)
     if wrong is not None:
         raise Refused("solve.inconsistent", wrong)
-    trust = confidence(run, solved, at_least=at_least)
+    try:
+        trust = confidence(run, solved, at_least=at_least)
+    except NotPositiveDefinite as error:  # its sensors' own parameters can be such that nothing is determined any more
+        raise Refused("solve.diverged", _NO_ANSWER) from error
     require_rotation(trust.knowledge)
     return trust
 

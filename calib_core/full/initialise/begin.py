@@ -10,7 +10,7 @@ Which planes count in the solve is another question: a person's choice neither h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from calib_core.full.initialise.agreement import (
     agreement_of,
     mean_rate,
 )
+from calib_core.full.initialise.felt import GyroTurning, Judged, judged
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -32,38 +33,13 @@ from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.travelled import travelled
+from calib_core.full.odometry.turning import Turning
+from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.planes.same import same_surface
 from calib_core.types import BoolArray, FloatArray, Plane, PlaneProposals
-
-
-@dataclass(frozen=True)
-class GyroTurning:
-    """The gyroscope's turns as the lidar's. epoch_ns: of the lidar's clock."""
-
-    gyro: GyroTurns
-    rotation: RotationStart
-    epoch_ns: int
-    first_s: float
-    last_s: float
-
-    @staticmethod
-    def of(ctx: Run, rotation: RotationStart) -> GyroTurning:
-        """With the bias that came with the rotation taken off."""
-        imu_s = ctx.clocks.imu_s
-        gyro = GyroTurns(imu_s, ctx.recording.imu.gyro_rad_s - rotation.gyro_bias)
-        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]))
-
-    def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
-        """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
-        t = np.array([start_ns - self.epoch_ns, end_ns - self.epoch_ns]) * 1e-9 - self.rotation.time_offset_s
-        if t.min() < self.first_s or t.max() > self.last_s:
-            return None
-        R = self.gyro.at(t)
-        R_c = self.rotation.R_imu_lidar
-        return np.asarray(R_c.T @ R[0].T @ R[1] @ R_c)
 
 
 def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | None = None) -> Followed:
@@ -81,8 +57,14 @@ def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | N
         raise no_planes(ctx.recording.scans)
     first = follow(ctx, planes, reference)
     best, agreed = _aided(ctx, first, planes, reference)
+    aided = best
+    if agreed is not NO_AGREEMENT:
+        best = _felt(ctx, aided, planes, reference)
     _refuse_lost(ctx, best, agreed)
-    if best is not first:
+    if best is not aided:
+        text = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
+        ctx.say("info", "track.aided", text)
+    elif best is not first:
         text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
         ctx.say("info", "track.aided", text)
     scans = ctx.recording.scans
@@ -144,6 +126,42 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     if trusted and again.worth(ctx) < AGREEING.better * first.worth(ctx):
         return first, own
     return again, agreed
+
+
+def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -> Followed:
+    """The track, followed again where it went as the IMU has not felt it; the one that goes with the IMU best."""
+    best, found = first, judged(ctx, first, lidar_track(ctx, first))
+    if found is not None and found.faults > 0:
+        # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
+        require_measured_sweeps(ctx, found.sound)
+    if found is None or len(found.leaps) > 0:
+        starts, agreed = _pairs_start(ctx)
+        trusted = starts and agreed.correlation > AGREEING.trusted and starts[0].open_axis_imu is None
+        turnings = [starts[0]] if trusted and starts[0].residual < AGREEING.fits else []
+        for rotation in [*turnings, *([] if found is None else [found.rotation])]:
+            best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, rotation))
+    for _ in range(AGREEING.again):
+        if found is None or found.faults == 0:
+            break
+        before = best
+        best, found = _sounder(ctx, (best, found), planes, reference, found.felt(ctx))
+        if best is before:
+            break
+    return best
+
+
+def _sounder(
+    ctx: Run, known: tuple[Followed, Judged | None], planes: Sequence[Plane], reference: int, turning: Turning
+) -> tuple[Followed, Judged | None]:
+    """The track by other turns, where it goes with the IMU at more scans than the one that is known."""
+    best, found = known
+    if best.reference != reference:  # its steps are told in its own frame
+        planes, reference = best.planes, best.reference
+    again = follow(ctx, planes, reference, turning=turning, may_leave=False)
+    other = judged(ctx, again, lidar_track(ctx, again))
+    if other is None or (found is not None and again.seen - other.faults <= best.seen - found.faults):
+        return known
+    return again, other
 
 
 def lidar_track(ctx: Run, followed: Followed) -> LidarTrack:

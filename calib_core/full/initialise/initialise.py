@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
-from calib_core.full.initialise.linear import linear_start
+from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rotation import acceleration_start, rotation_start
 from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright
@@ -70,6 +70,9 @@ def initialise(
     rotation, linear = chosen.rotation, chosen.linear
     if guess is None or guess.R_imu_lidar is None:
         _refuse_misread_imu(run, lidar, max(candidates, key=lambda c: c.correlation), linear)
+    steps = linear_steps(lidar, run.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
+    if steps.astray.any():
+        linear = steps.start
     if guess is not None and guess.p_imu_lidar is not None:
         linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
     return lidar, Start(rotation, linear)

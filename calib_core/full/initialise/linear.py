@@ -10,13 +10,40 @@ where VV, PP integrate the rotated readings and VVb, PPb the rotations: linear i
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from calib_core.full.initialise.settings import LINEAR
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A linear start and the steps from scan to scan that it was made of. step: (N,) scan before each.   shown_m: (N, 3) map,
+    what the track says of it, felt_m: what the IMU does, under the start.
+    """
+
+    start: LinearStart
+    step: IntArray
+    shown_m: FloatArray
+    felt_m: FloatArray
+
+    @property
+    def off_m(self) -> FloatArray:
+        """(N,) how far the track's steps are from the IMU's."""
+        return np.asarray(np.linalg.norm(self.shown_m - self.felt_m, axis=1))
+
+    @property
+    def astray(self) -> BoolArray:
+        """(N,) steps that the IMU has not felt: beyond chance, and beyond what the others are off by."""
+        off_m = self.off_m
+        usual_m = LINEAR.norm_of_median * float(np.median(off_m)) if len(off_m) else 0.0
+        return np.asarray(off_m > LINEAR.astray_times * max(LINEAR.position_std_m, usual_m))
 
 
 def linear_start(
@@ -28,6 +55,34 @@ def linear_start(
     gravity_m_s2: float,
 ) -> LinearStart:
     """Gravity, lever arm and accelerometer bias by sparse least squares over the tracked scans."""
+    fitted, steps = _fitting(track, imu_s, accel_m_s2, start, gravity_m_s2)
+    return fitted(np.ones(steps)).start
+
+
+def linear_steps(
+    track: LidarTrack,
+    imu_s: FloatArray,
+    accel_m_s2: FloatArray,
+    start: RotationStart,
+    *,
+    gravity_m_s2: float,
+) -> Steps:
+    """The same, with its steps. Where some have gone astray the others tell it: a track that took a box for the floor slid by
+    0.7 m within half a second, and turned the lever arm by as much.
+    """
+    fitted, count = _fitting(track, imu_s, accel_m_s2, start, gravity_m_s2)
+    steps = fitted(np.ones(count))
+    if steps.astray.any():
+        for _ in range(LINEAR.robust_passes):
+            usual_m = max(float(np.median(steps.off_m)), LINEAR.least_off_m)
+            steps = fitted(np.minimum(1.0, LINEAR.astray_times * usual_m / np.maximum(steps.off_m, usual_m)))
+    return steps
+
+
+def _fitting(
+    track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatArray, start: RotationStart, gravity_m_s2: float
+) -> tuple[Callable[[FloatArray], Steps], int]:
+    """The least squares under weights (N,) of the steps' positions, and how many steps there are."""
     stamps = imu_s + start.time_offset_s
     inside = (stamps >= track.start_s[0]) & (stamps <= track.start_s[-1] + track.sweep_s[-1])
     t = stamps[inside]
@@ -43,21 +98,32 @@ def linear_start(
     rows = _linear_rows(
         use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, LINEAR.position_std_m, LINEAR.velocity_std_m_s
     )
-    rhs_p = (track.p[use + 1] - track.p[use] - PP[use]) / LINEAR.position_std_m
+    shown_m = track.p[use + 1] - track.p[use]
+    rhs_p = (shown_m - PP[use]) / LINEAR.position_std_m
     rhs_v = -VV[use] / LINEAR.velocity_std_m_s
     rhs = np.concatenate([rhs_p.ravel(), -rhs_v.ravel()])
-    gravity = np.zeros(3)
-    solution = np.zeros(3 * m + 9)
-    for _ in range(LINEAR.passes):
-        prior, target = _start_priors(m, gravity, gravity_m_s2)
-        matrix = sparse.vstack([rows, prior]).tocsc()
-        vector = np.concatenate([rhs, target])
-        solution = spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
-        gravity = solution[3 * m : 3 * m + 3]
-    residual = rows @ solution - rhs
-    return LinearStart(
-        gravity, solution[3 * m + 3 : 3 * m + 6], solution[3 * m + 6 :], float(np.sqrt(np.mean(residual**2)))
-    )
+
+    def fitted(weight: FloatArray) -> Steps:
+        gravity = np.zeros(3)
+        solution = np.zeros(3 * m + 9)
+        every = np.concatenate([np.repeat(weight, 3), np.ones(3 * len(use))])
+        weighted = sparse.diags(every) @ rows
+        for _ in range(LINEAR.passes):
+            prior, target = _start_priors(m, gravity, gravity_m_s2)
+            matrix = sparse.vstack([weighted, prior]).tocsc()
+            vector = np.concatenate([every * rhs, target])
+            solution = spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
+            gravity = solution[3 * m : 3 * m + 3]
+        residual = rows @ solution - rhs
+        found = LinearStart(
+            gravity,
+            solution[3 * m + 3 : 3 * m + 6],
+            solution[3 * m + 6 :],
+            float(np.sqrt(np.mean((every * residual) ** 2))),
+        )
+        return Steps(found, use, shown_m, shown_m + LINEAR.position_std_m * residual[: 3 * len(use)].reshape(-1, 3))
+
+    return fitted, len(use)
 
 
 def _linear_rows(

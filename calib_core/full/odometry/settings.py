@@ -26,6 +26,8 @@ class TrackSettings:
     scales_m: tuple[float, ...] = (0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
     #: judged: the same from three times as far off, where that has found nothing: a lurch between two scans.
     wide_scales_m: tuple[float, ...] = (1.2, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.05)
+    #: derived: the same where the way to the scan is known: to centimetres, three of which a sweep's bend leaves.
+    near_scales_m: tuple[float, ...] = (0.15, 0.1, 0.07, 0.05, 0.05)
     #: derived: two widths of the last weight, at which it is 1/25 of one. A point this near to its plane lies on it.
     inlier_m: float = 0.1
     #: judged: a point off the known part of its plane counts as this much further away: half a cell of the planes' reach.
@@ -117,6 +119,10 @@ class TrackSettings:
     #: mounting is only roughly known: a tenth of a radian off, of 0.1 rad and of 1 rad/s.
     turning_rad: float = 0.01
     turning_rate_rad_s: float = 0.1
+    #: measured on drawn rigs: 1 sigma of a step from scan to scan that an accelerometer has felt, under a linear start; and of
+    #: the velocity in a sweep, for which the mean over the step is taken: at 4 m/s2 half a tenth of a second away.
+    step_m: float = 0.015
+    step_m_s: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)

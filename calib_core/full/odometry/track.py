@@ -19,7 +19,17 @@ import numpy as np
 
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.prediction import other_places, other_starts, predict
-from calib_core.full.odometry.register import RATE, TURN, Registered, ScanMotion, register, sample_points, straighten
+from calib_core.full.odometry.register import (
+    PLACE,
+    RATE,
+    TURN,
+    VELOCITY,
+    Registered,
+    ScanMotion,
+    register,
+    sample_points,
+    straighten,
+)
 from calib_core.full.odometry.settings import MAP, TrackSettings
 from calib_core.full.odometry.turning import Turning, rate_within
 from calib_core.geometry import exp, log
@@ -169,9 +179,20 @@ class _Tracker:
             tie[TURN], tie[RATE] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
-        best = register(points, tau, self.known, predicted, tie=tie, settings=s, position=position, known_rad=known_rad)
+        step = None if self.turning is None else self.turning.step(previous.position, position)
+        scales_m = None
+        if step is not None:
+            dt = (self.scans[position].stamp_ns - self.scans[previous.position].stamp_ns) * 1e-9
+            predicted = replace(predicted, p=previous.p + step, v_m_s=step / dt)
+            tie[PLACE], tie[VELOCITY] = 1 / s.step_m**2, 1 / s.step_m_s**2
+            scales_m = s.near_scales_m
+        best = register(
+            points, tau, self.known, predicted, tie=tie, settings=s, position=position, scales_m=scales_m,
+            known_rad=known_rad,
+        )  # fmt: skip
         doubtful = best.motion.share < s.doubtful_share * self._share
-        if doubtful or best.motion.rms_m > s.trusted_rms * self._rms + 0.5 * s.rms_slack_m:
+        rough = best.motion.rms_m > s.trusted_rms * self._rms + 0.5 * s.rms_slack_m
+        if step is None and (doubtful or rough):  # it is nowhere else than where the IMU has felt it go
             loose = tie / s.loosened**2
             thorough = self._lost(best.motion, predicted, position)
             starts = other_starts(previous, predicted, s, thorough=thorough)

@@ -14,6 +14,9 @@ class Turning(Protocol):
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None where nothing is known of that span."""
 
+    def step(self, position: int, to: int, /) -> FloatArray | None:
+        """(3,) map [m], the lidar's way from one scan's start to another's; None where nothing is known of it."""
+
 
 def rate_within(scan: Scan, turning: Turning | None) -> FloatArray | None:
     """The rate (3,) [rad/s] at which the lidar turns during a scan, None where nothing but its points tells."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.linear import _double_integral, linear_start
+from calib_core.full.initialise.linear import _double_integral, linear_start, linear_steps
 from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, RotationStart, Start
@@ -238,6 +238,28 @@ def test_gravity_lever_arm_and_bias_by_linear_least_squares(seed: int) -> None:
     np.testing.assert_allclose(linear.accel_bias, ACCEL_BIAS, atol=0.08)
     wrong = replace(start, R_imu_lidar=exp(np.array([0.0, 0.5, 0.0])) @ truth.R_imu_lidar)
     assert linear_start(track, stamps, accel, wrong, gravity_m_s2=9.807).rms > 3 * linear.rms
+
+
+def test_steps_that_the_accelerometer_has_not_felt_are_found_and_do_not_count() -> None:
+    """A track that slides by 0.6 m within four scans and stays there: gravity and lever arm are those of the others, and the
+    steps felt are the true ones.
+
+    Mutations: no passes of weights (the lever arm is 6 cm off and more); every step counts as sound; felt for shown.
+    """
+    truth = _truth(SCENARIOS["paper-normal"])
+    track = _tracked(truth, 2.5, 25.0)
+    stamps, gyro, accel = _imu(truth, 1.0, 27.0, 0.013)
+    start = replace(rotation_start(track, stamps, gyro)[0], time_offset_s=0.013, R_imu_lidar=truth.R_imu_lidar)
+    slid = np.clip((np.arange(len(track.start_s)) - 80) / 4.0, 0.0, 1.0)[:, None] * np.array([0.2, -0.3, 0.48])
+    steps = linear_steps(replace(track, p=track.p + slid), stamps, accel, start, gravity_m_s2=9.807)
+    np.testing.assert_array_equal(steps.step[steps.astray], [80, 81, 82, 83])
+    np.testing.assert_allclose(steps.start.p_imu_lidar, truth.p_imu_lidar, atol=0.03)
+    np.testing.assert_allclose(steps.felt_m, track.p[steps.step + 1] - track.p[steps.step], atol=0.02)
+    sound = linear_steps(track, stamps, accel, start, gravity_m_s2=9.807)
+    assert not sound.astray.any()
+    np.testing.assert_array_equal(
+        sound.start.p_imu_lidar, linear_start(track, stamps, accel, start, gravity_m_s2=9.807).p_imu_lidar
+    )
 
 
 def test_double_integrals_of_lines_and_parabolas() -> None:

@@ -1,0 +1,136 @@
+"""The lidar's motion as the IMU felt it: what the tracker leans on where what it followed was not what it took it for.
+
+A box that is taken for the floor, or a person for a wall, draws a track aside by half a metre within a second, and the planes
+that join from there on hold it there. Its own residuals hardly tell: a surface is a surface. The IMU does: nothing moved so.
+Turns come from the gyroscope, steps from the accelerometer under the linear start that the sound steps tell; the track is
+then followed again, hardly leaving them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from calib_core.full.initialise.linear import Steps, linear_steps
+from calib_core.full.initialise.rotation import rotation_start
+from calib_core.full.initialise.settings import AGREEING
+from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.full.initialise.time_offset import GyroTurns
+from calib_core.full.odometry.reference import Followed
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.run import Run
+from calib_core.geometry import log
+from calib_core.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class GyroTurning:
+    """The gyroscope's turns as the lidar's. epoch_ns: of the lidar's clock."""
+
+    gyro: GyroTurns
+    rotation: RotationStart
+    epoch_ns: int
+    first_s: float
+    last_s: float
+
+    @staticmethod
+    def of(ctx: Run, rotation: RotationStart) -> GyroTurning:
+        """With the bias that came with the rotation taken off."""
+        imu_s = ctx.clocks.imu_s
+        gyro = GyroTurns(imu_s, ctx.recording.imu.gyro_rad_s - rotation.gyro_bias)
+        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]))
+
+    def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
+        """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
+        t = np.array([start_ns - self.epoch_ns, end_ns - self.epoch_ns]) * 1e-9 - self.rotation.time_offset_s
+        if t.min() < self.first_s or t.max() > self.last_s:
+            return None
+        R = self.gyro.at(t)
+        R_c = self.rotation.R_imu_lidar
+        return np.asarray(R_c.T @ R[0].T @ R[1] @ R_c)
+
+    def step(self, _position: int, _to: int, /) -> FloatArray | None:
+        """Nothing is known of steps."""
+        return None
+
+
+@dataclass(frozen=True)
+class Felt:
+    """Turns and steps. steps_m: (N,) scans, and (N, 3) map, the step from each to the next."""
+
+    turning: GyroTurning
+    steps_m: dict[int, FloatArray]
+
+    def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
+        """As the gyroscope has it."""
+        return self.turning.between(start_ns, end_ns)
+
+    def step(self, position: int, to: int, /) -> FloatArray | None:
+        """(3,) map [m] from a scan to another, None where one between them is not known."""
+        first, last = min(position, to), max(position, to)
+        parts = [self.steps_m.get(each) for each in range(first, last)]
+        known = [part for part in parts if part is not None]
+        if len(known) < len(parts) or not known:
+            return None
+        whole = np.sum(known, axis=0)
+        return np.asarray(whole if to > position else -whole)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A track beside the IMU. leaps: scans from which it turned to the next one as the gyroscope has not felt it."""
+
+    rotation: RotationStart
+    steps: Steps
+    motions: Sequence[ScanMotion]
+    leaps: IntArray
+
+    @property
+    def astray(self) -> int:
+        """Steps that the accelerometer has not felt, bridged ones aside."""
+        seen = np.array([m.share > 0 for m in self.motions])
+        at = self.steps.step
+        return int(np.count_nonzero(self.steps.astray & seen[at] & seen[at + 1]))
+
+    @property
+    def faults(self) -> int:
+        """Both."""
+        return len(self.leaps) + self.astray
+
+    @property
+    def sound(self) -> list[ScanMotion]:
+        """The motions, those before a leap as if they had been bridged."""
+        leapt = set(self.leaps.tolist())
+        return [replace(m, share=0.0) if k in leapt else m for k, m in enumerate(self.motions)]
+
+    def felt(self, ctx: Run) -> Felt:
+        """The IMU's motion, in the track's map frame."""
+        scans = (self.motions[int(step)].position for step in self.steps.step)
+        return Felt(GyroTurning.of(ctx, self.rotation), dict(zip(scans, self.steps.felt_m, strict=True)))
+
+
+def judged(ctx: Run, followed: Followed, lidar: LidarTrack) -> Judged | None:
+    """How a track stands beside the IMU; None where it turns too little, or too unlike it, to be compared. lidar: the same."""
+    imu_s, imu = ctx.clocks.imu_s, ctx.recording.imu
+    starts = rotation_start(lidar, imu_s, imu.gyro_rad_s)
+    if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
+        return None
+    magnitude_m_s2 = ctx.settings.gravity.magnitude_m_s2
+    steps = linear_steps(lidar, imu_s, imu.accel_m_s2, starts[0], gravity_m_s2=magnitude_m_s2)
+    return Judged(starts[0], steps, followed.motions, leaps(ctx, followed, starts[0]))
+
+
+def leaps(ctx: Run, followed: Followed, rotation: RotationStart) -> IntArray:
+    """The motions, by number, from which the next one is turned as the gyroscope has not felt it, bridged ones aside."""
+    turning, scans = GyroTurning.of(ctx, rotation), ctx.recording.scans
+    found = []
+    for k, (one, other) in enumerate(pairwise(followed.motions)):
+        turn = turning.between(scans[one.position].stamp_ns, scans[other.position].stamp_ns)
+        if turn is None or min(one.share, other.share) == 0:
+            continue
+        if float(np.linalg.norm(log(turn.T @ one.R.T @ other.R))) > AGREEING.leap_rad:
+            found.append(k)
+    return np.array(found, np.int64)

@@ -1,0 +1,57 @@
+"""What the IMU felt of the lidar's motion: steps summed in closed form, leaps of turns counted."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from calib_core.full.initialise.felt import Felt, GyroTurning, leaps
+from calib_core.full.initialise.settings import AGREEING
+from calib_core.full.initialise.start import RotationStart
+from calib_core.full.initialise.time_offset import GyroTurns
+from calib_core.full.odometry.register import ScanMotion
+from calib_core.geometry import exp
+
+RATE = np.array([0.3, -0.2, 0.4])
+IMU_S = np.arange(0.0, 3.0, 0.005)
+R_C = exp(np.array([0.4, -1.1, 0.7]))
+ROTATION = RotationStart(0.0, R_C, np.zeros(3), 0.0, 1.0, None)
+
+
+def _turning() -> GyroTurning:
+    gyro = GyroTurns(IMU_S, np.tile(R_C @ RATE, (len(IMU_S), 1)))
+    return GyroTurning(gyro, ROTATION, 0, 0.0, float(IMU_S[-1]))
+
+
+def test_steps_add_up_either_way_and_end_where_one_is_not_known() -> None:
+    """Mutations: the sign of the way back; one step for several; a gap skipped."""
+    felt = Felt(_turning(), {0: np.array([1.0, 0.0, 0.0]), 1: np.array([0.0, 2.0, 0.0]), 3: np.array([0.0, 0.0, 4.0])})
+    np.testing.assert_array_equal(felt.step(0, 2), [1.0, 2.0, 0.0])
+    np.testing.assert_array_equal(felt.step(2, 0), [-1.0, -2.0, 0.0])
+    assert felt.step(1, 3) is None
+    assert felt.step(4, 2) is None
+    assert felt.step(1, 1) is None
+    assert _turning().step(0, 1) is None
+    np.testing.assert_allclose(felt.between(0, 10**9), exp(RATE), atol=1e-9)
+
+
+def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
+    """Twenty scans at a constant rate, one pose from the tenth on turned by twice what is allowed: one leap; none between
+    bridged scans. Mutations: the lidar's turn taken the other way; bridged scans count.
+    """
+    scans = [SimpleNamespace(stamp_ns=k * 100_000_000) for k in range(20)]
+    ctx: Any = SimpleNamespace(
+        recording=SimpleNamespace(scans=scans, imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
+        clocks=SimpleNamespace(imu_s=IMU_S, lidar_epoch_ns=0),
+    )
+    aside = exp(np.array([0.0, 2.0 * AGREEING.leap_rad, 0.0]))
+    nothing = np.zeros(3)
+    for share, expected in ((1.0, [9]), (0.0, [])):
+        motions = [
+            ScanMotion(k, exp(0.1 * k * RATE) @ (aside if k >= 10 else np.eye(3)), nothing, RATE, nothing, share)
+            for k in range(20)
+        ]
+        followed: Any = SimpleNamespace(motions=motions)
+        np.testing.assert_array_equal(leaps(ctx, followed, ROTATION), expected)
