@@ -23,7 +23,7 @@ from calib_core.full.initialise.agreement import (
     agreement_of,
     mean_rate,
 )
-from calib_core.full.initialise.felt import GyroTurning, Judged, judged
+from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -130,16 +130,21 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
 
 def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -> Followed:
     """The track, followed again where it went as the IMU has not felt it; the one that goes with the IMU best."""
-    best, found = first, judged(ctx, first, lidar_track(ctx, first))
+    lidar = lidar_track(ctx, first)
+    rotation = told_rotation(ctx, lidar)
+    if rotation is not None and rotation.open_axis_imu is not None:
+        return first  # a turn that is open tells no steps
+    best, found = first, None if rotation is None else judged(ctx, first, lidar, rotation)
     if found is not None and found.faults > 0:
         # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
         require_measured_sweeps(ctx, found.sound)
     if found is None or len(found.leaps) > 0:
         starts, agreed = _pairs_start(ctx)
-        trusted = starts and agreed.correlation > AGREEING.trusted and starts[0].open_axis_imu is None
-        turnings = [starts[0]] if trusted and starts[0].residual < AGREEING.fits else []
-        for rotation in [*turnings, *([] if found is None else [found.rotation])]:
-            best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, rotation))
+        rotations = [] if rotation is None else [rotation]
+        if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:
+            rotations = [starts[0], *rotations]
+        for each in rotations:
+            best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, each))
     for _ in range(AGREEING.again):
         if found is None or found.faults == 0:
             break
@@ -158,8 +163,12 @@ def _sounder(
     if best.reference != reference:  # its steps are told in its own frame
         planes, reference = best.planes, best.reference
     again = follow(ctx, planes, reference, turning=turning, may_leave=False)
-    other = judged(ctx, again, lidar_track(ctx, again))
-    if other is None or (found is not None and again.seen - other.faults <= best.seen - found.faults):
+    lidar = lidar_track(ctx, again)
+    rotation = told_rotation(ctx, lidar)
+    if rotation is None or rotation.open_axis_imu is not None:
+        return known
+    other = judged(ctx, again, lidar, rotation)
+    if found is not None and again.seen - other.faults <= best.seen - found.faults:
         return known
     return again, other
 

@@ -112,15 +112,18 @@ class Judged:
         return Felt(GyroTurning.of(ctx, self.rotation), dict(zip(scans, self.steps.felt_m, strict=True)))
 
 
-def judged(ctx: Run, followed: Followed, lidar: LidarTrack) -> Judged | None:
-    """How a track stands beside the IMU; None where it turns too little, or too unlike it, to be compared. lidar: the same."""
+def told_rotation(ctx: Run, lidar: LidarTrack) -> RotationStart | None:
+    """The best rotation between a track's turns and the gyroscope's; None where they are nowhere alike."""
+    starts = rotation_start(lidar, ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s)
+    return starts[0] if starts and starts[0].residual < AGREEING.fits else None
+
+
+def judged(ctx: Run, followed: Followed, lidar: LidarTrack, rotation: RotationStart) -> Judged:
+    """How a track stands beside the IMU. lidar: the same, on the lidar's clock."""
     imu_s, imu = ctx.clocks.imu_s, ctx.recording.imu
-    starts = rotation_start(lidar, imu_s, imu.gyro_rad_s)
-    if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
-        return None
     magnitude_m_s2 = ctx.settings.gravity.magnitude_m_s2
-    steps = linear_steps(lidar, imu_s, imu.accel_m_s2, starts[0], gravity_m_s2=magnitude_m_s2)
-    return Judged(starts[0], steps, followed.motions, leaps(ctx, followed, starts[0]))
+    steps = linear_steps(lidar, imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude_m_s2)
+    return Judged(rotation, steps, followed.motions, leaps(ctx, followed, rotation))
 
 
 def leaps(ctx: Run, followed: Followed, rotation: RotationStart) -> IntArray:

@@ -1,0 +1,30 @@
+"""Whether the end of a solve can be true."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import Refused
+from calib_core.full.assess import verdict
+from calib_core.solver.arrow import NotPositiveDefinite
+from calib_core.solver.levenberg import Outcome
+
+
+def test_an_end_that_determines_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen once in 200 drawn rigs: a chain that is not positive definite, told as a traceback. Mutation: not caught."""
+
+    def not_definite(*_: object, **__: object) -> None:
+        raise NotPositiveDefinite("the chain of knots is not positive definite")
+
+    monkeypatch.setattr(verdict, "implausible", lambda *_: None)
+    monkeypatch.setattr(verdict, "confidence", not_definite)
+    minimum = SimpleNamespace(solution=object(), outcome=Outcome.CONVERGED, cost=5e4)
+    solved: Any = SimpleNamespace(minimum=minimum, observations=SimpleNamespace(count=np.full(1000, 100)))
+    run: Any = None
+    with pytest.raises(Refused) as refused:
+        verdict.weigh(run, solved)
+    assert refused.value.code == "solve.diverged"
