@@ -146,7 +146,7 @@ def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) ->
         for each in rotations:
             best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, each))
     for _ in range(AGREEING.again):
-        if found is None or found.faults == 0:
+        if found is None or found.faults == 0 or not found.tells:
             break
         before = best
         best, found = _sounder(ctx, (best, found), planes, reference, found.felt(ctx))
@@ -168,7 +168,7 @@ def _sounder(
     if rotation is None or rotation.open_axis_imu is not None:
         return known
     other = judged(ctx, again, lidar, rotation)
-    if found is not None and again.seen - other.faults <= best.seen - found.faults:
+    if found is not None and (other.tells, again.seen - other.faults) <= (found.tells, best.seen - found.faults):
         return known
     return again, other
 

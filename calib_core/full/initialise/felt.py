@@ -16,7 +16,7 @@ import numpy as np
 
 from calib_core.full.initialise.linear import Steps, linear_steps
 from calib_core.full.initialise.rotation import rotation_start
-from calib_core.full.initialise.settings import AGREEING
+from calib_core.full.initialise.settings import AGREEING, LINEAR
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
 from calib_core.full.odometry.reference import Followed
@@ -99,6 +99,12 @@ class Judged:
     def faults(self) -> int:
         """Both."""
         return len(self.leaps) + self.astray
+
+    @property
+    def tells(self) -> bool:
+        """Whether enough of its steps are right that the start values they give are."""
+        usual_m = float(np.median(self.steps.off_m)) if len(self.steps.off_m) else np.inf
+        return usual_m < LINEAR.position_std_m and float(np.mean(self.steps.astray)) < LINEAR.most_astray
 
     @property
     def sound(self) -> list[ScanMotion]:
