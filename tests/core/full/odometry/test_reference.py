@@ -14,13 +14,15 @@ from calib_core.full.initialise.agreement import Agreement
 from calib_core.full.initialise.begin import _pairs_start, begin
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.odometry.register import Registered, ScanMotion, register
+from calib_core.full.odometry.settings import TrackSettings
 from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import find_reference, named_planes
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import Recording
+from calib_core.types import FloatArray, Recording
 
 
 def _errors(recording: Recording, truth: Truth, found: Followed) -> tuple[float, float]:
@@ -120,6 +122,50 @@ def test_a_track_that_the_imu_has_not_felt_is_followed_again(
     turned, moved = _errors(recording, truth, found)
     assert turned < 4.0
     assert moved < 0.08
+
+
+class _Known:
+    """Steps of so much from scan to scan, and no turns."""
+
+    each_m = np.array([0.01, -0.02, 0.03])
+
+    def between(self, _start_ns: int, _end_ns: int) -> None:
+        return None
+
+    def step(self, position: int, to: int, /) -> FloatArray:
+        return (to - position) * self.each_m
+
+
+def test_a_scan_is_looked_for_where_the_imu_has_felt_it_go(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the last one's place, at the step's velocity, tied to both, near by, and nowhere else.
+
+    Mutations: the step is not looked at; it is tied as loosely as a guess; the wide widths; other starts tried, too.
+    """
+    recording, _ = noisy
+    s = TrackSettings()
+    looked: list[tuple[int, ScanMotion, FloatArray, object]] = []
+    found: dict[int, ScanMotion] = {}
+
+    def spy(*arguments: Any, tie: FloatArray, position: int, scales_m: object = None, **options: Any) -> Registered:
+        looked.append((position, arguments[3], tie, scales_m))
+        done = register(*arguments, tie=tie, position=position, scales_m=scales_m, **options)  # type: ignore[arg-type]
+        found[position] = done.motion
+        return done
+
+    monkeypatch.setattr("calib_core.full.odometry.track.register", spy)
+    scans = recording.scans[:6]
+    _, fits = find_reference(scans, CalibrateSettings())
+    track(scans, named_planes(fits), 0, turning=_Known())
+    assert [position for position, *_ in looked] == [0, 1, 2, 3, 4, 5]
+    for position, start, tie, scales_m in looked[1:]:
+        dt = (scans[position].stamp_ns - scans[position - 1].stamp_ns) * 1e-9
+        np.testing.assert_allclose(start.p, found[position - 1].p + _Known.each_m, atol=1e-12)
+        np.testing.assert_allclose(start.v_m_s, _Known.each_m / dt)
+        np.testing.assert_allclose(tie[3:6], 1 / s.step_m**2)
+        np.testing.assert_allclose(tie[9:], 1 / s.step_m_s**2)
+        assert scales_m == s.near_scales_m
 
 
 def test_a_choice_of_planes_does_not_feed_the_start(noisy: tuple[Recording, Truth]) -> None:
