@@ -29,7 +29,8 @@ class Refresher {
     this.busy = true;
     let planes = false;
     while (this.wishes.length > 0) {
-      planes ||= this.wishes.splice(0).some((wish) => wish.planes);
+      const asked = this.wishes.splice(0);
+      planes ||= asked.some((wish) => wish.planes);
       await readAnew(this.client, { queryKey: keys.recording(this.id), exact: true });
     }
     this.busy = false;
