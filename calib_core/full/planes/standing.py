@@ -5,10 +5,11 @@ plane stands still and is flat, their averages over a second, and over a hand's 
 
     excess^2 = sum_g (o_g^2 - var(o_g)) / G,      o_g the weighted mean of group g,      var(o_g) = 1 / (its weight)
 
-is zero on average, and what is beyond it are metres that noise did not make. A person or a door differs from second to
-second; a curtain, a cushion or the rim of a box from place to place; two surfaces taken for one scatter within each
-average. No plane is perfect, and a motion that is not quite right yet shows on all of them: each is held against what is
-usual among the others, counted by their points.
+is zero on average, and what is beyond it are metres that noise did not make. Of few groups it strays: it counts where noise
+would hardly ever make as much, a sum of squares being taken as a gamma law of its mean and variance. A person or a door
+differs from second to second; a curtain, a cushion or the rim of a box from place to place; two surfaces taken for one
+scatter within each average. No plane is perfect, and a motion that is not quite right yet shows on all of them: each is held
+against what is usual among the others, counted by their points.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.types import FloatArray, IntArray
@@ -70,7 +72,10 @@ def standing_of(samples: PlaneSamples) -> Standing:
 
 
 def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tuple[float, float]:
-    """What groups' mean distances have beyond noise, and what noise makes of them, root mean squares by their averages."""
+    """What groups' mean distances have beyond noise, and what noise makes of them, root mean squares by their averages.
+
+    The first is 0 where noise would make as much.
+    """
     if len(group) == 0:
         return 0.0, 0.0
     _, index = np.unique(group, return_inverse=True)
@@ -80,9 +85,12 @@ def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tup
     judged = count >= JUDGEMENT.fewest
     if not judged.any():
         return 0.0, 0.0
-    beyond = float(np.average(mean[judged] ** 2 - 1.0 / weight[judged], weights=count[judged]))
-    noise = float(np.average(1.0 / weight[judged], weights=count[judged]))
-    return float(np.sqrt(max(beyond, 0.0))), float(np.sqrt(noise))
+    share = count[judged] / count[judged].sum()
+    noise = float(share @ (1.0 / weight[judged]))
+    beyond = float(share @ mean[judged] ** 2) - noise
+    variance = 2.0 * float(np.sum((share / weight[judged]) ** 2))
+    most = variance / noise * float(gammaincinv(noise**2 / variance, JUDGEMENT.confidence))
+    return (float(np.sqrt(beyond)) if beyond > most - noise else 0.0), float(np.sqrt(noise))
 
 
 def doubts(standings: Sequence[Standing], least_m: float = JUDGEMENT.least_m) -> FloatArray:

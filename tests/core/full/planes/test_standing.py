@@ -47,6 +47,27 @@ def test_noise_alone_is_no_fault() -> None:
     assert got.bent_m < np.sqrt(3.0 * np.sqrt(2 / groups)) * STD_M / np.sqrt(SECONDS * REPEATS)
 
 
+@pytest.mark.parametrize("groups", [1, 2, 5, 20])
+def test_the_few_places_of_a_far_wall_are_no_bend(groups: int) -> None:
+    """Noise of 30 mm over a few places: one excess in a thousand at most is called a bend, and one of 7 sigmas always.
+
+    Oracle: binomial; of 4000 walls with the law's share of a thousandth more than 13 have one chance in a thousand.
+    Mutation: take every excess that is above zero: a third to a half of all walls are bent by centimetres.
+    """
+    rng = np.random.default_rng(3)
+    cell = np.repeat(np.arange(groups), 3)
+    second = np.zeros(len(cell))
+
+    def bent(away_m: FloatArray) -> float:
+        noisy = away_m + rng.normal(0.0, 0.03, len(cell))
+        return standing_of(PlaneSamples(second, cell, noisy, np.full(len(cell), 0.03), 1.0, 30.0)).bent_m
+
+    assert np.count_nonzero([bent(np.zeros(len(cell))) for _ in range(4000)]) <= 13
+    mean_std_m = 0.03 / np.sqrt(3.0)
+    plus_and_minus = np.where(cell % 2, 1.0, -1.0) * 7.0 * mean_std_m
+    assert all(bent(plus_and_minus) > 3.0 * mean_std_m for _ in range(100))
+
+
 def test_what_moves_differs_by_second_and_what_bends_by_place() -> None:
     """Plus and minus 10 mm by second (by cell): the means of the other grouping are zero, exactly.
 
