@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import LEVEL_STYLES, bullet
-from app.results.verdict import sigma_of_offset, tone, verdict
+from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
 
@@ -27,7 +27,7 @@ def result_summary(result: CalibrationResult) -> RenderableType:
     parts: list[RenderableType] = [Text(verdict(result), style=_TONE_STYLES[tone(result)])]
     if result.T_imu_lidar is not None and result.uncertainty is not None and result.time_offset_s is not None:
         parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s, sigma_of_offset(result)))
-    parts.append(_quality(result))
+    parts.append(Text(rests_on(result), style="dim"))
     parts += _remarks(result)
     return Panel(Group(*parts), title="unsweep", title_align="left", border_style="dim", padding=(0, 1))
 
@@ -47,18 +47,6 @@ def _numbers(
     table.add_row("time offset (add to IMU stamps)", f"{1e3 * time_offset_s:.4f}", "", "", "ms")
     table.add_row("  [dim]1 sigma[/]", offset_std_ms, "", "", "ms")
     return Padding(table, (1, 0))
-
-
-def _quality(result: CalibrationResult) -> RenderableType:
-    quality = result.quality
-    if quality.points_used == 0:
-        return Text(f"{quality.scans_total} scans in the recording, none used.", style="dim")
-    return Text(
-        f"{quality.points_used:,} points of {quality.scans_used} of {quality.scans_total} scans on "
-        f"{len(quality.planes)} planes lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
-        f"{quality.iterations} iterations in {quality.duration_s:.1f} s.",
-        style="dim",
-    )
 
 
 def _remarks(result: CalibrationResult) -> list[RenderableType]:

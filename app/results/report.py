@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.results import captions, plot_parts, plots
-from app.results.verdict import sigma_of_offset, tone, verdict
+from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
 from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.result import CalibrationResult
@@ -63,6 +63,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
         tone=tone(result),
         verdict=_sentence(result),
         rows=_rows(result),
+        rests_on=rests_on(result),
         matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
         rig=rig,
         figures=figures,

@@ -32,6 +32,18 @@ def held_offset(result: CalibrationResult) -> bool:
     return result.provenance.settings.get("estimate_time_offset") is False
 
 
+def rests_on(result: CalibrationResult) -> str:
+    """Of how many points, scans and planes, what is left of them, and what it took."""
+    quality = result.quality
+    if quality.points_used == 0:
+        return f"{quality.scans_total} scans in the recording, none used."
+    return (
+        f"{quality.points_used:,} points of {quality.scans_used} of {quality.scans_total} scans on "
+        f"{len(quality.planes)} planes lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
+        f"{quality.iterations} iterations in {quality.duration_s:.1f} s."
+    )
+
+
 def sigma_of_offset(result: CalibrationResult) -> str:
     """The time offset's standard deviation [ms] for a table."""
     if result.uncertainty is None:

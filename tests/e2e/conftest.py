@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 import hatch_build
+from bench.rigs import cluttered
 from calib_core.simulate import simulate
 from tests.e2e.support import Api, Complaints, Server
 
@@ -86,10 +87,23 @@ def api(address: str) -> Api:
 @pytest.fixture(scope="session")
 def solved(api: Api, bag: Path) -> tuple[str, str]:
     """A recording that was uploaded, and a finished solve of it: (recording id, job id)."""
-    recording = api.upload(bag)
-    api.wait_for_planes(recording)
-    api.wait_until_ready(recording)
-    return recording, api.solve(recording)
+    return api.solved(bag)
+
+
+@pytest.fixture(scope="session")
+def one_axis(api: Api, folder: Path) -> tuple[str, str]:
+    """A solve of turning about one axis only: weak."""
+    path = folder / "turntable.bag"
+    simulate("one-axis", path, seed=1, duration_s=8.0)
+    return api.solved(path)
+
+
+@pytest.fixture(scope="session")
+def crowded(api: Api, folder: Path) -> tuple[str, str]:
+    """A solve in a room with ten boxes and two persons who walk about, of what is suggested there."""
+    path = folder / "crowded.bag"
+    simulate(cluttered(duration_s=8.0), path, seed=2)
+    return api.solved(path)
 
 
 @pytest.fixture(scope="session")

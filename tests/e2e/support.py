@@ -92,6 +92,13 @@ class Api:
         assert self.ask("GET", f"/api/jobs/{job}")["state"] == "done"
         return str(job)
 
+    def solved(self, path: Path) -> tuple[str, str]:
+        """A recording uploaded, examined and solved with the planes that are suggested: its id and the job's."""
+        recording = self.upload(path)
+        self.wait_for_planes(recording)
+        self.wait_until_ready(recording)
+        return recording, self.solve(recording)
+
 
 @dataclass(frozen=True)
 class Server:

@@ -13,7 +13,6 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 from scipy.spatial.transform import Rotation
 
-from calib_core.simulate import simulate
 from tests.e2e.support import Api, faults_in_all_sizes, keep_screenshot, until
 
 both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
@@ -132,17 +131,6 @@ def test_a_page_that_was_taken_away_stays_open_towards_whoever_looks(
     now, _ = hidden()
     assert first - now, "no wall came back"
     assert now - first, "the room is closed towards who looks now"
-
-
-@pytest.fixture(scope="module")
-def one_axis(api: Api, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
-    """A solve of turning about one axis only."""
-    path = tmp_path_factory.mktemp("weak") / "turntable.bag"
-    simulate("one-axis", path, seed=1, duration_s=8.0)
-    recording = api.upload(path)
-    api.wait_for_planes(recording)
-    api.wait_until_ready(recording)
-    return recording, api.solve(recording)
 
 
 @both
