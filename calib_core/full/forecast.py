@@ -68,6 +68,9 @@ class Forecasting:
     propagated_s: float = 20.0
     #: judged: room in the gate while the lidar's noise is learnt: that of a solve (Settling).
     learning_m: float = 0.02
+    #: measured on a minute by hand: with 15 of 600 scans off their way by up to 0.08 m, as samples of clouds are followed,
+    #: sigmas are within 0.1 % of those without, and following again costs three times the forecast.
+    at_fault: float = 0.05
 
 
 FORECASTING = Forecasting()
@@ -154,7 +157,7 @@ def _look(
     require_length(recording, "a forecast")
     run = prepare(recording, settings, ignore_event, should_cancel)
     tell(0.3, "following the planes from scan to scan")
-    followed = follow_planes(run, None, proposals)
+    followed = follow_planes(run, None, proposals, at_fault=FORECASTING.at_fault)
     _require_motion(followed.motions)
     tell(0.6, "first values of the calibration")
     lidar, start = initialise(run, followed.motions, followed.planes, None)

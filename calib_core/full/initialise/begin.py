@@ -42,11 +42,14 @@ from calib_core.planes.same import same_surface
 from calib_core.types import BoolArray, FloatArray, Plane, PlaneProposals
 
 
-def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | None = None) -> Followed:
+def begin(
+    ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | None = None, *, at_fault: float = 0.0
+) -> Followed:
     """The lidar's motion, and the planes it was followed by.
 
     given: the person's planes, in the frame of the reference scan: the motion is told in that frame then.   proposals: the
-    planes found, where that was done before. Raises Refused with what could not be followed.
+    planes found, where that was done before.   at_fault: so much of the motion may have gone as the IMU has not felt it.
+    Raises Refused with what could not be followed.
     """
     found = proposals or propose_planes(
         ctx.recording, ctx.settings, on_event=ctx.on_event, should_cancel=ctx.should_cancel
@@ -59,7 +62,7 @@ def begin(ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | N
     best, agreed = _aided(ctx, first, planes, reference)
     aided = best
     if agreed is not NO_AGREEMENT:
-        best = _felt(ctx, aided, planes, reference)
+        best = _felt(ctx, aided, planes, reference, at_fault)
     _refuse_lost(ctx, best, agreed)
     if best is not aided:
         text = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
@@ -128,23 +131,28 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     return again, agreed
 
 
-def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -> Followed:
-    """The track, followed again where it went as the IMU has not felt it; the one that goes with the IMU best."""
+def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at_fault: float) -> Followed:
+    """The track, followed again where more than that share of it went as the IMU has not felt it; the one that goes with the
+    IMU best.
+    """
     lidar = lidar_track(ctx, first)
     rotation = told_rotation(ctx, lidar)
     if rotation is not None and rotation.open_axis_imu is not None:
         return first  # a turn that is open tells no steps
     best, found = first, None if rotation is None else judged(ctx, first, lidar, rotation)
-    if found is not None and found.faults > 0:
+    if found is not None:
+        if found.faults <= at_fault * first.seen:
+            return first
         # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
         require_measured_sweeps(ctx, found.sound)
-    if found is None or len(found.leaps) > 0:
+    leapt = 0 if found is None else len(found.leaps)
+    if rotation is not None and leapt > 0:
+        best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, rotation))
+    if found is None or len(found.leaps) > AGREEING.fewer * leapt:
+        # What was followed tells too little of the rotation, or has led it astray.
         starts, agreed = _pairs_start(ctx)
-        rotations = [] if rotation is None else [rotation]
         if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:
-            rotations = [starts[0], *rotations]
-        for each in rotations:
-            best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, each))
+            best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, starts[0]))
     for _ in range(AGREEING.again):
         if found is None or found.faults == 0 or not found.tells:
             break

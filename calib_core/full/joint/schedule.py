@@ -52,7 +52,7 @@ class Schedule:
         if self.planes is not None:
             rounds += 1
         if self.settling is not None:
-            rounds += self.settling.rounds * (3 if self.planes is None else 3 + self.planes.turns)
+            rounds += self.settling.rounds * (3 if self.planes is None else 3 + 2 * self.planes.turns)
             rounds += (1 + self.tones.turns) * self.settling.descents(most_fixed_point)
         return rounds
 

@@ -5,7 +5,7 @@ That place depends on the recording alone, not on the start values: what follows
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,12 +26,33 @@ from calib_core.types import BoolArray
 _SLANTWISE = np.array(0.5)
 
 
-def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
-    """With a part of the points, as near to rest as they come."""
-    return near_rest(data, state, settling, sampling)[0]
+#: The state without what it condemns, or as it is.
+Judge = Callable[[Estimation], Estimation]
 
 
-def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> tuple[Estimation, bool]:
+def settle(
+    data: JointData,
+    state: Estimation,
+    settling: Settling,
+    sampling: Sampling,
+    judge: Judge | None = None,
+    turns: int = 0,
+) -> Estimation:
+    """With a part of the points, as near to rest as they come.
+
+    judge: asked as soon as rounds hardly move; from what it leaves, all begins anew.   turns: most times that it does.
+    """
+    return near_rest(data, state, settling, sampling, judge, turns)[0]
+
+
+def near_rest(
+    data: JointData,
+    state: Estimation,
+    settling: Settling,
+    sampling: Sampling,
+    judge: Judge | None = None,
+    turns: int = 0,
+) -> tuple[Estimation, bool]:
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
@@ -60,6 +81,12 @@ def near_rest(data: JointData, state: Estimation, settling: Settling, sampling: 
         # A single step: what another one would add, the next round's first step does.
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
         moves.append(moved_in_gate(problem, before, state.estimate))
+        if judge is not None and turns > 0 and (moves[-1] < settling.judged or stalls(moves, settling)):
+            left = judge(state)
+            if left is not state:
+                return near_rest(data, left, settling, sampling, judge, turns - 1)
+            if moves[-1] < settling.judged:
+                judge = None
         assert state.support is not None
         found, last = (state.support.inside, state.lidar_noise), surveyed
         if moves[-1] < settling.unmoved or (
@@ -86,6 +113,11 @@ def is_same(found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoi
     new_std_m, old_std_m = (float(noise.distance_std_m(_SLANTWISE)) for noise in (new, old))
     limits_differ = (new.farthest_m, new.sieve_m) != (old.farthest_m, old.sieve_m)
     return not limits_differ and abs(new_std_m - old_std_m) <= part * old_std_m
+
+
+def stalls(moves: Sequence[float], settling: Settling) -> bool:
+    """Whether rounds have ceased to move points less and less: something in them does not stand still."""
+    return len(moves) > settling.farther - 1 and moves[-1] > settling.stalled * moves[-2]
 
 
 def goes_away(moves: Sequence[float], settling: Settling) -> bool:

@@ -21,7 +21,7 @@ from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
-from calib_core.full.joint.tones import admit_rest, admit_tones, loudest, say_tones
+from calib_core.full.joint.tones import admit_rest, admit_tones, admitted_from, loudest, say_tones
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 
@@ -157,7 +157,17 @@ def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -
 def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """To rest with a part of the points, without planes that turn out to be none."""
     assert schedule.settling is not None
-    state = settle(data, state, schedule.settling, schedule.sampling)
+    rules = schedule.planes
+
+    def judge(nearly: Estimation) -> Estimation:
+        # What shakes the IMU unseen would be held against the planes: they are judged once it is known.
+        tones = schedule.tones
+        if rules is None or loudest(data, nearly, tones) > admitted_from(data, tones, tones.stands_out_in_company):
+            return nearly
+        return drop_planes(data, nearly, rules, settled=True)
+
+    turns = 0 if rules is None else rules.turns
+    state = settle(data, state, schedule.settling, schedule.sampling, judge, turns)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:
         state = settle_without_doubtful(

@@ -190,6 +190,49 @@ def test_rounds_go_on_while_the_noise_is_still_learnt(monkeypatch: pytest.Monkey
     assert end.lidar_noise == LidarNoise(0.019, 0.001)
 
 
+@pytest.mark.parametrize(
+    ("moved", "asked_at", "rounds"),
+    [
+        # On the way to rest: judged from a twentieth of a sigma on; what it leaves settles anew.
+        ([0.3, 0.1, 0.04, 0.2, 0.06, 0.01, 1e-7], [3, 6], 7),
+        # Rounds that move points by as much again: something moves, and is judged for it. Two are on the way.
+        ([0.4, 0.3, 0.29, 0.2, 0.1, 0.04, 1e-7], [3, 6], 7),
+        # Three turns are all: what is still wrong then is for others to say.
+        ([0.04, 0.04, 0.04, 0.04, 1e-7], [1, 2, 3], 5),
+    ],
+)
+def test_what_is_no_plane_is_left_out_on_the_way_to_rest(
+    monkeypatch: pytest.MonkeyPatch, moved: list[float], asked_at: list[int], rounds: int
+) -> None:
+    """By hand. Mutations: judged at rest only; judged while rounds still move points by much; not when they cease to move
+    less; asked without end; the rounds of what was left out count for what is left.
+    """
+    moves, asked = iter(moved), list[int]()
+    done = 0
+
+    def descended(_: object, state: _Swinging, **__: object) -> tuple[_Swinging, None]:
+        nonlocal done
+        done += 1
+        return state, None
+
+    def judge(state: Any) -> Any:
+        asked.append(done)
+        return state if done == 6 else replace(state, estimate=state.estimate + 1.0)
+
+    same: Any = lambda _, state, *__, **___: state  # noqa: E731
+    monkeypatch.setattr(settling, "moved_in_gate", lambda *_: next(moves))
+    for name, step in (("survey", _surveyed), ("descend", descended), ("measure", same), ("associate", same)):
+        monkeypatch.setattr(settling, name, step)
+    monkeypatch.setattr(settling, "gate_of", lambda *_: Gate())
+    monkeypatch.setattr(settling, "coarse_stride", lambda *_: None)
+    run = SimpleNamespace(settings=CalibrateSettings(estimate_planes=False))
+    data: Any = SimpleNamespace(run=run, portion=lambda *_: data)
+    begin: Any = _Swinging(1.0, PlaneExtents(np.eye(3)[:1], np.zeros((1, 2, 2), dtype=bool)))
+    settling.settle(data, begin, Settling(), Sampling(), judge, 3)
+    assert asked == asked_at
+    assert done == rounds
+
+
 def _estimate(rng: np.random.Generator) -> Estimate:
     normals = rng.standard_normal((4, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
