@@ -117,18 +117,29 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
     if trusted:
         starts, agreed = rotation_start(lidar, imu_s, gyro_rad_s), own
     else:
+        part, of_part = agreeing_part(lidar, imu_s, gyro_rad_s)
+        of_its_own = [] if part is None else rotation_start(part, imu_s, gyro_rad_s)
+        again = _turned(ctx, planes, reference, of_its_own)
+        if again is not None and again.seen >= AGREEING.whole * len(ctx.recording.scans):
+            with_it = agreement(lidar_track(ctx, again), imu_s, gyro_rad_s)
+            if with_it.is_of_a_unit and with_it.correlation > AGREEING.trusted:
+                return again, with_it
         starts, agreed = _pairs_start(ctx)
         if agreed.correlation < max(own.correlation, AGREEING.believed):
-            part, of_part = agreeing_part(lidar, imu_s, gyro_rad_s)
             if part is None:
                 return first, max(own, agreed, key=lambda a: a.correlation)
-            starts, agreed = rotation_start(part, imu_s, gyro_rad_s), of_part
-    if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
+            return (first if again is None else again), of_part
+    again = _turned(ctx, planes, reference, starts)
+    if again is None or (trusted and again.worth(ctx) < AGREEING.better * first.worth(ctx)):
         return first, agreed
-    again = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
-    if trusted and again.worth(ctx) < AGREEING.better * first.worth(ctx):
-        return first, own
     return again, agreed
+
+
+def _turned(ctx: Run, planes: Sequence[Plane], reference: int, starts: Sequence[RotationStart]) -> Followed | None:
+    """The track by the gyroscope's turns under the best of these starts; None where it does not fit or leaves an axis open."""
+    if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
+        return None
+    return follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
 
 
 def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at_fault: float) -> Followed:
