@@ -92,7 +92,11 @@ def test_a_track_that_agrees_by_chance_is_not_trusted(
 
 
 def _led_astray(kind: str, of_all: list[object]) -> Callable[..., Followed]:
-    """`follow`, but that the first track slides by 0.5 m within four scans or turns by 6 deg at one. of_all: each call's turns."""
+    """`follow`, but that the first track slides by 0.5 m within four scans, turns by 6 deg at one, or is lost from one on.
+
+    of_all: each call's turns.
+    """
+    rng = np.random.default_rng(4)
 
     def astray(*arguments: Any, **options: Any) -> Followed:
         found = follow(*arguments, **options)
@@ -104,6 +108,8 @@ def _led_astray(kind: str, of_all: list[object]) -> Callable[..., Followed]:
             share = float(np.clip((m.position - 25) / 4.0, 0.0, 1.0))
             if kind == "slid":
                 out.append(replace(m, p=m.p + share * np.array([0.1, 0.2, 0.45])))
+            elif kind == "lost":
+                out.append(m if m.position < 36 else replace(m, R=exp(rng.normal(0.0, 0.3, 3)) @ m.R))
             else:
                 out.append(replace(m, R=exp(np.array([0.0, 0.0, 0.1 * (share > 0.0)])) @ m.R))
         return replace(found, motions=out)
@@ -111,15 +117,15 @@ def _led_astray(kind: str, of_all: list[object]) -> Callable[..., Followed]:
     return astray
 
 
-@pytest.mark.parametrize("kind", ["slid", "turned"])
+@pytest.mark.parametrize("kind", ["slid", "turned", "lost"])
 def test_a_track_that_the_imu_has_not_felt_is_followed_again(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     """Planes that led the track aside, of which nothing is seen in what it leaves: the IMU has not felt it. One leap leaves
-    its rotation right, and turns from scan to scan need not be asked.
+    its rotation right, as does the stretch before it was lost: turns from scan to scan need not be asked.
 
     Mutations: no second look; turns alone, or steps alone, are looked at; the worse of the two tracks is kept; turns from
-    scan to scan asked in any case.
+    scan to scan asked in any case, or before the stretch that goes with the gyroscope.
     """
     recording, truth = noisy
     calls: list[object] = []
