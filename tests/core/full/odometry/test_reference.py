@@ -108,8 +108,11 @@ def _led_astray(kind: str, of_all: list[object]) -> Callable[..., Followed]:
             share = float(np.clip((m.position - 25) / 4.0, 0.0, 1.0))
             if kind == "slid":
                 out.append(replace(m, p=m.p + share * np.array([0.1, 0.2, 0.45])))
+            elif kind == "lost" and m.position >= 33:
+                turn = exp(rng.uniform(-0.9, 0.9, 3)) @ m.R
+                out.append(replace(m, R=turn, omega_rad_s=rng.uniform(-3.0, 3.0, 3)))
             elif kind == "lost":
-                out.append(m if m.position < 36 else replace(m, R=exp(rng.normal(0.0, 0.3, 3)) @ m.R))
+                out.append(m)
             else:
                 out.append(replace(m, R=exp(np.array([0.0, 0.0, 0.1 * (share > 0.0)])) @ m.R))
         return replace(found, motions=out)
@@ -135,6 +138,9 @@ def test_a_track_that_the_imu_has_not_felt_is_followed_again(
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", _led_astray(kind, calls))
     monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", asked)
+    # Half of these six seconds would do.
+    short = replace(AGREEING, shortest_part_s=2.5)
+    monkeypatch.setattr("calib_core.full.initialise.agreement.AGREEING", short)
     found, said = _begin(recording, given=False)
     assert "track.aided" in said
     turned, moved = _errors(recording, truth, found)
