@@ -43,6 +43,10 @@ class ReadSettings(_Settings):
         default="spread",
         description="IMU readings that a driver stamped together or sent again: spread and taken once, or as they came",
     )
+    repeated_returns: Literal["once", "as-sent"] = Field(
+        default="once",
+        description="returns that stand in a cloud twice, as of a lidar in dual mode: counted once, or as they came",
+    )
     range_min_m: float = 0.3
     range_max_m: float = 200.0
 

@@ -147,6 +147,12 @@ def add_reading(command: Parser) -> None:
         default=defaults.imu_bundles,
         help="IMU readings that a driver stamped together or sent again: spread and taken once, or as they came (%(default)s)",
     )
+    group.add_argument(
+        "--repeated-returns",
+        choices=_choices("repeated_returns"),
+        default=defaults.repeated_returns,
+        help="returns that stand in a cloud twice, as of a lidar in dual mode: counted once, or as they came (%(default)s)",
+    )
 
 
 def add_lasers(command: Parser) -> None:

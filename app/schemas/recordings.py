@@ -71,6 +71,7 @@ class ChangeRecording(WireModel):
     gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
     stamps: Literal["header", "receive"] | None = None
     imu_bundles: Literal["spread", "as-stamped"] | None = None
+    repeated_returns: Literal["once", "as-sent"] | None = None
     range_min_m: float | None = Field(default=None, ge=0)
     range_max_m: float | None = Field(default=None, gt=0)
 

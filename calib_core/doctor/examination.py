@@ -101,7 +101,7 @@ def detect(
         state.decoder, state.timing, found = point_timing(
             sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
         )
-        state.decoder, twice = once_each(sample, state.decoder, state.timing, state.lidar_topic.name)
+        state.decoder, twice = once_each(sample, state.decoder, state.timing, settings, state.lidar_topic.name)
         state.findings.extend((*found, *twice))
     except InputError as error:
         state.problems.append(error)

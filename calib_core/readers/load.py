@@ -80,7 +80,7 @@ def _load_open(
     decoder, timing, findings = point_timing(
         sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text
     )
-    decoder, twice = once_each(sample, decoder, timing, lidar_topic.name)
+    decoder, twice = once_each(sample, decoder, timing, settings, lidar_topic.name)
     preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))

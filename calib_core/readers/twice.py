@@ -15,6 +15,7 @@ from calib_core.readers.clouds.decoders import CloudDecoder
 from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.scans import RING_NAMES
 from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_times
+from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Evidence, Finding
 
 #: Two beams never return to the bit alike, but damaged or made-up points may: fewer than these are not worth a look at all.
@@ -41,9 +42,14 @@ class OnceEach:
 
 
 def once_each(
-    sample: Sequence[RawCloud], decoder: CloudDecoder, timing: PointTiming, topic: str
+    sample: Sequence[RawCloud], decoder: CloudDecoder, timing: PointTiming, settings: ReadSettings, topic: str
 ) -> tuple[CloudDecoder, tuple[Finding, ...]]:
-    """The decoder, without what its clouds hold twice where the sample shows such; and what is said of it."""
+    """The decoder, without what its clouds hold twice where the sample shows such; and what is said of it.
+
+    As they are where the settings want them as sent.
+    """
+    if settings.repeated_returns == "as-sent":
+        return decoder, ()
     known = [cloud for cloud in sample[:_LOOKED_AT] if timing.field in (COMPOSITE, *cloud.names)]
     again = sum(int(np.count_nonzero(repeated(cloud, timing))) for cloud in known)
     sent = sum(int(np.count_nonzero(_returned(cloud))) for cloud in known)
@@ -56,6 +62,7 @@ def once_each(
         text=f"{share:.0%} of the returns on {topic} are there twice, as of a lidar that sends two of a beam where there is one;"
         " each counts once.",
         evidence=(Evidence("returns that are there already", share),),
+        override="--repeated-returns as-sent",
     )
     return OnceEach(decoder, timing), (finding,)
 

@@ -42,6 +42,7 @@ describe("fixes", () => {
   it("names the control that a fix sets, and its value, in the page's words", () => {
     expect(fixText("--gyroscope-unit deg_s")).toBe("Set “Gyroscope unit” to °/s");
     expect(fixText("--imu-bundles as-stamped")).toBe(`Set “${controlName("imu-bundles")}” to as stamped`);
+    expect(fixText("--repeated-returns as-sent")).toBe("Set “Returns that are there twice” to as sent");
     expect(fixText("--point-time-field t --point-time-unit ns")).toBe(
       "Set “Point time field” to t, set “Point time unit” to ns",
     );

@@ -20,6 +20,7 @@ const controls: Readonly<Record<string, string>> = {
   "gyroscope-unit": "Gyroscope unit",
   stamps: "Stamps",
   "imu-bundles": "IMU stamped in bundles or sent again",
+  "repeated-returns": "Returns that are there twice",
   method: "Method",
   "points-per-plane-per-scan": "Points per plane and scan",
   "field-of-view-deg": "Field of view",
@@ -53,6 +54,7 @@ const values: Readonly<Record<string, string>> = {
   header: "header",
   spread: "a period apart",
   "as-stamped": "as stamped",
+  "as-sent": "as sent",
 };
 const plainValues = new Set([
   "s",

@@ -11,6 +11,7 @@ from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.twice import once_each, repeated
+from calib_core.settings import ReadSettings
 
 TIMING = PointTiming("t", "ns", "header-first", 0.0, 1e8)
 DTYPE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("t", "<u4")])
@@ -29,7 +30,8 @@ def _cloud(columns: int = 512, rings: int = 64, *, step_m: float = 0.0) -> RawCl
 def test_what_is_there_twice_counts_once_in_its_place() -> None:
     """A third of the returns twice, further on in the cloud, of other brightness. Oracle: which were put there.
 
-    Mutations: brightness compared; the first left out instead of the second; the time not compared.
+    Mutations: brightness compared; the first left out instead of the second; the time not compared; once where the settings
+    want them as sent.
     """
     cloud, rng = _cloud(), np.random.default_rng(0)
     again = np.flatnonzero(rng.random(cloud.points.size) < 1 / 3)
@@ -39,13 +41,16 @@ def test_what_is_there_twice_counts_once_in_its_place() -> None:
     later["t"] += 1
     points = np.concatenate([points, later])
     sent = replace(cloud, points=points, width=points.size)
-    decoder, findings = once_each([sent], lambda message: sent, TIMING, "/points")
+    decoder, findings = once_each([sent], lambda message: sent, TIMING, ReadSettings(), "/points")
     (finding,) = findings
     assert finding.code == "points.twice"
     assert finding.evidence[0].value == pytest.approx(again.size / points.size)
     got = decoder(RawMessage("", 0, b""))
     np.testing.assert_array_equal(got.points, np.concatenate([cloud.points, later]))
     assert (got.width, got.height) == (got.points.size, 1)
+    name, value = str(finding.override).removeprefix("--").replace("-", "_").split()
+    as_sent = ReadSettings.model_validate({name: value.replace("_", "-")})
+    assert once_each([sent], _never, TIMING, as_sent, "/points") == (_never, ())
 
 
 @pytest.mark.parametrize("step_m", [0.0, 0.01, 0.05])
@@ -60,7 +65,7 @@ def test_coarse_coordinates_and_missing_returns_are_no_returns_twice(step_m: flo
         cloud.points[axis][1::5] = np.nan
     cloud.points["ring"][::5] = cloud.points["ring"][1::5] = 0
     assert not repeated(cloud, TIMING).any()
-    decoder, findings = once_each([cloud], _never, TIMING, "/points")
+    decoder, findings = once_each([cloud], _never, TIMING, ReadSettings(), "/points")
     assert (decoder, findings) == (_never, ())
 
 

@@ -1042,6 +1042,8 @@ export interface components {
             range_max_m?: number | null;
             /** Range Min M */
             range_min_m?: number | null;
+            /** Repeated Returns */
+            repeated_returns?: ("once" | "as-sent") | null;
             /** Stamps */
             stamps?: ("header" | "receive") | null;
             /**
@@ -2683,6 +2685,13 @@ export interface components {
              * @default 0.3
              */
             range_min_m: number;
+            /**
+             * Repeated Returns
+             * @description returns that stand in a cloud twice, as of a lidar in dual mode: counted once, or as they came
+             * @default once
+             * @enum {string}
+             */
+            repeated_returns: "once" | "as-sent";
             /**
              * Stamps
              * @default header

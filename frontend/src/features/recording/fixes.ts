@@ -16,6 +16,7 @@ const kinds: Record<SettingKey, Kind> = {
   gyroscope_unit: "text",
   stamps: "text",
   imu_bundles: "text",
+  repeated_returns: "text",
   range_min_m: "number",
   range_max_m: "number",
 };

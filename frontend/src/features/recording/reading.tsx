@@ -8,7 +8,13 @@ import { controlName, valueName } from "../../ui/words";
 import css from "./recording.module.css";
 
 type Choice =
-  "point_time_unit" | "point_time_reference" | "accelerometer_unit" | "gyroscope_unit" | "stamps" | "imu_bundles";
+  | "point_time_unit"
+  | "point_time_reference"
+  | "accelerometer_unit"
+  | "gyroscope_unit"
+  | "stamps"
+  | "imu_bundles"
+  | "repeated_returns";
 
 const units: Record<Choice, readonly string[]> = {
   point_time_reference: ["header-first", "header-last", "absolute"],
@@ -17,13 +23,14 @@ const units: Record<Choice, readonly string[]> = {
   gyroscope_unit: ["rad_s", "deg_s"],
   stamps: ["header", "receive"],
   imu_bundles: ["spread", "as-stamped"],
+  repeated_returns: ["once", "as-sent"],
 };
 
 /** Those with more words than half of the panel has room for. */
-const wide: ReadonlySet<Choice> = new Set(["point_time_reference", "imu_bundles"]);
+const wide: ReadonlySet<Choice> = new Set(["point_time_reference", "imu_bundles", "repeated_returns"]);
 
 /** Always one of its values: nothing is detected. */
-const isGiven = (key: Choice) => key === "stamps" || key === "imu_bundles";
+const isGiven = (key: Choice) => key === "stamps" || key === "imu_bundles" || key === "repeated_returns";
 
 const label = (key: string) => controlName(key.replaceAll("_", "-"));
 
@@ -110,6 +117,7 @@ const asFound: ChangeRecording = {
   gyroscope_unit: null,
   stamps: "header",
   imu_bundles: "spread",
+  repeated_returns: "once",
 };
 
 function changedByHand(key: string, value: unknown): boolean {
@@ -126,6 +134,7 @@ function detected(report: DoctorReport | null | undefined, key: Choice): string 
     gyroscope_unit: report?.imu?.gyroscope_unit,
     stamps: undefined,
     imu_bundles: undefined,
+    repeated_returns: undefined,
   }[key];
   return found === undefined ? "as found" : `as found: ${valueName(found)}`;
 }
