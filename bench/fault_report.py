@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -57,8 +58,9 @@ def summary(runs: Sequence[FaultRun]) -> Summary:
     errors, stds = np.array([run.errors for run in solved]), np.array([run.stds for run in solved])
     scaled = errors / stds
     low, high = chi2.ppf([0.005, 0.995], FREEDOM * n) / n
+    label = ", ".join(dict.fromkeys(run.label for run in runs))
     return Summary(
-        runs[0].campaign,
+        replace(runs[0].campaign, label=label),
         len(runs),
         n,
         _norms(np.mean(errors**2, axis=0)),
@@ -93,18 +95,24 @@ def parameters_text(parameters: Sequence[FaultParameter]) -> str:
 
 
 def latest(runs: Sequence[FaultRun]) -> dict[Campaign, list[FaultRun]]:
-    """The runs of each recording's campaign, of those with another version the last."""
-    groups: dict[Campaign, list[FaultRun]] = {}
+    """The last run of each seed of each recording's campaign, whose label then has every version that they are of."""
+    groups: dict[tuple[str, str, float, str], dict[int, FaultRun]] = {}
     for run in runs:
-        groups.setdefault(run.campaign, []).append(run)
-    last = {(each.scenario, each.faults, each.duration_s, each.settings): each for each in groups}
-    return {campaign: groups[campaign] for campaign in last.values()}
+        groups.setdefault((run.scenario, run.faults, run.duration_s, run.settings), {})[run.seed] = run
+    found: dict[Campaign, list[FaultRun]] = {}
+    for key, of_seeds in groups.items():
+        some = [of_seeds[seed] for seed in sorted(of_seeds)]
+        found[Campaign(*key, ", ".join(dict.fromkeys(run.label for run in some)))] = some
+    return found
 
 
 def write_report(folder: Path = RESULTS) -> Path:
-    """Write faults.md: the bounds, and the latest version's campaigns, one a row."""
+    """Write faults.md: the bounds, and the campaigns with each seed as it was run last, one a row."""
     groups = latest(read_fault_runs(folder))
-    parameters = read_fault_parameters(folder)
+    parameters: dict[tuple[Campaign, int], list[FaultParameter]] = defaultdict(list)
+    for each in read_fault_parameters(folder):
+        of = Campaign(each.scenario, each.faults, each.duration_s, each.settings, each.label)
+        parameters[of, each.seed].append(each)
     bounds = {
         (row.scenario, row.duration_s, row.faults): row for row in read_rows(folder / FAULT_BOUNDS, FaultBoundRow, ())
     }
@@ -131,7 +139,7 @@ def write_report(folder: Path = RESULTS) -> Path:
         if not any(run.is_solved for run in some):
             lines.append(f"| {campaign.scenario} | {campaign.faults} | 0 of {len(some)} |" + " |" * 10)
             continue
-        mine = [each for each in parameters if _belongs(each, campaign)]
+        mine = [each for run in some for each in parameters.get((run.campaign, run.seed), ())]
         where = campaign.scenario, campaign.duration_s
         bound = bounds.get((*where, campaign.faults), bounds.get((*where, IDEAL)))
         lines.append(_row(summary(some), bound, parameters_text(mine)))
@@ -162,11 +170,6 @@ def _bounds_section(rows: Sequence[FaultBoundRow]) -> list[str]:
             for row in rows
         ),
     ]
-
-
-def _belongs(parameter: FaultParameter, campaign: Campaign) -> bool:
-    own = Campaign(parameter.scenario, parameter.faults, parameter.duration_s, parameter.settings, parameter.label)
-    return own == campaign
 
 
 def _row(found: Summary, bound: FaultBoundRow | None, parameters: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from bench import fault_runs
 from bench.__main__ import main
-from bench.fault_report import parameters_text, summary, write_report
+from bench.fault_report import latest, parameters_text, summary, write_report
 from bench.fault_runs import (
     TABLE,
     Campaign,
@@ -115,6 +115,21 @@ def test_parameters_are_judged_by_block() -> None:
     made = FaultParameter(*("h", "f", 30.0, "", "l"), 1, "clock_rate", "rate", "estimated", 10.0, 14.0, 2.0, 40.0)
     text = parameters_text([made, replace(made, state="considered", value=1e9)])
     assert text == "clock_rate 2.00 (0.05)"
+
+
+def test_each_seed_counts_as_it_was_run_last() -> None:
+    """Two versions, the second of some seeds. Mutations: the first run of a seed; the last version alone; one version named."""
+    first = [replace(run, label="v1", seed=k) for k, run in enumerate(drawn(n=4))]
+    second = [replace(run, label="v2", nees=70.0) for run in first[2:]]
+    again = [replace(first[3], faults="glass", label="v2")]
+    found = latest([*first, *second, *again])
+    assert {(each.faults, each.label): [run.label for run in some] for each, some in found.items()} == {
+        (first[0].faults, "v1, v2"): ["v1", "v1", "v2", "v2"],
+        ("glass", "v2"): ["v2"],
+    }
+    whole = next(iter(found.values()))
+    assert summary(whole).nees[0] == pytest.approx(np.mean([run.nees for run in first[:2]] + [70.0, 70.0]))
+    assert summary(whole).campaign.label == "v1, v2"
 
 
 def test_the_report_names_what_is_biased_or_refused(tmp_path: Path) -> None:
