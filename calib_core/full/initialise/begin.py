@@ -156,10 +156,11 @@ def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at
             return first
         # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
         require_measured_sweeps(ctx, found.sound)
-    leapt = 0 if found is None else len(found.leaps)
-    if rotation is not None and leapt > 0:
+    leapt = found is None or len(found.leaps) > 0
+    few = 0.0 if found is None else AGREEING.fewer * found.faults
+    if rotation is not None and leapt:
         best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, rotation))
-    if found is None or len(found.leaps) > AGREEING.fewer * leapt:
+    if leapt and (found is None or found.faults > few):
         # What was followed tells too little of the rotation, or has led it astray.
         starts, agreed = _pairs_start(ctx)
         if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:

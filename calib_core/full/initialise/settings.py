@@ -98,8 +98,8 @@ class Agreeing:
     #: measured on 45 drawn rigs: turns from scan to scan of sound tracks are within 0.9 deg of the gyroscope's, at one or more
     #: places of tracks that left their planes they were 1.3 to 36 deg off.
     leap_rad: float = 0.02
-    #: judged: where less than this share of the leaps is left by a track's own rotation, that is right, and steps mend the rest.
-    #: Time depends on it: turns from scan to scan, found each by itself, are asked otherwise, for a third of a solve's.
+    #: judged: where less than this share of the faults is left by a track's own rotation, that is right, and steps mend the
+    #: rest. Time depends on it: turns from scan to scan, found each by itself, are asked otherwise, for a third of a solve's.
     fewer: float = 0.5
     #: judged: times that a track is followed again by what the IMU has felt: the second mends what the first one's start
     #: values left. Time depends on it.
