@@ -55,6 +55,7 @@ const values: Readonly<Record<string, string>> = {
   spread: "a period apart",
   "as-stamped": "as stamped",
   "as-sent": "as sent",
+  once: "counted once",
 };
 const plainValues = new Set([
   "s",
