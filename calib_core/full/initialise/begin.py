@@ -156,15 +156,8 @@ def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at
             return first
         # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
         require_measured_sweeps(ctx, found.sound)
-    leapt = found is None or len(found.leaps) > 0
-    few = 0.0 if found is None else AGREEING.fewer * found.faults
-    if rotation is not None and leapt:
-        best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, rotation))
-    if leapt and (found is None or found.faults > few):
-        # What was followed tells too little of the rotation, or has led it astray.
-        starts, agreed = _pairs_start(ctx)
-        if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:
-            best, found = _sounder(ctx, (best, found), planes, reference, GyroTurning.of(ctx, starts[0]))
+    if found is None or len(found.leaps) > 0:
+        best, found = _turned_rightly(ctx, (best, found), planes, reference)
     for _ in range(AGREEING.again):
         if found is None or found.faults == 0 or not found.tells:
             break
@@ -173,6 +166,24 @@ def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at
         if best is before:
             break
     return best
+
+
+def _turned_rightly(
+    ctx: Run, known: tuple[Followed, Judged | None], planes: Sequence[Plane], reference: int
+) -> tuple[Followed, Judged | None]:
+    """The track by the gyroscope's turns under its own rotation, or where that mends too little under that of neighbouring scans.
+
+    What was followed tells too little of the rotation then, or has led it astray.
+    """
+    before = known[1]
+    if before is not None:
+        known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, before.rotation))
+        if known[1] is not None and known[1].faults <= AGREEING.fewer * before.faults:
+            return known
+    starts, agreed = _pairs_start(ctx)
+    if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:
+        known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, starts[0]))
+    return known
 
 
 def _sounder(

@@ -193,8 +193,8 @@ class Settling:
     #: derived: rounds that move points by less than this part of their scatter, a millimetre at most, leave planes where they
     #: are to less than half of what plaster is allowed: those that are none go before the rest is told to the last digit.
     judged: float = 0.05
-    #: measured: rounds on the way to rest move points by half of what the one before did at most; with a person among the
-    #: planes by as much again and again.
+    #: measured in cluttered rooms: until they are judged, rounds on the way to rest move points by a third to a half of what the
+    #: one before did; with a person among the planes by as much again and again.
     stalled: float = 0.7
     #: judged: all points are gated anew where the solve has moved planes by more than this part of their scatter: a gate
     #: laid about a wrong motion keeps those points that confirm it.

@@ -30,19 +30,9 @@ _SLANTWISE = np.array(0.5)
 Judge = Callable[[Estimation], Estimation]
 
 
-def settle(
-    data: JointData,
-    state: Estimation,
-    settling: Settling,
-    sampling: Sampling,
-    judge: Judge | None = None,
-    turns: int = 0,
-) -> Estimation:
-    """With a part of the points, as near to rest as they come.
-
-    judge: asked as soon as rounds hardly move; from what it leaves, all begins anew.   turns: most times that it does.
-    """
-    return near_rest(data, state, settling, sampling, judge, turns)[0]
+def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
+    """With a part of the points, as near to rest as they come."""
+    return near_rest(data, state, settling, sampling)[0]
 
 
 def near_rest(
@@ -56,7 +46,8 @@ def near_rest(
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
-    stays out.
+    stays out.   judge: asked as soon as rounds hardly move, or cease to move less; from what it leaves, all begins anew.   turns:
+    most times that it does.
     """
     cells: list[BoolArray] = []
     moves: list[float] = []

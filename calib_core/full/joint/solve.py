@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes
-from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
+from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling, Tones
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
@@ -159,15 +160,11 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     assert schedule.settling is not None
     rules = schedule.planes
 
-    def judge(nearly: Estimation) -> Estimation:
-        # What shakes the IMU unseen would be held against the planes: they are judged once it is known.
-        tones = schedule.tones
-        if rules is None or loudest(data, nearly, tones) > admitted_from(data, tones, tones.stands_out_in_company):
-            return nearly
-        return drop_planes(data, nearly, rules, settled=True)
-
-    turns = 0 if rules is None else rules.turns
-    state = settle(data, state, schedule.settling, schedule.sampling, judge, turns)
+    if rules is None:
+        state = settle(data, state, schedule.settling, schedule.sampling)
+    else:
+        judge = partial(without_doubtful, data, rules=rules, tones=schedule.tones)
+        state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:
         state = settle_without_doubtful(
@@ -195,6 +192,13 @@ def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) ->
         # What is left stands out from less once the gates are narrow again.
         state = settle(data, after, nearly, schedule.sampling)
     return state if state is before else settle(data, state, schedule.settling, schedule.sampling)
+
+
+def without_doubtful(data: JointData, state: Estimation, rules: PlaneSet, tones: Tones) -> Estimation:
+    """Without what is no plane, unless something shakes the IMU unseen: it would be held against them, and is known later."""
+    if loudest(data, state, tones) > admitted_from(data, tones, tones.stands_out_in_company):
+        return state
+    return drop_planes(data, state, rules, settled=True)
 
 
 def settle_without_doubtful(

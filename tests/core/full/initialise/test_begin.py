@@ -1,0 +1,133 @@
+"""A track held against the IMU and followed again: simulated scans, tracks spoilt on purpose, known truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.full.initialise.agreement import Agreement
+from calib_core.full.initialise.begin import _pairs_start
+from calib_core.full.initialise.settings import AGREEING
+from calib_core.full.odometry.reference import Followed, follow
+from calib_core.geometry import exp
+from calib_core.simulate import Truth
+from calib_core.types import Recording
+from tests.core.full.tracks import begun, track_errors
+
+
+def test_a_track_that_agrees_by_chance_is_not_trusted(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Alike to 0.95, but 22 times as fast: the turns between neighbours are asked. Mutation: trusted by the correlation alone."""
+    by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
+    monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
+    found, said = begun(noisy[0], given=False)
+    assert "track.aided" in said
+    turned, moved = track_errors(noisy[0], noisy[1], found)
+    assert turned < 4.0
+    assert moved < 0.08
+
+
+def _led_astray(kind: str, of_all: list[object]) -> Callable[..., Followed]:
+    """`follow`, but that the first track slides by 0.5 m within four scans, turns by 6 deg at one, or is lost from one on.
+
+    of_all: each call's turns.
+    """
+    rng = np.random.default_rng(4)
+
+    def astray(*arguments: Any, **options: Any) -> Followed:
+        found = follow(*arguments, **options)
+        of_all.append(options.get("turning"))
+        if len(of_all) > 1:
+            return found
+        out = []
+        for m in found.motions:
+            share = float(np.clip((m.position - 25) / 4.0, 0.0, 1.0))
+            if kind == "slid":
+                out.append(replace(m, p=m.p + share * np.array([0.1, 0.2, 0.45])))
+            elif kind == "lost" and m.position >= 33:
+                turn = exp(rng.uniform(-0.9, 0.9, 3)) @ m.R
+                out.append(replace(m, R=turn, omega_rad_s=rng.uniform(-3.0, 3.0, 3)))
+            elif kind == "lost":
+                out.append(m)
+            else:
+                out.append(replace(m, R=exp(np.array([0.0, 0.0, 0.1 * (share > 0.0)])) @ m.R))
+        return replace(found, motions=out)
+
+    return astray
+
+
+@pytest.mark.parametrize("kind", ["slid", "turned", "lost"])
+def test_a_track_that_the_imu_has_not_felt_is_followed_again(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    """Planes that led the track aside, of which nothing is seen in what it leaves: the IMU has not felt it. One leap leaves
+    its rotation right, as does the stretch before it was lost: turns from scan to scan need not be asked.
+
+    Mutations: no second look; turns alone, or steps alone, are looked at; the worse of the two tracks is kept; turns from
+    scan to scan asked in any case, or before the stretch that goes with the gyroscope.
+    """
+    recording, truth = noisy
+    calls: list[object] = []
+
+    def asked(*_: object) -> None:
+        pytest.fail("turns from scan to scan were asked for")
+
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", _led_astray(kind, calls))
+    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", asked)
+    # Half of these six seconds would do.
+    short = replace(AGREEING, shortest_part_s=2.5)
+    monkeypatch.setattr("calib_core.full.initialise.agreement.AGREEING", short)
+    found, said = begun(recording, given=False)
+    assert "track.aided" in said
+    turned, moved = track_errors(recording, truth, found)
+    assert turned < 4.0
+    assert moved < 0.08
+
+
+def test_a_track_that_no_longer_leaps_may_slide_all_the_same(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Followed by its own rotation a track that leapt and slid slides still: turns from scan to scan are asked then.
+
+    Seen in a drawn rig, 0.9 m off and 80 s long. Mutation: leaps alone are counted.
+    """
+    calls: list[object] = []
+    asked: list[object] = []
+
+    def astray(*arguments: Any, **options: Any) -> Followed:
+        found = follow(*arguments, **options)
+        calls.append(options.get("turning"))
+        if len(calls) > 2:
+            return found
+        out = []
+        for m in found.motions:
+            slid = float(np.clip((m.position - 20) / 10.0, 0.0, 1.0)) * np.array([0.4, 0.3, 0.9])
+            leapt = exp(np.array([0.0, 0.0, 0.1 * (m.position >= 45 and m.position % 3 == 0)]))
+            out.append(replace(m, p=m.p + slid, R=m.R if len(calls) == 2 else leapt @ m.R))
+        return replace(found, motions=out)
+
+    def pairs(ctx: Any) -> Any:
+        asked.append(ctx)
+        return _pairs_start(ctx)
+
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
+    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", pairs)
+    found, _ = begun(noisy[0], given=False)
+    assert len(asked) == 1
+    turned, moved = track_errors(noisy[0], noisy[1], found)
+    assert turned < 4.0
+    assert moved < 0.08
+
+
+def test_a_forecast_s_track_may_stray(noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five scans of sixty astray are fewer than a tenth. Mutation: followed again in any case."""
+    calls: list[object] = []
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", _led_astray("slid", calls))
+    _, said = begun(noisy[0], given=False, at_fault=0.1)
+    assert "track.aided" not in said
+    assert len(calls) == 1

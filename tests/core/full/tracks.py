@@ -1,0 +1,40 @@
+"""The lidar followed through simulated scans, and how far its track is from the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib_core.events import LogEvent, never_cancel
+from calib_core.full.initialise.begin import begin
+from calib_core.full.odometry.reference import Followed
+from calib_core.full.planes.propose import find_reference, named_planes
+from calib_core.full.prepare.prepare import prepare
+from calib_core.geometry import log
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import Truth
+from calib_core.types import Recording
+
+
+def track_errors(recording: Recording, truth: Truth, found: Followed) -> tuple[float, float]:
+    """Worst turn [deg] and shift [m] between the track and the truth, in the frame of its reference."""
+    start = np.array([(recording.scans[m.position].stamp_ns - truth.epoch_ns) * 1e-9 for m in found.motions])
+    at = [m.position for m in found.motions].index(found.reference)
+    R, p = truth.map_lidar(start)
+    R, p = R[at].T @ R, (p - p[at]) @ R[at]
+    turned = log(np.swapaxes(R, 1, 2) @ np.array([m.R for m in found.motions]))
+    moved = np.array([m.p for m in found.motions]) - p
+    return float(np.degrees(np.linalg.norm(turned, axis=1).max())), float(np.linalg.norm(moved, axis=1).max())
+
+
+def begun(recording: Recording, *, given: bool, at_fault: float = 0.0) -> tuple[Followed, list[str]]:
+    """Followed from the start, and the codes of what was said. given: three planes of the reference scan are a person's."""
+    said: list[str] = []
+
+    def listen(event: object) -> None:
+        if isinstance(event, LogEvent):
+            said.append(event.code)
+
+    settings = CalibrateSettings()
+    ctx = prepare(recording, settings, listen, never_cancel)
+    _, fits = find_reference(recording.scans, settings)
+    return begin(ctx, named_planes(fits)[:3] if given else None, at_fault=at_fault), said
