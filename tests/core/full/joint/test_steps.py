@@ -14,7 +14,7 @@ from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import FULL, Schedule
-from calib_core.full.joint.tones import with_tone
+from calib_core.full.joint.tones import admitted_from, with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 from tests.core.full.joint.test_replay import same
@@ -215,3 +215,18 @@ def test_a_solve_that_ends_singular_is_refused(half: Half) -> None:
     assert half.state.minimum is not None
     with pytest.raises(Refused, match="no stable answer"):
         bounds.require_solution(replace(half.state, minimum=replace(half.state.minimum, solution=None)))
+
+
+@pytest.mark.parametrize(("times", "judges"), [(0.9, True), (1.1, False)])
+def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
+    monkeypatch: pytest.MonkeyPatch, half: Half, times: float, judges: bool
+) -> None:
+    """It would be held against them. Mutations: judged in any case; never; by another tone than one in company."""
+    tones, rules = FULL.tones, FULL.planes
+    assert rules is not None
+    least = admitted_from(half.data, tones, tones.stands_out_in_company)
+    monkeypatch.setattr(solve, "loudest", lambda *_: times * least)
+    left = replace(half.state, rounds=77)
+    monkeypatch.setattr(solve, "drop_planes", lambda *_, settled: left if settled else None)
+    after = solve.without_doubtful(half.data, half.state, rules, tones)
+    assert after is (left if judges else half.state)
