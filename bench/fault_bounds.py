@@ -23,6 +23,8 @@ from calib_core.simulate import Fault, parse_faults, prepare
 FAULT_BOUNDS = "fault_bounds.csv"
 #: The row without faults.
 IDEAL = "ideal sensors"
+#: An estimator that is told of no sensor has to allow for a gyroscope that feels forces, too.
+UNTOLD = ", sensors not named"
 #: The rows of the table; sizes are standard deviations here, also of what comes once.
 ROWS = {
     "laser offsets 8 mm": "laser-offsets=8mm",
@@ -34,6 +36,8 @@ ROWS = {
     "gyroscope feels 0.1 deg/s a g": "g-sensitivity=1.8e-4",
     "industrial": "industrial",
     "consumer": "consumer",
+    f"industrial{UNTOLD}": "industrial,g-sensitivity=1.8e-4",
+    f"consumer{UNTOLD}": "consumer,g-sensitivity=1.8e-4",
 }
 #: A fault's blocks, each with its share of the fault's size as prior.
 _BLOCKS: dict[str, dict[str, float]] = {

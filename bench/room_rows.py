@@ -44,8 +44,8 @@ class Row:
 
     @property
     def kind(self) -> str:
-        """Where it comes from: drawn, extreme or clutter."""
-        return "clutter" if self.place == "clutter" else "extreme" if self.place in EXTREMES else "drawn"
+        """Where it comes from: drawn, extreme, clutter, or bare: that room without what is not of the building."""
+        return self.place if self.place in ("clutter", "bare") else "extreme" if self.place in EXTREMES else "drawn"
 
     @property
     def is_solved(self) -> bool:

@@ -120,17 +120,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     kinds = list(EXTREMES) if chosen.extremes == ["all"] else chosen.extremes
     tasks = [("extreme", kind, seed) for seed in chosen.seeds for kind in kinds]
     if not kinds:
-        tasks = [("drawn", "", seed) for seed in chosen.seeds] + [
-            ("clutter", "clutter", seed) for seed in chosen.clutter
-        ]
+        room = "bare" if chosen.bare else "clutter"
+        tasks = [("drawn", "", seed) for seed in chosen.seeds] + [(room, room, seed) for seed in chosen.clutter]
     for kind, which, seed in tasks:
         if not chosen.again and not chosen.start_only and not chosen.bounds and key_of(kind, which, seed) in done:
             continue
         faults = faults_of(seed) if chosen.mixed and kind == "drawn" else chosen.faults
         if kind == "extreme":
             place, name, scenario = extreme(which, seed, duration_s=chosen.duration_s)
-        elif kind == "clutter":
-            place, name, scenario = which, "VLP-16", cluttered(duration_s=chosen.duration_s)
+        elif kind in ("clutter", "bare"):
+            place, name, scenario = which, "VLP-16", cluttered(duration_s=chosen.duration_s, bare=chosen.bare)
         else:
             place, name, scenario = draw(seed, duration_s=chosen.duration_s, bare=chosen.bare)
         if chosen.bounds:

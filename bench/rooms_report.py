@@ -40,7 +40,26 @@ def report(folder: Path = RESULTS) -> str:
         ("Two persons and ten boxes", [row for row in rows if row.kind == "clutter"]),
     ):
         lines += section(title, some, bounds)
+    lines += beside_bare([row for row in rows if row.kind == "clutter"], [row for row in rows if row.kind == "bare"])
     return "\n".join(lines)
+
+
+def beside_bare(cluttered: Sequence[Row], bare: Sequence[Row]) -> list[str]:
+    """What clutter costs in time: each seed beside itself in the room without it; nothing where no seed has both."""
+    alone = {row.seed: row for row in bare}
+    times = [row.solve_s / alone[row.seed].solve_s for row in cluttered if row.seed in alone]
+    if not times:
+        return []
+    versions = ", ".join(dict.fromkeys(row.version for row in bare))
+    return [
+        "## What the persons and boxes cost in time",
+        "",
+        (
+            f"{len(times)} of these recordings beside the same without persons and boxes ({versions}): {np.mean(times):.2f} times"
+            f" the processor time on average, {np.median(times):.2f} in the middle, {np.max(times):.2f} at the most."
+        ),
+        "",
+    ]
 
 
 def section(title: str, rows: Sequence[Row], bounds: Mapping[tuple[str, int], RoomBound] | None = None) -> list[str]:

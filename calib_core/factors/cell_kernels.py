@@ -122,14 +122,12 @@ def count_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def lies_within(
-    x_hit: FloatArray, u: FloatArray, origin: FloatArray, cell_m: float, half: int, inside: BoolArray
-) -> bool:
-    """Whether a hit lies in one of its plane's cells (rows, columns). u: (2, 3), origin: (2,) as in Grids."""
-    row, column = origin[0], origin[1]
-    for b in range(3):
-        row += u[0, b] * x_hit[b]
-        column += u[1, b] * x_hit[b]
-    return inside[cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
+    x: float, y: float, z: float, k: int, j: int, u: FloatArray, origin: FloatArray, cell_m: float, half: int, inside: BoolArray
+) -> bool:  # fmt: skip
+    """Whether a hit on plane j, seen from slice k, lies in one of its cells (P, rows, columns). u, origin: as in Grids."""
+    row = origin[k, j, 0] + u[k, j, 0, 0] * x + u[k, j, 0, 1] * y + u[k, j, 0, 2] * z
+    column = origin[k, j, 1] + u[k, j, 1, 0] * x + u[k, j, 1, 1] * y + u[k, j, 1, 2] * z
+    return inside[j, cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -147,4 +145,4 @@ def within_kernel(
         if not keep[i]:
             continue
         j, k = plane[i], slice_index[i]
-        keep[i] = lies_within(x_hit[i], u[k, j], origin[k, j], cell_m, half, inside[j])
+        keep[i] = lies_within(x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], k, j, u, origin, cell_m, half, inside)

@@ -139,7 +139,7 @@ def moments_kernel(
         if not usable[k] or not looked_at(x0, x1, x2, min_azimuth_cosine):
             continue
         t = offset_s - (k + 0.5) * slice_s
-        j = meet(x0, x1, x2, t, n_lidar[k], w_lidar[k], omega[k], v[k], min_cosine, D, along, hit)
+        j = meet(x0, x1, x2, t, k, n_lidar, w_lidar, omega, v, min_cosine, D, along, hit)
         if j < 0 or j >= n_planes:
             continue
         d = hit[3] + slant[0] * (1.0 + hit[4])
@@ -150,13 +150,13 @@ def moments_kernel(
         if is_sieved(weight, extra_of_plane_m[j], hit[4], weighing):
             d, weight = as_sieved(hit, d, xyz[i], extra_of_plane_m[j], weighing)
         if weight < 0.0 or (
-            inside.shape[0] > 0 and not lies_within(hit, u[k, j], origin[k, j], cell_m, half, inside[j])
+            inside.shape[0] > 0 and not lies_within(hit[0], hit[1], hit[2], k, j, u, origin, cell_m, half, inside)
         ):
             continue
         b = k * n_planes + j
-        add_moments(hit, d, weight, scatter[b])
+        add_moments(hit[0], hit[1], hit[2], d, weight, scatter, b)
         count[b] += 1
         if which < lasers:
             c = (group[k] * n_planes + j) * lasers + which
-            add_features(hit, d, hit[4], weight, n_lidar[k, j], R[k], p[k], cross[c], gram[c], f, y)
+            add_features(hit[0], hit[1], hit[2], d, hit[4], weight, k, j, n_lidar, R, p, c, cross, gram, f, y)
             of_cluster[c] += 1

@@ -75,6 +75,7 @@ def meet(
     y: float,
     z: float,
     t: float,
+    k: int,
     n_lidar: FloatArray,
     w_lidar: FloatArray,
     omega: FloatArray,
@@ -86,27 +87,28 @@ def meet(
 ) -> int:
     """The plane that a ray most plausibly ended on, -1 for none, and what is said of it: hit (6,) x_hit, d, cosine, beside.
 
-    t: after the middle of its slice, whose planes n_lidar (P, 3), w_lidar (P,) and rates omega, v (3,) are.   D, along:
-    (P,) room to work.   Range errors D / cosine are compared without dividing.
+    t: after the middle of its slice k, of all slices' planes n_lidar (S, P, 3), w_lidar (S, P) and rates omega, v (S, 3): a
+    slice of an array is an object, and counting who holds it costs a third of the rest.   D, along: (P,) room to work.   Range
+    errors D / cosine are compared without dividing.
     """
-    n_planes = n_lidar.shape[0]
-    tx = x + t * (omega[1] * z - omega[2] * y)
-    ty = y + t * (omega[2] * x - omega[0] * z)
-    tz = z + t * (omega[0] * y - omega[1] * x)
+    n_planes = n_lidar.shape[1]
+    tx = x + t * (omega[k, 1] * z - omega[k, 2] * y)
+    ty = y + t * (omega[k, 2] * x - omega[k, 0] * z)
+    tz = z + t * (omega[k, 0] * y - omega[k, 1] * x)
     r = np.sqrt(x * x + y * y + z * z)
     best = -1
     for j in range(n_planes):
-        nx, ny, nz = n_lidar[j, 0], n_lidar[j, 1], n_lidar[j, 2]
+        nx, ny, nz = n_lidar[k, j, 0], n_lidar[k, j, 1], n_lidar[k, j, 2]
         along[j] = nx * tx + ny * ty + nz * tz
-        D[j] = along[j] + t * (nx * v[0] + ny * v[1] + nz * v[2]) + w_lidar[j]
+        D[j] = along[j] + t * (nx * v[k, 0] + ny * v[k, 1] + nz * v[k, 2]) + w_lidar[k, j]
         if along[j] < -min_cosine * r and (best < 0 or abs(D[j]) * along[best] > abs(D[best]) * along[j]):
             best = j
     if best < 0:
         return best
     error = D[best] / along[best]
-    hit[0] = tx + t * v[0] - error * tx
-    hit[1] = ty + t * v[1] - error * ty
-    hit[2] = tz + t * v[2] - error * tz
+    hit[0] = tx + t * v[k, 0] - error * tx
+    hit[1] = ty + t * v[k, 1] - error * ty
+    hit[2] = tz + t * v[k, 2] - error * tz
     hit[3] = D[best]
     hit[4] = along[best] / r
     gap, slant = np.inf, 1.0
@@ -149,7 +151,7 @@ def hits_kernel(
         if not usable[k] or not looked_at(x, y, z, min_azimuth_cosine):
             continue
         t = offset_s[i] - (local + 0.5) * slice_s
-        best = meet(x, y, z, t, n_lidar[k], w_lidar[k], omega[k], v[k], min_cosine, D, along, hit)
+        best = meet(x, y, z, t, k, n_lidar, w_lidar, omega, v, min_cosine, D, along, hit)
         if best < 0:
             continue
         plane[i] = best
@@ -289,25 +291,24 @@ def sieve_kernel(
 
 
 @numba.njit(cache=True, nogil=True)
-def add_moments(x_hit: FloatArray, d: float, weight: float, scatter: FloatArray) -> None:
-    """Adds weight y y', y = [x_hit, 1, d], upper triangle row by row, to scatter (15,)."""
-    x, y, z = x_hit[0], x_hit[1], x_hit[2]
+def add_moments(x: float, y: float, z: float, d: float, weight: float, scatter: FloatArray, b: int) -> None:
+    """Adds weight h h', h = [x, y, z, 1, d], upper triangle row by row, to row b of scatter (B, 15)."""
     wx, wy, wz = weight * x, weight * y, weight * z
-    scatter[0] += wx * x
-    scatter[1] += wx * y
-    scatter[2] += wx * z
-    scatter[3] += wx
-    scatter[4] += wx * d
-    scatter[5] += wy * y
-    scatter[6] += wy * z
-    scatter[7] += wy
-    scatter[8] += wy * d
-    scatter[9] += wz * z
-    scatter[10] += wz
-    scatter[11] += wz * d
-    scatter[12] += weight
-    scatter[13] += weight * d
-    scatter[14] += weight * d * d
+    scatter[b, 0] += wx * x
+    scatter[b, 1] += wx * y
+    scatter[b, 2] += wx * z
+    scatter[b, 3] += wx
+    scatter[b, 4] += wx * d
+    scatter[b, 5] += wy * y
+    scatter[b, 6] += wy * z
+    scatter[b, 7] += wy
+    scatter[b, 8] += wy * d
+    scatter[b, 9] += wz * z
+    scatter[b, 10] += wz
+    scatter[b, 11] += wz * d
+    scatter[b, 12] += weight
+    scatter[b, 13] += weight * d
+    scatter[b, 14] += weight * d * d
 
 
 @numba.njit(cache=True, nogil=True)
@@ -326,7 +327,7 @@ def collapse_kernel(
     for i in range(keep.shape[0]):
         if keep[i]:
             b = slice_index[i] * n_planes + plane[i]
-            add_moments(x_hit[i], d[i], weight[i], scatter[b])
+            add_moments(x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], d[i], weight[i], scatter, b)
             count[b] += 1
 
 

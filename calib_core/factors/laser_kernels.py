@@ -92,26 +92,33 @@ def correct_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def add_features(
-    x_hit: FloatArray,
+    x0: float,
+    x1: float,
+    x2: float,
     d: float,
     cosine: float,
     weight: float,
+    k: int,
+    j: int,
     n_lidar: FloatArray,
     R: FloatArray,
     p: FloatArray,
+    b: int,
     cross: FloatArray,
     gram: FloatArray,
     f: FloatArray,
     y: FloatArray,
 ) -> None:
-    """Adds weight f y' to cross (8, 5) and weight f f' to gram (8, 8) of one hit. f (8,), y (5,): room to work."""
-    x0, x1, x2 = x_hit[0], x_hit[1], x_hit[2]
+    """Adds weight f y' to cross (B, 8, 5) and weight f f' to gram (B, 8, 8), at b, of one hit at x on plane j from slice k.
+
+    n_lidar (S, P, 3), R (S, 3, 3), p (S, 3): of all slices.   f (8,), y (5,): room to work.
+    """
     level = np.sqrt(x0 * x0 + x1 * x1)
     rise = 0.0 if level < 1e-9 else -x2 / level
     seen = -cosine
     f[0] = seen
-    f[1] = rise * (n_lidar[0] * x0 + n_lidar[1] * x1) + level * n_lidar[2]
-    f[2] = n_lidar[1] * x0 - n_lidar[0] * x1
+    f[1] = rise * (n_lidar[k, j, 0] * x0 + n_lidar[k, j, 1] * x1) + level * n_lidar[k, j, 2]
+    f[2] = n_lidar[k, j, 1] * x0 - n_lidar[k, j, 0] * x1
     r = np.sqrt(level * level + x2 * x2)
     f[3] = seen * r
     f[4] = 1.0 - seen
@@ -120,15 +127,15 @@ def add_features(
         f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
     f[7] = -r * np.sqrt(max(1.0 - seen * seen, 0.0))
     for c in range(3):
-        y[c] = R[c, 0] * x0 + R[c, 1] * x1 + R[c, 2] * x2 + p[c]
+        y[c] = R[k, c, 0] * x0 + R[k, c, 1] * x1 + R[k, c, 2] * x2 + p[k, c]
     y[3] = 1.0
     y[4] = d
     for m in range(FEATURES):
         w = weight * f[m]
         for c in range(5):
-            cross[m, c] += w * y[c]
+            cross[b, m, c] += w * y[c]
         for c in range(FEATURES):
-            gram[m, c] += w * f[c]
+            gram[b, m, c] += w * f[c]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -164,7 +171,9 @@ def collapse_features_kernel(
             continue
         s, j = slice_index[i], plane[i]
         b = cluster[i] if cluster.shape[0] > 0 else (group[s] * n_planes + j) * lasers + laser[i]
-        add_features(x_hit[i], d[i], cosine[i], weight[i], n_lidar[s, j], R[s], p[s], cross[b], gram[b], f, y)
+        add_features(
+            x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], d[i], cosine[i], weight[i], s, j, n_lidar, R, p, b, cross, gram, f, y
+        )  # fmt: skip
         count[b] += 1
 
 

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.gp.kernels import Correlation, Smoothness, correlation
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
 
 #: Smallest noise variance, relative to the signal's, that a Cholesky factor of a window survives in double precision.
@@ -86,12 +87,13 @@ def posterior_of_windows(
     order = np.argsort(window_of_query, kind="stable")
     start = np.searchsorted(window_of_query[order], np.arange(n_windows + 1))
     rho = correlation(hyper.smoothness)
-    for low in range(0, n_windows, _WINDOWS_AT_ONCE):
+
+    def some_windows(low: int) -> None:
         high = min(low + _WINDOWS_AT_ONCE, n_windows)
         counts = np.diff(start[low : high + 1])
         column = np.arange(counts.max(initial=0))
         if column.size == 0:
-            continue
+            return
         # Short windows repeat their last query: a rectangular stack, the surplus is never read back.
         slot = start[low:high, None] + np.minimum(column, np.maximum(counts[:, None] - 1, 0))
         queries = order[np.minimum(slot, order.size - 1)]
@@ -102,6 +104,9 @@ def posterior_of_windows(
             scales = (each[low:high, channel] for each in (hyper.length_scale_s, hyper.signal_std, hyper.noise_std))
             some = _solve_windows(between, across, values[low:high, :, channel], rho, *scales)
             mean[queries[filled], channel], var[queries[filled], channel] = some[0][filled], some[1][filled]
+
+    lows = range(0, n_windows, _WINDOWS_AT_ONCE)
+    list(workers().map(some_windows, lows) if len(lows) > 1 else map(some_windows, lows))
     return mean, var
 
 

@@ -20,7 +20,7 @@ in excess of the reading noise (missing samples) is added on top.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -145,51 +145,63 @@ def gauss_nodes(substeps: int) -> FloatArray:
 
 
 def upsample(
-    stamps_s: FloatArray,
-    gyro_rad_s: FloatArray,
-    accel_m_s2: FloatArray,
-    knots_s: FloatArray,
-    hyper: Hyper,
-    *,
-    accel_delay_s: float = 0.0,
+    stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper
 ) -> UpsampledImu:
     """The readings at every knot and at every link's Gauss points.
 
     stamps_s: (Q,) increasing.   gyro_rad_s, accel_m_s2: (Q, 3).   knots_s: (K,) equally spaced within the stamps.
-    hyper: of the six channels, gyro first.   accel_delay_s: what the accelerometer says of an instant is stamped that later.
+    hyper: of the six channels, gyro first.
     """
-    measured_noise, hyper = hyper.noise_std, interpolating(hyper, float(np.median(np.diff(stamps_s))))
     h = float(knots_s[1] - knots_s[0])
-    links = len(knots_s) - 1
     substeps = max(1, int(np.ceil(h / _SUBSTEP_S)))
-    gauss = knots_s[:-1, None] + gauss_nodes(substeps) * h
-    query = np.concatenate([gauss.ravel(), knots_s])
-    order = np.argsort(query, kind="stable")
-    values = np.hstack([gyro_rad_s, accel_m_s2])
-    sorted_mean, sorted_var = windowed_posterior(stamps_s, values, query[order], hyper)
-    if accel_delay_s != 0.0:
-        later, _ = windowed_posterior(stamps_s, values, query[order] + accel_delay_s, hyper)
-        sorted_mean[:, 3:] = later[:, 3:]
-    mean = np.empty_like(sorted_mean)
-    var = np.empty_like(sorted_var)
-    mean[order], var[order] = sorted_mean, sorted_var
-    count = gauss.size
-    at_gauss = mean[:count].reshape(links, -1, 6)
-    excess = np.maximum(var[:count].reshape(links, -1, 6) - measured_noise**2, 0.0).mean(axis=1)
-    gap = _silence_s(stamps_s, knots_s)
     period = float(np.median(np.diff(stamps_s)))
+    at_gauss, at_knots, var = _asked(stamps_s, np.hstack([gyro_rad_s, accel_m_s2]), knots_s, substeps, hyper)
+    excess = np.maximum(var - hyper.noise_std**2, 0.0).mean(axis=1)
+    gap = _silence_s(stamps_s, knots_s)
     return UpsampledImu(
         knots_s=knots_s,
         spacing_s=h,
         gyro=at_gauss[..., :3],
         accel=at_gauss[..., 3:],
-        knot_gyro=mean[count:, :3],
-        knot_accel=mean[count:, 3:],
+        knot_gyro=at_knots[:, :3],
+        knot_accel=at_knots[:, 3:],
         # The interpolation's error is one and the same throughout a gap: its integral grows with the gap's length.
         excess_density2=excess * np.maximum(gap, period)[:, None],
         linked=gap < max(0.06, 6.0 * period),
-        accel_delay_s=accel_delay_s,
     )
+
+
+def asked_later(
+    up: UpsampledImu, stamps_s: FloatArray, accel_m_s2: FloatArray, hyper: Hyper, delay_s: float
+) -> UpsampledImu:
+    """The same with the accelerometer's readings taken later: what it says of an instant is stamped by delay_s later.
+
+    stamps_s: (Q,), accel_m_s2: (Q, 3), hyper: as `upsample` was given them.
+    """
+    own = Hyper(hyper.length_scale_s[3:], hyper.signal_std[3:], hyper.noise_std[3:], hyper.smoothness)
+    at_gauss, at_knots, _ = _asked(stamps_s, accel_m_s2, up.knots_s, up.gyro.shape[1] // 2, own, delay_s)
+    return replace(up, accel=at_gauss, knot_accel=at_knots, accel_delay_s=delay_s)
+
+
+def _asked(
+    stamps_s: FloatArray,
+    values: FloatArray,
+    knots_s: FloatArray,
+    substeps: int,
+    hyper: Hyper,
+    later_s: float = 0.0,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Channels (Q, C) at links' Gauss points (L, G, C) and at knots (K, C), and their variance at the former (L, G, C)."""
+    links = len(knots_s) - 1
+    gauss = knots_s[:-1, None] + gauss_nodes(substeps) * float(knots_s[1] - knots_s[0])
+    query = np.concatenate([gauss.ravel(), knots_s])
+    order = np.argsort(query, kind="stable")
+    hyper = interpolating(hyper, float(np.median(np.diff(stamps_s))))
+    sorted_mean, sorted_var = windowed_posterior(stamps_s, values, query[order] + later_s, hyper)
+    mean, var = np.empty_like(sorted_mean), np.empty_like(sorted_var)
+    mean[order], var[order] = sorted_mean, sorted_var
+    shape = (links, -1, values.shape[1])
+    return mean[: gauss.size].reshape(shape), mean[gauss.size :], var[: gauss.size].reshape(shape)
 
 
 def _silence_s(stamps_s: FloatArray, knots_s: FloatArray) -> FloatArray:

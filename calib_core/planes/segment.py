@@ -134,18 +134,17 @@ def _best_hypothesis(
     pool = np.flatnonzero(free)
     pick = pool if len(pool) <= s.subsample else np.sort(rng.choice(pool, s.subsample, replace=False))
     cloud, tol, rho = points[pick], tolerance[pick], ranges[pick]
-    neighbours = min(len(pick), s.neighbours)
-    if neighbours < s.fewest_neighbours:
+    if len(pick) < s.fewest_neighbours:
         return None
     first = rng.integers(len(pick), size=s.hypotheses)
-    tree = cKDTree(cloud)
-    _, near = tree.query(cloud[first], k=neighbours)
+    # The k-th nearest of all is about the nearest of every k-th, and much sooner found; drawn, as a stride may fall on one ring.
+    thinned = min(1.0, s.sought / min(len(pick), s.neighbours))
+    among = cloud[rng.choice(len(pick), round(thinned * len(pick)), replace=False)]
+    neighbours = min(len(among), s.sought)
+    _, near = cKDTree(among).query(cloud[first], k=neighbours)
     column = rng.integers(neighbours // 4, neighbours, size=(s.hypotheses, 2))
-    a, b, c = (
-        cloud[first],
-        cloud[near[np.arange(s.hypotheses), column[:, 0]]],
-        cloud[near[np.arange(s.hypotheses), column[:, 1]]],
-    )
+    each = np.arange(s.hypotheses)
+    a, b, c = cloud[first], among[near[each, column[:, 0]]], among[near[each, column[:, 1]]]
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
     spread = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
@@ -171,12 +170,15 @@ def _refine(
     band = tolerance
     inliers = np.zeros(len(points), dtype=bool)
     for _ in range(s.refits):
-        distance = points @ normal + offset
-        face_on = np.abs(points @ normal) > s.min_incidence * ranges
-        inliers = free & face_on & (np.abs(distance) < band)
+        along = points @ normal
+        distance, before = along + offset, inliers
+        inliers = free & (np.abs(along) > s.min_incidence * ranges) & (np.abs(distance) < band)
         if inliers.sum() < s.min_points // 2:
             return None
-        sigma = _NORMAL_MAD * np.median(np.abs(distance[inliers] - np.median(distance[inliers])))
+        if np.array_equal(inliers, before):
+            break
+        mine = distance[inliers]
+        sigma = _NORMAL_MAD * np.median(np.abs(mine - np.median(mine)))
         normal, offset, _ = fit_plane(points[inliers])
         band = np.minimum(tolerance, np.maximum(s.band_sigmas * sigma, s.least_band * tolerance))
     if offset < 0:  # the viewpoint is the origin here: its signed distance is the offset, made positive

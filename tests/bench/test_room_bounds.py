@@ -13,7 +13,7 @@ from bench.bound import bound_of
 from bench.rigs import draw
 from bench.room_bounds import RoomBound, compute
 from bench.room_rows import Row
-from bench.rooms_report import section
+from bench.rooms_report import beside_bare, section
 from bench.tables import append_row
 from calib_core.simulate.patterns import Spinning
 
@@ -34,6 +34,20 @@ def test_the_largest_of_three_ratios_counts(offset_s: float, share: int) -> None
     text = "\n".join(section("rooms", [ROW, other], {("room", 7): bound}))
     assert f"at most 1.5 in {share} % of 1," in text
     assert "over their bounds" not in "\n".join(section("rooms", [other], {("room", 7): bound}))
+
+
+def test_a_seed_is_timed_beside_itself_without_clutter() -> None:
+    """9 s beside 6 s and 12 s beside 6 s: 1.5 and 2 times; a seed without its twin tells nothing.
+
+    Mutations: mean over mean; seeds paired in the order in which they come.
+    """
+    bare = [replace(ROW, place="bare", seed=s, solve_s=t) for s, t in ((8, 6.0), (7, 6.0), (6, 1.0))]
+    cluttered = [replace(ROW, place="clutter", seed=s, solve_s=t) for s, t in ((7, 9.0), (8, 12.0), (9, 50.0))]
+    assert [row.kind for row in (*bare, *cluttered)] == ["bare"] * 3 + ["clutter"] * 3
+    text = "\n".join(beside_bare(cluttered, bare))
+    assert "2 of these recordings" in text
+    assert "1.75 times the processor time on average, 1.75 in the middle, 2.00 at the most" in text
+    assert beside_bare(cluttered[2:], bare) == []
 
 
 def test_a_rigs_bounds_are_those_of_its_recording(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ Which planes count in the solve is another question: a person's choice neither h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -41,6 +42,11 @@ from calib_core.geometry import log
 from calib_core.planes.same import same_surface
 from calib_core.types import BoolArray, FloatArray, Plane, PlaneProposals
 
+#: A track, and how it stands beside the IMU where that can be told.
+Known = tuple[Followed, Judged | None]
+#: Lag and rotation from turns between neighbouring scans, and how well they agree; found once, by whoever asks first.
+Pairs = Callable[[], tuple[list[RotationStart], Agreement]]
+
 
 def begin(
     ctx: Run, given: Sequence[Plane] | None, proposals: PlaneProposals | None = None, *, at_fault: float = 0.0
@@ -59,10 +65,11 @@ def begin(
     if not planes:
         raise no_planes(ctx.recording.scans)
     first = follow(ctx, planes, reference)
-    best, agreed = _aided(ctx, first, planes, reference)
+    pairs = cache(partial(_pairs_start, ctx))  # some seconds
+    best, agreed = _aided(ctx, first, planes, reference, pairs)
     aided = best
     if agreed is not NO_AGREEMENT:
-        best = _felt(ctx, aided, planes, reference, at_fault)
+        best = _felt(ctx, aided, planes, reference, at_fault, pairs)
     _refuse_lost(ctx, best, agreed)
     if best is not aided:
         text = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
@@ -98,7 +105,9 @@ def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
     ]
 
 
-def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -> tuple[Followed, Agreement]:
+def _aided(
+    ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, pairs: Pairs
+) -> tuple[Followed, Agreement]:
     """The track, followed again with the gyroscope's turning where it goes astray or breaks off; and what speaks for it."""
     imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
     rates = gyro_rad_s - np.median(gyro_rad_s, axis=0)
@@ -124,7 +133,7 @@ def _aided(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int) -
             with_it = agreement(lidar_track(ctx, again), imu_s, gyro_rad_s)
             if with_it.is_of_a_unit and with_it.correlation > AGREEING.trusted:
                 return again, with_it
-        starts, agreed = _pairs_start(ctx)
+        starts, agreed = pairs()
         if agreed.correlation < max(own.correlation, AGREEING.believed):
             if part is None:
                 return first, max(own, agreed, key=lambda a: a.correlation)
@@ -142,7 +151,9 @@ def _turned(ctx: Run, planes: Sequence[Plane], reference: int, starts: Sequence[
     return follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
 
 
-def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at_fault: float) -> Followed:
+def _felt(
+    ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at_fault: float, pairs: Pairs
+) -> Followed:
     """The track, followed again where more than that share of it went as the IMU has not felt it; the one that goes with the
     IMU best.
     """
@@ -150,27 +161,32 @@ def _felt(ctx: Run, first: Followed, planes: Sequence[Plane], reference: int, at
     rotation = told_rotation(ctx, lidar)
     if rotation is not None and rotation.open_axis_imu is not None:
         return first  # a turn that is open tells no steps
-    best, found = first, None if rotation is None else judged(ctx, first, lidar, rotation)
-    if found is not None:
-        if found.faults <= at_fault * first.seen:
+    known: Known = first, None if rotation is None else judged(ctx, first, lidar, rotation)
+    if known[1] is not None:
+        if known[1].faults <= at_fault * first.seen:
             return first
         # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
-        require_measured_sweeps(ctx, found.sound)
-    if found is None or len(found.leaps) > 0:
-        best, found = _turned_rightly(ctx, (best, found), planes, reference)
+        require_measured_sweeps(ctx, known[1].sound)
+    known = _with_steps(ctx, known, planes, reference)
+    if known[1] is None or len(known[1].leaps) > 0:
+        known = _turned_rightly(ctx, known, planes, reference, pairs)
+    return known[0]
+
+
+def _with_steps(ctx: Run, known: Known, planes: Sequence[Plane], reference: int) -> Known:
+    """The track by turns and steps at once as long as most of it is right, which tells both, and it goes better with the IMU."""
     for _ in range(AGREEING.again):
+        found = known[1]
         if found is None or found.faults == 0 or not found.tells:
             break
-        before = best
-        best, found = _sounder(ctx, (best, found), planes, reference, found.felt(ctx))
-        if best is before:
+        after = _sounder(ctx, known, planes, reference, found.felt(ctx))
+        if after[0] is known[0]:
             break
-    return best
+        known = after
+    return known
 
 
-def _turned_rightly(
-    ctx: Run, known: tuple[Followed, Judged | None], planes: Sequence[Plane], reference: int
-) -> tuple[Followed, Judged | None]:
+def _turned_rightly(ctx: Run, known: Known, planes: Sequence[Plane], reference: int, pairs: Pairs) -> Known:
     """The track by the gyroscope's turns under its own rotation, or where that mends too little under that of neighbouring scans.
 
     What was followed tells too little of the rotation then, or has led it astray.
@@ -178,17 +194,16 @@ def _turned_rightly(
     before = known[1]
     if before is not None:
         known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, before.rotation))
+        known = _with_steps(ctx, known, planes, reference)
         if known[1] is not None and known[1].faults <= AGREEING.fewer * before.faults:
             return known
-    starts, agreed = _pairs_start(ctx)
+    starts, agreed = pairs()
     if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:
         known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, starts[0]))
-    return known
+    return _with_steps(ctx, known, planes, reference)
 
 
-def _sounder(
-    ctx: Run, known: tuple[Followed, Judged | None], planes: Sequence[Plane], reference: int, turning: Turning
-) -> tuple[Followed, Judged | None]:
+def _sounder(ctx: Run, known: Known, planes: Sequence[Plane], reference: int, turning: Turning) -> Known:
     """The track by other turns, where it goes with the IMU at more scans than the one that is known."""
     best, found = known
     if best.reference != reference:  # its steps are told in its own frame

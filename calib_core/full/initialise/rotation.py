@@ -23,7 +23,7 @@ from calib_core.full.initialise.time_offset import (
     turns_of,
 )
 from calib_core.geometry import mean_rotation, nearest_rotation
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray
 
 
 def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[RotationStart]:
@@ -39,8 +39,9 @@ def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]])
     starts = []
     for lag, correlation in lags:
         offsets = lag + _around()
-        fits = [_fit_rotation(turns, gyro, o, correlation) for o in offsets]
-        values = np.array([f.residual if f is not None else np.inf for f in fits])
+        values = np.array(
+            [np.inf if f is None else f.residual for f in _fit_rotations(turns, gyro, offsets, correlation)]
+        )
         k = int(np.argmin(values))
         if not np.isfinite(values[k]):
             continue
@@ -49,7 +50,7 @@ def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]])
             left, mid, right = values[k - 1 : k + 2] ** 2
             bend = left - 2 * mid + right
             offset += ROTATING.step_s * 0.5 * (left - right) / bend if bend > 0 else 0.0
-        refined = _fit_rotation(turns, gyro, float(offset), correlation)
+        refined = _fit_rotations(turns, gyro, np.array([offset]), correlation)[0]
         if refined is not None:
             starts.append(refined)
     return sorted(starts, key=lambda s: s.residual)
@@ -61,37 +62,64 @@ def _around() -> FloatArray:
     return np.arange(-ROTATING.around_s, ROTATING.around_s + half, ROTATING.step_s)
 
 
-def _fit_rotation(turns: Turns, gyro: GyroTurns, offset_s: float, correlation: float) -> RotationStart | None:
-    """Kabsch on the two streams of turns at one lag, reweighted against outliers."""
-    imu = gyro.over(turns.start_s - offset_s, turns.end_s - offset_s)
-    use = np.isfinite(imu[:, 0])
-    if use.sum() < ROTATING.fewest_turns:
-        return None
-    a, b = turns.rate_rad_s[use], imu[use]
-    worth = np.ones(len(a)) if turns.worth is None else turns.worth[use] / turns.worth[use].mean()
-    weight = worth
-    R, bias, singular = np.eye(3), np.zeros(3), np.zeros(3)
-    residual = np.zeros_like(a)
-    for _ in range(ROTATING.passes):
-        mean_a, mean_b = np.average(a, axis=0, weights=weight), np.average(b, axis=0, weights=weight)
-        u, singular, vt = np.linalg.svd(((b - mean_b) * weight[:, None]).T @ (a - mean_a))
-        R = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-        bias = mean_b - R @ mean_a
-        residual = b - a @ R.T - bias
-        size = np.linalg.norm(residual, axis=1)
-        scale = ROTATING.outlier_times * max(float(np.median(size)), ROTATING.least_residual_rad_s)
-        weight = worth / (1.0 + (size / scale) ** 2) ** 2
-    spread = float(np.sqrt(np.average(np.sum((b - b.mean(axis=0)) ** 2, axis=1), weights=weight)))
-    noise = float(np.sqrt(np.average(np.sum(residual**2, axis=1), weights=weight)))
+def _fit_rotations(
+    turns: Turns, gyro: GyroTurns, offsets_s: FloatArray, correlation: float
+) -> list[RotationStart | None]:
+    """Kabsch on the two streams of turns at each of these lags (O,), reweighted against outliers; all of them at once."""
+    at_once = offsets_s[:, None]
+    b = gyro.over((turns.start_s - at_once).ravel(), (turns.end_s - at_once).ravel()).reshape(len(offsets_s), -1, 3)
+    use = np.isfinite(b[..., 0])
+    enough = np.count_nonzero(use, axis=1) >= ROTATING.fewest_turns
+    if not enough.any():
+        return [None] * len(offsets_s)
+    offsets_s, b, use = offsets_s[enough], np.where(use[..., None], b, 0.0)[enough], use[enough]
+    a = turns.rate_rad_s
+    worth = use * (1.0 if turns.worth is None else turns.worth)
+    worth = worth * (np.count_nonzero(use, axis=1) / worth.sum(axis=1))[:, None]
+    R, bias, singular, size = _kabsch(a, b, worth)
+    weight = worth * _trusted(size, use)
+    for _ in range(ROTATING.passes - 1):
+        R, bias, singular, size = _kabsch(a, b, weight)
+        weight = worth * _trusted(size, use)
+    total = weight.sum(axis=1)
+    centred = b - (np.einsum("on,oni->oi", use, b) / np.count_nonzero(use, axis=1)[:, None])[:, None]
+    spread = np.sqrt(np.sum(weight * np.sum(centred**2, axis=2), axis=1) / total)
+    noise = np.sqrt(np.sum(weight * size**2, axis=1) / total)
     # The second singular value measures turning about a second axis; below the fit's own noise it settles nothing.
-    total = weight.sum()
-    second = float(np.sqrt(max(singular[1], 0.0) / total))
-    axis = None
-    if second < max(ROTATING.second_axis_rad_s, ROTATING.second_axis_noise * noise):
-        axis = b[np.argmax(np.linalg.norm(b - bias, axis=1))] - bias
-        u, _, _ = np.linalg.svd(((b - b.mean(axis=0)) * weight[:, None]).T @ (b - b.mean(axis=0)))
-        axis = u[:, 0]
-    return RotationStart(offset_s, R, bias, noise / max(spread, 1e-9), correlation, axis)
+    second = np.sqrt(np.maximum(singular[:, 1], 0.0) / total)
+    open_axis = second < np.maximum(ROTATING.second_axis_rad_s, ROTATING.second_axis_noise * noise)
+    fits: list[RotationStart | None] = [None] * len(enough)
+    for k, at in enumerate(np.flatnonzero(enough)):
+        axis = np.linalg.svd((centred[k] * weight[k][:, None]).T @ centred[k])[0][:, 0] if open_axis[k] else None
+        residual_share = float(noise[k] / max(spread[k], 1e-9))
+        fits[at] = RotationStart(float(offsets_s[k]), R[k], bias[k], residual_share, correlation, axis)
+    return fits
+
+
+def _kabsch(a: FloatArray, b: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The rotations and constants that turn a into each of b, the singular values, and what is left of each turn.
+
+    a: (N, 3).   b: (O, N, 3).   weight: (O, N).   Returns R (O, 3, 3), bias (O, 3), singular (O, 3), size (O, N).
+    """
+    share = weight / weight.sum(axis=1)[:, None]
+    mean_a, mean_b = share @ a, np.einsum("on,oni->oi", share, b)
+    u, singular, vt = np.linalg.svd(
+        np.swapaxes((b - mean_b[:, None]) * weight[..., None], 1, 2) @ (a - mean_a[:, None])
+    )
+    handed = np.ones((len(u), 3))
+    handed[:, 2] = np.linalg.det(u @ vt)
+    R = (u * handed[:, None]) @ vt
+    bias = mean_b - np.einsum("oij,oj->oi", R, mean_a)
+    return R, bias, singular, np.linalg.norm(b - a @ np.swapaxes(R, 1, 2) - bias[:, None], axis=2)
+
+
+def _trusted(size: FloatArray, of: BoolArray) -> FloatArray:
+    """The weight of each turn by what is left of it, beside the median of those of its row that count. size, of: (O, N)."""
+    ordered = np.sort(np.where(of, size, np.inf), axis=1)
+    count, row = np.count_nonzero(of, axis=1), np.arange(len(size))
+    median = 0.5 * (ordered[row, (count - 1) // 2] + ordered[row, count // 2])
+    scale = ROTATING.outlier_times * np.maximum(median, ROTATING.least_residual_rad_s)
+    return np.asarray(1.0 / (1.0 + (size / scale[:, None]) ** 2) ** 2)
 
 
 def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatArray) -> list[RotationStart]:

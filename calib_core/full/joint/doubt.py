@@ -12,7 +12,6 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_chi2
 from calib_core.full.joint.settings import DOUBTING
 from calib_core.full.joint.state import Estimate
-from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.full.planes.standing import (
     WORDS,
     PlaneSamples,
@@ -56,9 +55,13 @@ def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
     return out
 
 
-def plane_doubts(problem: JointProblem, estimate: Estimate, least_m: float = JUDGEMENT.least_m) -> FloatArray:
-    """How doubtful each plane is, (P, 3): standing.doubts."""
-    return doubts(standings(problem, estimate), least_m)
+def plane_doubts(problem: JointProblem, estimate: Estimate, rough_m: float | None = None) -> FloatArray:
+    """How doubtful each plane is, (P, 3): standing.doubts.
+
+    rough_m: while motion and sensors are rough, nothing below it is a fault, and any plane may be as far off as most others.
+    """
+    found = standings(problem, estimate)
+    return doubts(found) if rough_m is None else doubts(found, rough_m, np.inf)
 
 
 def say_left_out(ctx: Run, names: Sequence[str], doubt: FloatArray) -> None:

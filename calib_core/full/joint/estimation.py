@@ -20,7 +20,7 @@ from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.full.joint.view import View
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
-from calib_core.imu.preintegration import UpsampledImu, upsample
+from calib_core.imu.preintegration import UpsampledImu, asked_later
 from calib_core.solver.levenberg import Minimum
 from calib_core.types import FloatArray
 
@@ -62,10 +62,7 @@ class LastReadings:
         """The readings by a delay. readings: by none."""
         last = readings if self.readings is None else self.readings
         if abs(delay_s - last.accel_delay_s) > CHAIN.delay_moved_s:
-            imu = run.recording.imu
-            last = upsample(
-                run.clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, readings.knots_s, run.hyper, accel_delay_s=delay_s
-            )
+            last = asked_later(readings, run.clocks.imu_s, run.recording.imu.accel_m_s2, run.hyper, delay_s)
             self.readings = last
         return last
 

@@ -48,42 +48,44 @@ class LidarFactors:
 
     def add_to(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
         """Adds the bins' share of the normal equations, and of the cost."""
-        b = self.bins
-        a, J = self.bins_seen(estimate)
-        clock = layout.nuisance().start + self.sensors.clock_place
-        squeezed = layout.squeezed(self.nodes.windows()[1])
-        Ma = (b.scatter @ a[..., None])[..., 0]
-        system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
-        lasers = self._lasers_begun(system, estimate, layout) if len(b.lasers.laser) else ()
-        add_bins_kernel(
-            b.knot, b.plane, J, b.scatter, Ma, layout.every_plane().start, clock, squeezed,
-            system.diagonal, system.border, system.corner, system.gradient, system.gradient_shared,
-        )  # fmt: skip
-        for part in lasers:
+        lasers = self._lasers_begun(system, estimate, layout) if len(self.bins.lasers.laser) else []
+        for part in [*self._bins_begun(system, estimate, layout), *lasers]:
             one = part.result()
-            system.gradient += one.gradient
+            if one.gradient is not system.gradient:
+                system.gradient += one.gradient
             system.corner += one.corner
             system.gradient_shared += one.gradient_shared
 
+    def _bins_begun(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> list[Future[ArrowSystem]]:
+        """The bins' share in parts, each with knots of its own. As many on any number of threads: the sums are the same."""
+        b = self.bins
+        a, J = self.bins_seen(estimate)
+        Ma = (b.scatter @ a[..., None])[..., 0]
+        system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
+        clock, squeezed = layout.nuisance().start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1])
+
+        def one(first: int, last: int) -> ArrowSystem:
+            own, mine = _with_own_sums(system), slice(first, last)
+            add_bins_kernel(
+                b.knot[mine], b.plane[mine], J[mine], b.scatter[mine], Ma[mine], layout.every_plane().start, clock, squeezed,
+                own.diagonal, own.border, own.corner, own.gradient, own.gradient_shared,
+            )  # fmt: skip
+            return own
+
+        return [workers().submit(one, first, last) for first, last in _parts(b.knot)]
+
     def _lasers_begun(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> list[Future[ArrowSystem]]:
-        """The lasers' share in parts, at the same time as the rest: each fills columns and knots of the border that nobody
-        else does, and has the rest for itself. In as many parts on any number of threads: the sums are the same.
+        """The lasers' share in parts, at the same time as the bins': each fills columns and knots of the border that nobody
+        else does, and has the rest for itself.
         """
         lasers = self.bins.lasers
         a, J = self.lasers_seen(estimate)
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
-        of_knot = lasers.knot[lasers.pair]
-        edges = np.searchsorted(of_knot, of_knot[(np.arange(1, MOST_THREADS) * len(of_knot)) // MOST_THREADS])
 
         def one(first: int, last: int) -> ArrowSystem:
-            own = replace(
-                system,
-                gradient=np.zeros_like(system.gradient),
-                corner=np.zeros_like(system.corner),
-                gradient_shared=np.zeros_like(system.gradient_shared),
-            )
+            own = replace(_with_own_sums(system), gradient=np.zeros_like(system.gradient))
             add_features_kernel(
                 lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
                 np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
@@ -92,7 +94,7 @@ class LidarFactors:
             )  # fmt: skip
             return own
 
-        return [workers().submit(one, first, last) for first, last in pairwise((0, *edges, len(of_knot)))]
+        return [workers().submit(one, first, last) for first, last in _parts(lasers.knot[lasers.pair])]
 
     def sums(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted distances of every bin's points, (B,) [1/m]."""
@@ -189,3 +191,14 @@ class LidarFactors:
         """Seconds of offset for a ppm of rate, at knots."""
         lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
         return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
+
+
+def _with_own_sums(system: ArrowSystem) -> ArrowSystem:
+    """The same system, but for what all knots share, which begins at nothing."""
+    return replace(system, corner=np.zeros_like(system.corner), gradient_shared=np.zeros_like(system.gradient_shared))
+
+
+def _parts(knot: IntArray) -> list[tuple[int, int]]:
+    """Where each part of rows begins and ends, none of which shares a knot with another. knot: ascending, one a row."""
+    edges = np.searchsorted(knot, knot[(np.arange(1, MOST_THREADS) * len(knot)) // MOST_THREADS])
+    return list(pairwise((0, *edges.tolist(), len(knot))))

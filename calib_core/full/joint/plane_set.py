@@ -10,12 +10,11 @@ import numpy as np
 from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.many_scans import over_scans
-from calib_core.full.joint.moments import gather
 from calib_core.full.joint.policies import PlaneSet
-from calib_core.full.joint.present import present_view, problem_of
+from calib_core.full.joint.present import present_view
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit
+from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state import Estimate
-from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.planes.same import same_place, same_surface
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.planes.settings import SegmentSettings
@@ -78,9 +77,7 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     The same state where there are none.   settled: the motion is as good as it gets. Then a plane's averages count too:
     clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
     """
-    assert state.observations is not None
-    problem = problem_of(data, state)
-    problem = replace(problem, bins=gather(state.observations, problem.motion(state.estimate), state.estimate))
+    problem = gathered(data, state)
     chi2, points = plane_chi2(problem, state.estimate)
     if points.sum() == 0:
         return state
@@ -88,7 +85,7 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     if settled:
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
         badness = np.maximum(badness, wandering / rules.worst_wandering)
-    doubt = plane_doubts(problem, state.estimate, JUDGEMENT.least_m if settled else rules.rough_m)
+    doubt = plane_doubts(problem, state.estimate, None if settled else rules.rough_m)
     badness = np.maximum(badness, doubt.max(axis=1))
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:

@@ -188,11 +188,12 @@ class Settling:
     unmoved: float = 2e-6
     #: measured: a round moves points by a twentieth of what the one before it did. So little, under the same cells and the
     #: same noise as in the round before, changes neither in the next one: it is at rest. Gates that noise has moved by no
-    #: more are the same.
-    still: float = 1e-4
-    #: derived: rounds that move points by less than this part of their scatter, a millimetre at most, leave planes where they
-    #: are to less than half of what plaster is allowed: those that are none go before the rest is told to the last digit.
-    judged: float = 0.05
+    #: more are the same. A twentieth of it is 3e-5 of a point's scatter, a thousandth of what the points of a round leave
+    #: open of a motion (2000 unknowns of 800,000 points: 0.05).
+    still: float = 5e-4
+    #: derived: rounds that move points by less than this part of their scatter, one or two millimetres, leave planes where
+    #: they are to less than what plaster is allowed: those that are none go before the rest is told to the last digit.
+    judged: float = 0.1
     #: measured in cluttered rooms: until they are judged, rounds on the way to rest move points by a third to a half of what the
     #: one before did; with a person among the planes by as much again and again.
     stalled: float = 0.7

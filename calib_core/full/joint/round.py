@@ -128,10 +128,8 @@ def descend(
 
     Raises Refused where the answer has left its bounds, and Cancelled.
     """
-    assert state.observations is not None
-    problem = problem_of(data, state)
-    bins = gather(state.observations, problem.motion(state.estimate), state.estimate)
-    problem = replace(problem, bins=bins, frozen=problem.frozen + also_frozen)
+    problem = gathered(data, state)
+    problem = replace(problem, frozen=problem.frozen + also_frozen)
     run, names, number = data.run, [plane.name for plane in state.planes], state.rounds + 1
     count = state.iterations
 
@@ -148,6 +146,13 @@ def descend(
     after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
     require_bounds(data, state, after)
     return after, problem
+
+
+def gathered(data: JointData, state: Estimation) -> JointProblem:
+    """The problem about the present estimate with the points that were given to planes."""
+    assert state.observations is not None
+    problem = problem_of(data, state)
+    return replace(problem, bins=gather(state.observations, problem.motion(state.estimate), state.estimate))
 
 
 def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimation:

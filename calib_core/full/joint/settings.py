@@ -165,13 +165,13 @@ class Watching:
 
     #: judged: how far along the estimation is, as a share of its usual time (five recordings of 12 to 60 s): the motion is known,
     #: and of that the coarse rounds are done; a part of the points has settled. A bar alone depends on it.
-    motion_share: float = 0.2
+    motion_share: float = 0.26
     coarse_share: float = 0.8
-    settled_share: float = 0.65
-    #: judged: nobody knows how many rounds there will be; a part of the points settles in three or four, of which each is taken
+    settled_share: float = 0.62
+    #: judged: nobody knows how many rounds there will be; a part of the points settles in two to four, of which each is taken
     #: for so much of what is left, and all of them in one, whose first part this is. A bar alone depends on it.
-    settling_round: float = 0.42
-    resting_round: float = 0.3
+    settling_round: float = 0.5
+    resting_round: float = 0.25
     #: judged: sweeps that are shown, and instants of each: within half of one the twist hardly changes, as far as the eye
     #: can tell. A picture alone depends on it.
     sweeps: int = 12

@@ -46,10 +46,11 @@ def near_rest(
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
-    stays out.   judge: asked as soon as rounds hardly move, or cease to move less; from what it leaves, all begins anew.   turns:
-    most times that it does.
+    stays out. So would a noise that goes to and fro between two values: the last one stays.   judge: asked as soon as rounds
+    hardly move, or cease to move less; from what it leaves, all begins anew.   turns: most times that it does.
     """
     cells: list[BoolArray] = []
+    noises: list[LidarNoise] = []
     moves: list[float] = []
     stillest = state
     surveyed: tuple[BoolArray, LidarNoise] | None = None
@@ -63,7 +64,9 @@ def near_rest(
             cells.append(state.support.inside)
             if swings(cells):
                 state = replace(state, support=PlaneExtents(state.support.normals, cells[-1] & cells[-2]))
-        state = measure(data, state, learning, sampling)
+        if not noise_swings(noises, settling.still / learning.sigmas):
+            state = measure(data, state, learning, sampling)
+            noises.append(state.lidar_noise)
         gate = gate_of(state, settling.settling_m, sampling)
         state = associate(
             _nearer(data, k, WATCHING.settling_round), state, gate, stride=coarse_stride(data, state, sampling)
@@ -93,14 +96,16 @@ def near_rest(
 
 
 def is_same(found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoise] | None, part: float) -> bool:
-    """Whether a round has surveyed the cells of the one before it, and its noise but for this part of it.
+    """Whether a round has surveyed the cells of the one before it, and its noise but for this part of it."""
+    return last is not None and np.array_equal(found[0], last[0]) and is_same_noise(found[1], last[1], part)
+
+
+def is_same_noise(new: LidarNoise, old: LidarNoise, part: float) -> bool:
+    """Whether two noises are the same but for this part of them.
 
     The noise is that across a wall seen slantwise: what is left of the unevenness, which is measured in micrometres, differs
     from round to round by as many as no point feels.
     """
-    if last is None or not np.array_equal(found[0], last[0]):
-        return False
-    new, old = found[1], last[1]
     new_std_m, old_std_m = (float(noise.distance_std_m(_SLANTWISE)) for noise in (new, old))
     limits_differ = (new.farthest_m, new.sieve_m) != (old.farthest_m, old.sieve_m)
     return not limits_differ and abs(new_std_m - old_std_m) <= part * old_std_m
@@ -173,3 +178,12 @@ def swings(cells: Sequence[BoolArray]) -> bool:
     one, other = cells[-2:]
     to_and_fro = np.array_equal(other, cells[-3]) and np.array_equal(one, cells[-4])
     return to_and_fro and not np.array_equal(one, other)
+
+
+def noise_swings(noises: Sequence[LidarNoise], part: float) -> bool:
+    """The same of the noise, which is the same but for such a part of it."""
+    if len(noises) < DOUBTING.to_and_fro:
+        return False
+    before, last_but_two, last_but_one, last = noises[-4:]
+    to_and_fro = is_same_noise(last, last_but_two, part) and is_same_noise(last_but_one, before, part)
+    return to_and_fro and not is_same_noise(last, last_but_one, part)

@@ -124,13 +124,18 @@ def with_new_planes(data: JointData, state: Estimation, schedule: Schedule) -> E
 
 
 def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """The sensors' own parameters, and without the planes that are none once these are known."""
-    state, moved = first_with_sensors(data, state, schedule)
+    """The sensors' own parameters, without what is no plane by far before, and once these are known."""
+    state, moved = first_with_sensors(data, without_clutter(data, state, schedule), schedule)
     least = schedule.tones.stands_out_at_once
     state = admit_tones(data, state, schedule.tones, schedule.sensors, schedule.sampling, least=least)
     if schedule.planes is not None:
         state = drop_planes(data, state, schedule.planes)
     return until_steady(data, state, schedule, schedule.sensors, moved)
+
+
+def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """Without what is no plane by far: it would draw the sensors' parameters aside, and the motion round after round."""
+    return state if schedule.planes is None else drop_planes(data, state, schedule.planes)
 
 
 def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> tuple[Estimation, float]:

@@ -8,17 +8,22 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import select
 from calib_core.factors.patches import SurfacePatches, patches_of
+from calib_core.full.joint.doubt import plane_doubts
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.many_scans import over_batches
 from calib_core.full.joint.policies import Sampling, Surfaces
 from calib_core.full.joint.present import present_view
-from calib_core.full.joint.round import coarse_stride, gate_of
+from calib_core.full.joint.round import coarse_stride, gate_of, gathered
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.types import FloatArray
 
 
 def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling: Sampling) -> Estimation:
-    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given."""
+    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given.
+
+    And where one of them is no plane beside the others, as somebody may choose: heights would make a wall of it, and nothing
+    would be said of it any more.
+    """
     if state.support is None or state.nuisance.patches or not data.run.settings.estimate_planes:
         return state
     lasers = max(data.sensors.lasers, 1)
@@ -27,7 +32,7 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
         return state
     weight, off = patch_sums(data, state, patches, sampling)
     bend_m = bend_beyond_noise_m(weight, off, rules)
-    if bend_m < rules.least_m:
+    if bend_m < rules.least_m or (plane_doubts(gathered(data, state), state.estimate) > 1.0).any():
         return state
     nuisance = state.nuisance.with_surface(patches, rules.height_std_m)
     return state.with_nuisance(nuisance, np.append(state.estimate.nuisance, np.zeros(patches.count)))

@@ -87,13 +87,13 @@ def follow(
     may_leave: for another reference scan where that leads further.
     """
     scans = ctx.recording.scans
-    best = _unbent(ctx, _attempt(ctx, planes, reference, turning), turning)
+    best = _longest_from(ctx, planes, reference, turning)
     if not may_leave or best.seen > FOLLOWING.enough * len(scans):
         return best
     for _, position, found in _views(ctx, turning)[: FOLLOWING.starts]:
         if best.motions[0].position <= position <= best.motions[-1].position:
             continue
-        other = _unbent(ctx, _attempt(ctx, found, position, turning), turning)
+        other = _longest_from(ctx, found, position, turning)
         if other.worth(ctx) > FOLLOWING.better * best.worth(ctx):
             best = other
         if best.seen > FOLLOWING.enough * len(scans):
@@ -123,6 +123,18 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
     return sorted(views, key=lambda view: -view[0])
 
 
+def _longest_from(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> Followed:
+    """The track from planes of the straightened reference scan where that moved, from the planes as they are where those fail."""
+    straight = _straightened_planes(ctx, planes, reference, turning)
+    if not straight:
+        return _attempt(ctx, planes, reference, turning)
+    best = _attempt(ctx, straight, reference, turning)
+    if best.seen > FOLLOWING.whole * len(ctx.recording.scans):
+        return best
+    other = _attempt(ctx, planes, reference, turning)
+    return best if best.seen >= other.seen else other
+
+
 def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> Followed:
     if ctx.should_cancel():
         raise Cancelled("the calibration was cancelled")
@@ -132,27 +144,24 @@ def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning
     return Followed(reference, known.planes(planes), motions)
 
 
-def _unbent(ctx: Run, followed: Followed, turning: Turning | None) -> Followed:
-    """The track again from planes of the straightened reference scan, where that scan moved and it helps."""
-    at = [m.position for m in followed.motions].index(followed.reference)
-    around = followed.motions[max(at - 1, 0) : at + 2]
+def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:
+    """The planes of the reference scan without its motion, which its neighbours tell; none where it hardly moved."""
+    scans, reach = ctx.recording.scans, FOLLOWING.around_scans
+    motions = track(scans, planes, reference, turning=turning, within=range(reference - reach, reference + reach + 1))
+    at = [m.position for m in motions].index(reference)
+    around = motions[max(at - 1, 0) : at + 2]
     if len(around) < 2:
-        return followed
-    scans = ctx.recording.scans
+        return []
     first, last = around[0], around[-1]
     dt = (scans[last.position].stamp_ns - scans[first.position].stamp_ns) * 1e-9
     omega, v = log(first.R.T @ last.R) / dt, (last.p - first.p) / dt
-    sweep_s = float(ctx.clocks.sweep_s[followed.reference])
+    sweep_s = float(ctx.clocks.sweep_s[reference])
     if np.linalg.norm(omega) * sweep_s < FOLLOWING.bent_rad and np.linalg.norm(v) * sweep_s < FOLLOWING.bent_m:
-        return followed
-    points = scans[followed.reference].points
+        return []
+    points = scans[reference].points
     tau = points["offset_ns"] * 1e-9
-    motion = ScanMotion(followed.reference, np.eye(3), np.zeros(3), omega, v)
-    found = _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion))
-    if not found:
-        return followed
-    again = _attempt(ctx, found, followed.reference, turning)
-    return again if again.seen >= followed.seen else followed
+    motion = ScanMotion(reference, np.eye(3), np.zeros(3), omega, v)
+    return _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion))
 
 
 def _planes_of(ctx: Run, points_m: FloatArray) -> list[Plane]:

@@ -201,6 +201,10 @@ class Following:
     #: radian is 3 cm at 3 m, and 2 cm, both about a lidar's noise.
     bent_rad: float = 0.01
     bent_m: float = 0.02
+    #: judged: its motion is told by the next scans to either side, of which one may be lost; and straightened, a scan that
+    #: leads over more than this share of the recording needs no comparison. Time depends on both.
+    around_scans: int = 3
+    whole: float = 0.95
     #: judged: a lidar that turned and moved by less in a whole recording stood still: four times what registrations stray
     #: by (Standstill). Only which reason is told depends on it.
     stood_deg: float = 1.0
@@ -265,9 +269,11 @@ class Pairs:
     pairs: int = 120
     #: judged: points of each scan: the segmentation draws among 2000.
     points: int = 2500
-    #: judged: the segmentation of one scan among so few: half the draws, and planes of sixty points. A missed plane costs
-    #: one pair of many.
-    segments: SegmentSettings = SegmentSettings(hypotheses=350, subsample=2000, min_points=60)  # noqa: RUF009  frozen
+    #: judged: the segmentation of one scan among so few: half the draws, planes of sixty points, and the six of a room.
+    #: A missed plane costs one pair of many.
+    segments: SegmentSettings = SegmentSettings(  # noqa: RUF009  frozen
+        hypotheses=350, subsample=2000, min_points=60, max_planes=6
+    )
     #: judged: 1 sigma of the next scan about this one: what a hand does in a tenth of a second, 2 rad/s and 2 m/s, and no
     #: more.
     step_rad: float = 0.2

@@ -43,18 +43,20 @@ def track(
     *,
     settings: TrackSettings | None = None,
     turning: Turning | None = None,
+    within: range | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> list[ScanMotion]:
     """The motion over the longest unbroken run of scans around the reference, in order of time.
 
-    planes: map frame = the lidar frame at the reference scan's first point. A PlaneMap is grown on the way.
+    planes: map frame = the lidar frame at the reference scan's first point. A PlaneMap is grown on the way.   within: the
+    positions that are followed, default all.
     """
     s = settings or TrackSettings()
     known = planes if isinstance(planes, PlaneMap) else PlaneMap.of(planes)
     first = _first(scans, known, reference, s, turning)
     runs: list[list[ScanMotion]] = []
     for direction in (1, -1):
-        tracker = _Tracker(scans, known, s, direction, first, turning)
+        tracker = _Tracker(scans, known, s, direction, first, turning, within or range(len(scans)))
         for done in tracker.run():
             if on_progress is not None:
                 on_progress(min(1.0, (done + sum(map(len, runs))) / len(scans)))
@@ -89,7 +91,8 @@ class _Tracker:
     s: TrackSettings
     direction: int
     first: ScanMotion
-    turning: Turning | None = None
+    turning: Turning | None
+    within: range
     followed: list[ScanMotion] = field(default_factory=list)
     _share: float = 1.0
     _rms: float = 0.0
@@ -109,7 +112,7 @@ class _Tracker:
         good = oriented = previous = self.first
         self._pace_m_s = self.first.v_m_s
         position = self.first.position + self.direction
-        while 0 <= position < len(self.scans):
+        while 0 <= position < len(self.scans) and position in self.within:
             away_s = self._between_s(good.position, position)
             lost_s = s.bridge_s if self.turning is None else s.coast_s
             if self._between_s(oriented.position, position) > max(lost_s, s.bridged_periods * self._period_s(position)):

@@ -93,16 +93,17 @@ def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tup
     return (float(np.sqrt(beyond)) if beyond > most - noise else 0.0), float(np.sqrt(noise))
 
 
-def doubts(standings: Sequence[Standing], least_m: float = JUDGEMENT.least_m) -> FloatArray:
+def doubts(
+    standings: Sequence[Standing], least_m: float = JUDGEMENT.least_m, most_m: float = JUDGEMENT.most_m
+) -> FloatArray:
     """How far each plane is towards having moved, being bent, being several surfaces: (P, 3), at fault from 1 on.
 
-    least_m: below this nothing is a fault; more than the default while the motion is still rough.
+    least_m: below this nothing is a fault, and beyond most_m it is one whatever the others are like.
     """
     points = np.array([s.points for s in standings])
     if not points.sum() > 0:
         return np.zeros((len(standings), 3))
     lengths = np.array([[s.moved_m, s.bent_m] for s in standings])
-    most_m = max(least_m, JUDGEMENT.most_m)
     limits = [float(np.clip(JUDGEMENT.times * usual(length, points), least_m, most_m)) for length in lengths.T]
     scatter = np.array([s.scatter for s in standings])
     mixed = scatter / max(JUDGEMENT.mixed_times * usual(scatter, points), 1e-30)

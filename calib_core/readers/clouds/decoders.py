@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
-from calib_core.readers.clouds import livox, pointcloud2, velodyne
+from calib_core.readers.clouds import livox, pointcloud2
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.livox import read_custom_msg
-from calib_core.readers.clouds.packets import unsupported_packets
+from calib_core.readers.clouds.packets import PACKET_TYPES, unsupported_packets
 from calib_core.readers.clouds.pointcloud2 import read_pointcloud2
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 
@@ -41,6 +41,8 @@ def _decoder(topic: TopicSummary) -> CloudDecoder:
         return lambda message: read_pointcloud2(message, encoding)
     if topic.type in livox.TYPES:
         return lambda message: read_custom_msg(message, encoding)
-    if topic.type == velodyne.TYPE:
-        return velodyne.VelodyneDecoder(encoding)
+    if topic.type in PACKET_TYPES:
+        from calib_core.readers.clouds.velodyne import VelodyneDecoder  # its library takes 50 ms to import
+
+        return VelodyneDecoder(encoding)
     raise unsupported_packets(topic)

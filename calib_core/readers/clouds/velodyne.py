@@ -26,7 +26,6 @@ from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.container.wire import Encoding, MalformedMessage, Wire
 from calib_core.types import FloatArray, IntArray
 
-TYPE = "velodyne_msgs/msg/VelodyneScan"
 PACKET_BYTES = 1206
 MAX_PACKETS = 4096
 _HOUR_US = 3_600_000_000

@@ -20,6 +20,7 @@ from calib_core.errors import PointTimeError
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
 from calib_core.readers.timing.point_window import reference_shift, sweep_edges
 from calib_core.settings import ReadSettings
+from calib_core.threads import workers
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
 
 Unit = Literal["s", "ms", "us", "ns"]
@@ -106,27 +107,27 @@ def _candidates(clouds: Sequence[RawCloud], settings: ReadSettings) -> list[str]
 
 def _returns(points: StructArray) -> IntArray:
     """Points with a return: finite and not at the origin."""
-    x, y, z = (points[axis].astype(np.float64) for axis in "xyz")
-    return np.flatnonzero(np.isfinite(x + y + z) & ((x != 0) | (y != 0) | (z != 0)))
+    with np.errstate(
+        invalid="ignore", over="ignore"
+    ):  # damaged floats are masked, not warned of; a thread has its own state
+        x, y, z = (points[axis].astype(np.float64) for axis in "xyz")
+        return np.flatnonzero(np.isfinite(x + y + z) & ((x != 0) | (y != 0) | (z != 0)))
 
 
 def _sample_field(clouds: Sequence[RawCloud], returns: Sequence[IntArray], name: str) -> _FieldSample:
-    q01, q99, forward, steps = [], [], 0, 0
-    for cloud, rows in zip(clouds, returns, strict=True):
-        values = raw_times(cloud.points, name)[rows].astype(np.float64)
-        values = values[np.isfinite(values)]
-        if values.size < 2:
-            q01.append(math.nan)
-            q99.append(math.nan)
-            continue
-        low, high = np.quantile(values, (0.01, 0.99))
-        q01.append(float(low))
-        q99.append(float(high))
-        step = np.diff(values)
-        forward += int(np.count_nonzero(step > 0))
-        steps += int(np.count_nonzero(step))
+    def one(cloud: RawCloud, rows: IntArray) -> tuple[float, float, int, int]:
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = raw_times(cloud.points, name)[rows].astype(np.float64)
+            values = values[np.isfinite(values)]
+            if values.size < 2:
+                return math.nan, math.nan, 0, 0
+            low, high = np.quantile(values, (0.01, 0.99))
+            step = np.diff(values)
+        return float(low), float(high), int(np.count_nonzero(step > 0)), int(np.count_nonzero(step))
+
+    q01, q99, forward, steps = (np.array(each) for each in zip(*workers().map(one, clouds, returns), strict=True))
     named = name.lower() in TIME_NAMES or name == COMPOSITE
-    return _FieldSample(name, np.array(q01), np.array(q99), forward / steps if steps else 0.0, named)
+    return _FieldSample(name, q01, q99, int(forward.sum()) / int(steps.sum()) if steps.any() else 0.0, named)
 
 
 def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit]) -> list[_Hypothesis]:
@@ -183,7 +184,7 @@ def detect_point_time(
         )
     # The first scan of a recording may be cut or hold leftovers of the sensor's start.
     sampled = usable[1:] if len(usable) > 3 else usable
-    returns = [_returns(cloud.points) for cloud in sampled]
+    returns = list(workers().map(_returns, [cloud.points for cloud in sampled]))
     samples = [_sample_field(sampled, returns, name) for name in names]
     period_s = scan_period_s(sampled)
     units: tuple[Unit, ...] = (

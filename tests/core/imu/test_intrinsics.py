@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.gp.regression import Hyper
 from calib_core.imu.intrinsics import COLUMNS, ImuIntrinsics, bias_equivalents, corrected
-from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate, upsample
+from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, asked_later, preintegrate, upsample
 from calib_core.types import FloatArray
 
 LINKS, H_S = 5, 0.01
@@ -92,14 +92,14 @@ def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
 
 
 def test_a_late_accelerometer_is_asked_later() -> None:
-    """Mutation: `query - accel_delay_s`."""
+    """Mutation: `query[order] - later_s`."""
     stamps_s = np.arange(0.0, 2.0, 0.005)
     delay_s = 0.004
     accel = np.stack([np.sin(2 * np.pi * 2.0 * (stamps_s - delay_s) + phase) for phase in (0.0, 1.0, 2.0)], axis=1)
     gyro = np.zeros_like(accel)
     hyper = Hyper(np.full(6, 0.1), np.ones(6), np.full(6, 1e-4))
     knots_s = np.arange(0.5, 1.5, 0.01)
-    read = upsample(stamps_s, gyro, accel, knots_s, hyper, accel_delay_s=delay_s)
+    read = asked_later(upsample(stamps_s, gyro, accel, knots_s, hyper), stamps_s, accel, hyper, delay_s)
     true = np.stack([np.sin(2 * np.pi * 2.0 * knots_s + phase) for phase in (0.0, 1.0, 2.0)], axis=1)
     np.testing.assert_allclose(read.knot_accel, true, atol=2e-4)
     assert read.accel_delay_s == delay_s

@@ -11,6 +11,7 @@ import pytest
 
 from calib_core.full.initialise.agreement import Agreement
 from calib_core.full.initialise.begin import _pairs_start
+from calib_core.full.initialise.felt import Felt, GyroTurning
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.geometry import exp
@@ -102,13 +103,13 @@ def test_a_track_that_no_longer_leaps_may_slide_all_the_same(
     def astray(*arguments: Any, **options: Any) -> Followed:
         found = follow(*arguments, **options)
         calls.append(options.get("turning"))
-        if len(calls) > 2:
+        if asked:
             return found
         out = []
         for m in found.motions:
             slid = float(np.clip((m.position - 20) / 10.0, 0.0, 1.0)) * np.array([0.4, 0.3, 0.9])
             leapt = exp(np.array([0.0, 0.0, 0.1 * (m.position >= 45 and m.position % 3 == 0)]))
-            out.append(replace(m, p=m.p + slid, R=m.R if len(calls) == 2 else leapt @ m.R))
+            out.append(replace(m, p=m.p + slid, R=m.R if len(calls) > 1 else leapt @ m.R))
         return replace(found, motions=out)
 
     def pairs(ctx: Any) -> Any:
@@ -122,6 +123,77 @@ def test_a_track_that_no_longer_leaps_may_slide_all_the_same(
     turned, moved = track_errors(noisy[0], noisy[1], found)
     assert turned < 4.0
     assert moved < 0.08
+
+
+def test_turns_from_scan_to_scan_are_found_once(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nothing that is followed ever goes with the IMU, they are wanted twice. Mutation: found again for the second."""
+    asked: list[object] = []
+
+    def astray(*arguments: Any, **options: Any) -> Followed:
+        found = follow(*arguments, **options)
+        leapt = exp(np.array([0.0, 0.0, 0.1]))
+        out = [replace(m, R=leapt @ m.R if m.position % 3 == 0 and m.position > 40 else m.R) for m in found.motions]
+        return replace(found, motions=out)
+
+    def pairs(ctx: Any) -> Any:
+        asked.append(ctx)
+        return _pairs_start(ctx)
+
+    by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
+    monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
+    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", pairs)
+    begun(noisy[0], given=False)
+    assert len(asked) == 1
+
+
+def test_steps_mend_what_turns_alone_do_not(noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A track most of whose steps are wrong tells its rotation; by that it slides in a few; what was felt mends those.
+
+    Mutation: turns from scan to scan asked before steps are looked at.
+    """
+    calls: list[object] = []
+    rng = np.random.default_rng(8)
+
+    def astray(*arguments: Any, **options: Any) -> Followed:
+        found = follow(*arguments, **options)
+        calls.append(options.get("turning"))
+        out = []
+        for m in found.motions:
+            if len(calls) == 1:
+                turn = exp(np.array([0.0, 0.0, 0.1 * (m.position == 50)]))
+                out.append(replace(m, p=m.p + (m.position > 15) * rng.uniform(-0.3, 0.3, 3), R=turn @ m.R))
+            elif len(calls) == 2:
+                slid = float(np.clip((m.position - 25) / 4.0, 0.0, 1.0)) * np.array([0.1, 0.2, 0.45])
+                turn = exp(np.array([0.0, 0.0, 0.1 * (m.position == 50)]))
+                out.append(replace(m, p=m.p + slid, R=turn @ m.R))
+            else:
+                out.append(m)
+        return replace(found, motions=out)
+
+    def asked(*_: object) -> None:
+        pytest.fail("turns from scan to scan were asked for")
+
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
+    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", asked)
+    found, _ = begun(noisy[0], given=False)
+    assert [type(turning) for turning in calls] == [type(None), GyroTurning, Felt]
+    turned, moved = track_errors(noisy[0], noisy[1], found)
+    assert turned < 4.0
+    assert moved < 0.08
+
+
+def test_a_track_that_is_mostly_right_is_followed_by_turns_and_steps_at_once(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It leapt, but what is right of it tells both. Mutation: by the gyroscope's turns alone first."""
+    calls: list[object] = []
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", _led_astray("turned", calls))
+    _, said = begun(noisy[0], given=False)
+    assert "track.aided" in said
+    assert [type(turning) for turning in calls] == [type(None), Felt]
 
 
 def test_a_forecast_s_track_may_stray(noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.linear import _double_integral, linear_start, linear_steps
-from calib_core.full.initialise.rotation import rotation_start
+from calib_core.full.initialise.rotation import _fit_rotations, rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, RotationStart, Start
-from calib_core.full.initialise.time_offset import GyroTurns, candidate_lags, turns_of
+from calib_core.full.initialise.time_offset import GyroTurns, Turns, candidate_lags, turns_of
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
@@ -96,6 +96,30 @@ def test_sensors_that_share_no_time_have_no_start() -> None:
     truth = _truth(SCENARIO)
     stamps, gyro, _ = _imu(truth, 10.0, 10.6, 0.0)
     assert rotation_start(_tracked(truth, 10.0, 30.0), stamps, gyro) == []
+
+
+def test_lags_tried_at_once_are_as_each_by_itself() -> None:
+    """Some at which the recordings share a part only, and one at which they share nothing. Twin: each with the turns that count.
+
+    Mutations: the median over the turns that do not count, too; weights not scaled by how many count; lags out of order.
+    """
+    truth = _truth(SCENARIO)
+    turns = turns_of(_tracked(truth, 10.0, 30.0))[1]
+    stamps, gyro, _ = _imu(truth, 12.0, 26.0, 0.0)
+    gyro_turns = GyroTurns(stamps, gyro)
+    lags = np.array([-7.0, -0.1, 0.0, 0.01, 4.0, 40.0])
+    together = _fit_rotations(turns, gyro_turns, lags, 0.9)
+    assert together[5] is None
+    for one, lag in zip(together[:5], lags, strict=False):
+        use = np.isfinite(gyro_turns.over(turns.start_s - lag, turns.end_s - lag)[:, 0])
+        counting = Turns(turns.start_s[use], turns.end_s[use], turns.rate_rad_s[use])
+        alone = _fit_rotations(counting, gyro_turns, lag[None], 0.9)[0]
+        assert one is not None
+        assert alone is not None
+        assert one.time_offset_s == lag
+        np.testing.assert_allclose(one.R_imu_lidar, alone.R_imu_lidar, atol=1e-12)
+        np.testing.assert_allclose(one.gyro_bias, alone.gyro_bias, atol=1e-12)
+        assert one.residual == pytest.approx(alone.residual, rel=1e-9)
 
 
 def test_outlying_sweeps_do_not_turn_the_rotation() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -78,15 +77,7 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     planes = [MapPlane(name, outline_m if name == "c" else None) for name in "abcd"]
     state = state_of(np.arange(12.0).reshape(4, 3), np.arange(4.0), *planes)
 
-    @dataclass(frozen=True)
-    class Problem:
-        bins: object = None
-
-        def motion(self, _: object) -> None:
-            return None
-
-    monkeypatch.setattr(plane_set, "gather", lambda *_: None)
-    monkeypatch.setattr(plane_set, "problem_of", lambda *_: Problem())
+    monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.array([1.0, 90.0, 1.1, 0.9]), np.full(4, 100.0)))
     monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: np.zeros((4, 3)))
     said: list[str] = []

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.full.joint.begin import bias_nodes
+from calib_core.full.joint.lidar_factors import _parts
 from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
@@ -357,3 +358,13 @@ def test_bias_nodes_interpolate() -> None:
     for spacing in (None, 8.0):
         single = BiasNodes.spread(knots, spacing)
         np.testing.assert_array_equal(single.at_knots(np.array([[1.0, 2.0, 3.0]])), np.tile([1.0, 2.0, 3.0], (101, 1)))
+
+
+@pytest.mark.parametrize("knots", [[0], [3, 3, 3], [0, 0, 1, 1, 1, 4, 5, 5], list(range(40))])
+def test_parts_of_the_rows_share_no_knot(knots: list[int]) -> None:
+    """Each row in one part, in order, and each knot's rows in the same one. Mutation: cut by rows, whatever their knots."""
+    rows = np.array(knots)
+    parts = _parts(rows)
+    assert [row for first, last in parts for row in range(first, last)] == list(range(len(rows)))
+    of_knot = [{k for k, (first, last) in enumerate(parts) if knot in rows[first:last]} for knot in set(knots)]
+    assert all(len(each) == 1 for each in of_knot)

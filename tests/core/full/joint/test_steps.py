@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from calib_core.errors import Refused
-from calib_core.full.joint import bounds, solve
+from calib_core.factors.support import PlaneExtents
+from calib_core.full.joint import bounds, solve, surface
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
@@ -209,6 +210,27 @@ def test_a_patch_that_follows_another_surface_ends_the_shapes(
     assert (after.nuisance.size == 2) == kept
 
 
+@pytest.mark.parametrize(("doubt", "shaped"), [(0.9, True), (1.1, False)])
+def test_what_is_no_plane_beside_the_others_is_given_no_shape(
+    half: Half, monkeypatch: pytest.MonkeyPatch, doubt: float, shaped: bool
+) -> None:
+    """Chosen all the same, a box 4 mm off flat among walls was a wall with a shape then: 5 sigmas off, and nobody was told.
+
+    Mutations: shapes in any case; only where the first plane is one.
+    """
+    support = PlaneExtents(half.state.estimate.normals, np.zeros((len(half.state.planes), 8, 8), bool))
+    support.inside[:, 2:6, 2:6] = True
+    doubts = np.zeros((len(half.state.planes), 3))
+    doubts[-1, 1] = doubt
+    monkeypatch.setattr(surface, "patch_sums", lambda _data, _state, patches, _sampling: (np.ones(patches.count),) * 2)
+    monkeypatch.setattr(surface, "bend_beyond_noise_m", lambda *_: 1.0)
+    monkeypatch.setattr(surface, "gathered", lambda *_: None)
+    monkeypatch.setattr(surface, "plane_doubts", lambda *_: doubts)
+    state = replace(half.state, support=support)
+    after = surface.admit_surface(half.data, state, FULL.surfaces, FULL.sampling)
+    assert (after.nuisance.patches > 0) == shaped
+
+
 def test_a_solve_that_ends_singular_is_refused(half: Half) -> None:
     """Mutation: its missing information handed on, which ended as a defect."""
     bounds.require_solution(half.state)
@@ -230,3 +252,28 @@ def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
     monkeypatch.setattr(solve, "drop_planes", lambda *_, settled: left if settled else None)
     after = solve.without_doubtful(half.data, half.state, rules, tones)
     assert after is (left if judges else half.state)
+
+
+@pytest.mark.parametrize("clutter", [True, False])
+def test_clutter_goes_before_the_sensors_are_let_go(monkeypatch: pytest.MonkeyPatch, half: Half, clutter: bool) -> None:
+    """What is no plane by far goes first, and again what the sensors' parameters have brought out.
+
+    Mutations: the sensors first; judged as at rest; what was left out comes back.
+    """
+    told: list[str] = []
+    bare = replace(half.state, rounds=half.state.rounds + 100)
+
+    def drop(_data: JointData, state: Estimation, _rules: object, *, settled: bool = False) -> Estimation:
+        told.append("judged as at rest" if settled else "judged")
+        return bare if clutter and state is half.state else state
+
+    def sensors(_data: JointData, state: Estimation, _schedule: object) -> tuple[Estimation, float]:
+        told.append("sensors")
+        return state, 0.0
+
+    monkeypatch.setattr(solve, "drop_planes", drop)
+    monkeypatch.setattr(solve, "first_with_sensors", sensors)
+    monkeypatch.setattr(solve, "admit_tones", lambda _, state, *__, **___: state)
+    after = solve.with_sensors(half.data, half.state, FULL)
+    assert told == ["judged", "sensors", "judged"]
+    assert after is (bare if clutter else half.state)

@@ -19,6 +19,7 @@ from calib_core.full.odometry.track import track
 from calib_core.full.planes.propose import find_reference, named_planes
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import log
+from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import FloatArray, Recording
@@ -95,6 +96,41 @@ def test_a_scan_is_looked_for_where_the_imu_has_felt_it_go(
         np.testing.assert_allclose(tie[3:6], 1 / s.step_m**2)
         np.testing.assert_allclose(tie[9:], 1 / s.step_m_s**2)
         assert scales_m == s.near_scales_m
+
+
+def _counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many scans each track may follow, as they are made."""
+    counts: list[int] = []
+
+    def counted(scans: Any, *arguments: Any, within: range | None = None, **options: Any) -> list[ScanMotion]:
+        motions = track(scans, *arguments, within=within, **options)
+        counts.append(len(motions))
+        return motions
+
+    monkeypatch.setattr("calib_core.full.odometry.reference.track", counted)
+    return counts
+
+
+@pytest.mark.parametrize("reference", [30, 0])
+def test_a_scan_on_the_move_is_straightened_by_its_neighbours_alone(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, reference: int
+) -> None:
+    """Seven scans tell its motion, and one track is made of all: not the whole with bent planes before.
+
+    Mutations: followed throughout, twice; neighbours beyond the three; the bent planes in any case.
+    """
+    ctx = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
+    scan = noisy[0].scans[reference]
+    bent = named_planes(segment_planes(scan.points["xyz"].astype(np.float64)))
+    counts = _counted(monkeypatch)
+    found = follow(ctx, bent, reference)
+    assert counts[0] == min(reference, 3) + 4
+    assert counts[1:] == [len(noisy[0].scans)]
+    moved = float(np.linalg.norm(found.motions[reference].omega_rad_s))
+    assert reference == 0 or moved > 0.1, "the scan has to move for this"
+    turned, shifted = track_errors(noisy[0], noisy[1], found)
+    assert turned < 4.0
+    assert shifted < 0.08
 
 
 def test_a_choice_of_planes_does_not_feed_the_start(noisy: tuple[Recording, Truth]) -> None:

@@ -111,9 +111,14 @@ def test_a_fault_is_beyond_what_is_usual_and_beyond_plaster() -> None:
 
 
 def test_a_rough_motion_is_no_fault_of_any_plane_but_has_its_limit() -> None:
-    """All planes off by 5 mm: the motion's. All by 10 mm: none is a plane. Mutation: no upper limit to the usual."""
+    """All planes off by 5 mm: the motion's. All by 10 mm: none is a plane, but where sensors are not known yet that may be
+    theirs. Mutations: no upper limit to the usual; one in any case.
+    """
     assert [fault_of(row) for row in doubts([_of(0.005, 0.005, 1.0)] * 4)] == [""] * 4
     assert [fault_of(row) for row in doubts([_of(0.0, 0.01, 1.0)] * 4)] == ["bent"] * 4
+    assert [fault_of(row) for row in doubts([_of(0.0, 0.01, 1.0)] * 4, 0.008, np.inf)] == [""] * 4
+    box = _of(0.0, 0.05, 1.0, 10.0)
+    assert [fault_of(row) for row in doubts([*[_of(0.0, 0.01, 1.0)] * 3, box], 0.008, np.inf)] == ["", "", "", "bent"]
 
 
 def test_what_bends_averages_out_by_places_not_by_returns() -> None:
