@@ -36,6 +36,11 @@ class SurfacePatches:
         return int(self.number.max(initial=-1)) + 1
 
     @property
+    def planes(self) -> IntArray:
+        """(count,) the plane of each."""
+        return np.argwhere(self.number >= 0)[:, 0]
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Of each: its plane's number and its place on it."""
         half = self.number.shape[1] // 2

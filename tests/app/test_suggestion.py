@@ -5,12 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from app.jobs.orders import OrderedPlane, StoredRequest
 from app.results.command import command_of
 from app.work.suggestion import Solved, left_out, solve_suggestion
 from calib_core.events import LogEvent, StageEvent
 from calib_core.full.joint import doubt
+from calib_core.full.joint.estimation import MapPlane
 from calib_core.result import Message
 from calib_core.settings import ReadSettings
 from calib_core.types import Plane
@@ -30,8 +32,26 @@ def said_by_the_estimator(monkeypatch, names: tuple[str, ...], fault: str = "ben
     monkeypatch.setattr(doubt, "widening", lambda _: 1.0)
     run = SimpleNamespace(say=lambda level, code, text: heard.append(Message(level=level, code=code, text=text)))
     estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3)[[0, 1, 0, 2]])
-    doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=PLANES))  # type: ignore[arg-type]
+    doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=[MapPlane(name) for name in NAMES]))  # type: ignore[arg-type]
     return heard
+
+
+@pytest.mark.parametrize("then", ["bent", ""])
+def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(monkeypatch, then: str) -> None:
+    """A box before a wall, of which narrow gates see what looks like the wall. Mutations: the end alone; a wall's own fault
+    lost; refused for what is no fault at the end.
+    """
+    heard: list[str] = []
+    monkeypatch.setattr(doubt, "standings", lambda *_: [None] * 3)
+    monkeypatch.setattr(doubt, "doubts", lambda _: np.zeros((3, 3)))
+    monkeypatch.setattr(doubt, "fault_of", lambda _: "")
+    monkeypatch.setattr(doubt, "widening", lambda _: 1.0)
+    run = SimpleNamespace(say=lambda level, code, text: heard.append(code))
+    planes = [MapPlane("floor"), MapPlane("wall 1"), MapPlane("wall 2", fault=then)]
+    estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3))
+    wider = doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=planes))  # type: ignore[arg-type]
+    assert wider == 1.0
+    assert heard == (["planes.bent"] if then else [])
 
 
 def answered(messages: list[Message]) -> Solved:

@@ -77,7 +77,8 @@ def say_left_out(ctx: Run, names: Sequence[str], doubt: FloatArray) -> None:
 def weigh_chosen(ctx: Run, solved: Solved) -> float:
     """Name the doubtful among the planes that a person chose: they count all the same. How much wider all sigmas are.
 
-    Raises Refused where those beyond doubt do not hold three directions: the answer would be that of what moves or bends.
+    Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane. Raises
+    Refused where those beyond doubt do not hold three directions: the answer would be that of what moves or bends.
     """
     problem, estimate, names = solved.problem, solved.estimate, [plane.name for plane in solved.planes]
     if not np.isfinite(estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
@@ -85,6 +86,7 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
     stand = standings(problem, estimate)
     doubt = doubts(stand)
     faults = [fault_of(row) for row in doubt]
+    seen = [fault or plane.fault for fault, plane in zip(faults, solved.planes, strict=True)]
     said = [f"{name} {WORDS[fault]}" for name, fault in zip(names, faults, strict=True) if fault]
     sound = estimate.normals[[not fault for fault in faults]]
     spread = np.linalg.svd(sound, compute_uv=False) if len(sound) >= 3 else np.zeros(3)
@@ -94,7 +96,7 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
             f"the planes chosen do not hold the motion: {', '.join(said)}, and the others do not face three ways; choose walls, "
             "floor and ceiling, or leave the choice open",
         )
-    for name, fault in zip(names, faults, strict=True):
+    for name, fault in zip(names, seen, strict=True):
         if fault:
             ctx.say(
                 "warning",

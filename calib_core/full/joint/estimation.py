@@ -18,6 +18,7 @@ from calib_core.full.joint.sensors import clock_rate_ppm
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.full.joint.view import View
+from calib_core.full.planes.standing import Fault
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import UpsampledImu, asked_later
@@ -30,10 +31,12 @@ class MapPlane:
     """A plane of the map, but for where it is, which is estimated.
 
     outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
+    fault: what was wrong with it while gates were wide, "" where nothing was.
     """
 
     name: str
     outline_m: FloatArray | None = None
+    fault: Fault = ""
 
 
 @dataclass

@@ -15,6 +15,7 @@ from calib_core.full.joint.present import present_view
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.standing import fault_of
 from calib_core.planes.same import same_place, same_surface
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.planes.settings import SegmentSettings
@@ -93,6 +94,14 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
     dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
     say_left_out(data.run, dropped, doubt[~keep])
     return only_planes(state, keep, (scatter < 1.0) & (doubt[:, 2] < 1.0), rules)
+
+
+def mark_planes(data: JointData, state: Estimation, rules: PlaneSet) -> Estimation:
+    """The same planes, each with what is wrong with it while gates are wide."""
+    doubt = plane_doubts(gathered(data, state), state.estimate, rules.rough_m)
+    faults = [fault_of(row) for row in doubt]
+    planes = tuple(replace(plane, fault=fault) for plane, fault in zip(state.planes, faults, strict=True))
+    return replace(state, planes=planes)
 
 
 def only_planes(state: Estimation, keep: BoolArray, single: BoolArray, rules: PlaneSet) -> Estimation:

@@ -11,7 +11,7 @@ import numpy as np
 from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
-from calib_core.full.joint.plane_set import add_planes, drop_planes
+from calib_core.full.joint.plane_set import add_planes, drop_planes, mark_planes
 from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling, Tones
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
@@ -134,8 +134,13 @@ def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Esti
 
 
 def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """Without what is no plane by far: it would draw the sensors' parameters aside, and the motion round after round."""
-    return state if schedule.planes is None else drop_planes(data, state, schedule.planes)
+    """Without what is no plane by far: it would draw the sensors' parameters aside, and the motion round after round.
+
+    Where planes were chosen they stay, marked: narrow gates will see of a box before a wall what looks like the wall.
+    """
+    if schedule.planes is not None:
+        return drop_planes(data, state, schedule.planes)
+    return mark_planes(data, state, PlaneSet()) if schedule.settling is not None else state
 
 
 def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> tuple[Estimation, float]:

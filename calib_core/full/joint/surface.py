@@ -15,14 +15,14 @@ from calib_core.full.joint.policies import Sampling, Surfaces
 from calib_core.full.joint.present import present_view
 from calib_core.full.joint.round import coarse_stride, gate_of, gathered
 from calib_core.full.prepare.nuisance import SURFACE
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 
 
 def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling: Sampling) -> Estimation:
     """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given.
 
-    And where one of them is no plane beside the others, as somebody may choose: heights would make a wall of it, and nothing
-    would be said of it any more.
+    And where one of them is no plane beside the others, as somebody may choose, or one alone is not flat: heights would make
+    a wall of what is a box before one, and nothing would be said of it any more.
     """
     if state.support is None or state.nuisance.patches or not data.run.settings.estimate_planes:
         return state
@@ -31,7 +31,7 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
     if patches.count < 2 or state.knots * lasers > rules.most_clusters:
         return state
     weight, off = patch_sums(data, state, patches, sampling)
-    bend_m = bend_beyond_noise_m(weight, off, rules)
+    bend_m = bend_of_several_m(patches.planes, weight, off, rules)
     if bend_m < rules.least_m or (plane_doubts(gathered(data, state), state.estimate) > 1.0).any():
         return state
     nuisance = state.nuisance.with_surface(patches, rules.height_std_m)
@@ -74,6 +74,14 @@ def patch_sums(
 
     parts = over_batches(view, state.positions, stride, some)
     return np.sum([w for w, _ in parts], axis=0), np.sum([d for _, d in parts], axis=0)
+
+
+def bend_of_several_m(plane: IntArray, weight: FloatArray, off: FloatArray, rules: Surfaces) -> float:
+    """What the patches' means have beyond noise without the plane for which it would be most: of one, it is that plane's fault.
+
+    plane, weight, off: (N,) of each patch its plane, sum of weights and of weighted distances.
+    """
+    return min(bend_beyond_noise_m(weight[plane != one], off[plane != one], rules) for one in np.unique(plane))
 
 
 def bend_beyond_noise_m(weight: FloatArray, off: FloatArray, rules: Surfaces) -> float:

@@ -24,6 +24,7 @@ def _patches() -> SurfacePatches:
 def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
     """Mutations: patches not numbered through all planes, their width not grown with the area."""
     patches = _patches()
+    assert [f"{1 + plane}" for plane in patches.planes] == [name.split(":")[0] for name in patches.names]
     assert patches.count == len(patches.names) == len(set(patches.names)) <= 260
     assert patches.width * CELL_M >= 0.8
     few = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)

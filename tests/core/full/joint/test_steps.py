@@ -10,9 +10,9 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint import bounds, solve, surface
+from calib_core.full.joint import bounds, plane_set, solve, surface
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
-from calib_core.full.joint.policies import Steadying, Tones
+from calib_core.full.joint.policies import PlaneSet, Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.tones import admitted_from, with_tone
@@ -231,6 +231,24 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
     assert (after.nuisance.patches > 0) == shaped
 
 
+def test_of_one_plane_a_bend_is_its_own_fault() -> None:
+    """Five walls of noise of 1 mm a patch; the sixth is a box before a wall, 6 mm from place to place, or two are, or all by 1.5.
+
+    Oracle: the variances that were drawn. Mutations: the bend of all; without the first plane; the largest without one.
+    """
+    rng = np.random.default_rng(5)
+    plane = np.repeat(np.arange(6), 40)
+    weight = np.full(plane.shape, 1e6)
+
+    def bend_m(*bends_m: float) -> float:
+        off_m = rng.normal(0.0, np.sqrt(1e-6 + np.array(bends_m)[plane] ** 2))
+        return surface.bend_of_several_m(plane, weight, weight * off_m, FULL.surfaces)
+
+    assert bend_m(0.0, 0.0, 0.006, 0.0, 0.0, 0.0) == 0.0
+    assert bend_m(0.0, 0.006, 0.006, 0.0, 0.0, 0.0) == pytest.approx(0.006 / np.sqrt(5.0), rel=0.3)
+    assert bend_m(*[0.0015] * 6) == pytest.approx(0.0015, rel=0.3)
+
+
 def test_a_solve_that_ends_singular_is_refused(half: Half) -> None:
     """Mutation: its missing information handed on, which ended as a defect."""
     bounds.require_solution(half.state)
@@ -252,6 +270,24 @@ def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
     monkeypatch.setattr(solve, "drop_planes", lambda *_, settled: left if settled else None)
     after = solve.without_doubtful(half.data, half.state, rules, tones)
     assert after is (left if judges else half.state)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: pytest.MonkeyPatch, ends: bool) -> None:
+    """It stays, and what was wrong with it is known at the end. A forecast judges nobody.
+
+    Mutations: judged as at rest; left out; the fault of its neighbour; marked in a forecast.
+    """
+    count = len(half.state.planes)
+    doubts = np.zeros((count, 3))
+    doubts[1, 1] = 1.2
+    judged: list[tuple[object, ...]] = []
+    monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
+    monkeypatch.setattr(plane_set, "plane_doubts", lambda *rest: judged.append(rest[2:]) or doubts)
+    schedule = replace(FULL, planes=None, settling=FULL.settling if ends else None)
+    after = solve.without_clutter(half.data, half.state, schedule)
+    assert judged == ([(PlaneSet().rough_m,)] if ends else [])
+    assert [plane.fault for plane in after.planes] == ["", "bent" if ends else "", *[""] * (count - 2)]
 
 
 @pytest.mark.parametrize("clutter", [True, False])
