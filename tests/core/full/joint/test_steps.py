@@ -216,14 +216,14 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
 ) -> None:
     """Chosen all the same, a box 4 mm off flat among walls was a wall with a shape then: 5 sigmas off, and nobody was told.
 
-    Mutations: shapes in any case; only where the first plane is one.
+    Mutations: shapes in any case; only where the first plane is one; the bend of all.
     """
     support = PlaneExtents(half.state.estimate.normals, np.zeros((len(half.state.planes), 8, 8), bool))
     support.inside[:, 2:6, 2:6] = True
     doubts = np.zeros((len(half.state.planes), 3))
     doubts[-1, 1] = doubt
     monkeypatch.setattr(surface, "patch_sums", lambda _data, _state, patches, _sampling: (np.ones(patches.count),) * 2)
-    monkeypatch.setattr(surface, "bend_beyond_noise_m", lambda *_: 1.0)
+    monkeypatch.setattr(surface, "bend_of_several_m", lambda *_: 1.0)
     monkeypatch.setattr(surface, "gathered", lambda *_: None)
     monkeypatch.setattr(surface, "plane_doubts", lambda *_: doubts)
     state = replace(half.state, support=support)
