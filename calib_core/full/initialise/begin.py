@@ -64,7 +64,8 @@ def begin(
     planes = joined([patch.plane for patch in found.patches], given or [])
     if not planes:
         raise no_planes(ctx.recording.scans)
-    first = follow(ctx, planes, reference)
+    near = follow(ctx, planes, reference, may_leave=False)
+    first = _led_on(ctx, near, planes, reference)
     pairs = cache(partial(_pairs_start, ctx))  # some seconds
     best, agreed = _aided(ctx, first, planes, reference, pairs)
     aided = best
@@ -74,7 +75,7 @@ def begin(
     if best is not aided:
         text = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
         ctx.say("info", "track.aided", text)
-    elif best is not first:
+    elif best is not first or (first is not near and first.reference == reference):
         text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
         ctx.say("info", "track.aided", text)
     scans = ctx.recording.scans
@@ -89,6 +90,26 @@ def begin(
             f"{len(scans)} scans",
         )
     return best
+
+
+def _led_on(ctx: Run, near: Followed, planes: Sequence[Plane], reference: int) -> Followed:
+    """The track where it leads on; where it breaks off, by the gyroscope's turning under the rotation that it tells.
+
+    From other scans only where that does not lead throughout: each of them costs a track.
+    """
+    if near.leads_on(ctx):
+        return near
+    imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    lidar = lidar_track(ctx, near)
+    own = agreement(lidar, imu_s, gyro_rad_s)
+    if own.is_of_a_unit and own.correlation > AGREEING.trusted:
+        starts = rotation_start(lidar, imu_s, gyro_rad_s)
+        again = _turned(ctx, planes, reference, starts, may_leave=False)
+        if again is not None and again.seen >= AGREEING.whole * len(ctx.recording.scans):
+            # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
+            require_measured_sweeps(ctx, judged(ctx, near, lidar, starts[0]).sound)
+            return again
+    return follow(ctx, planes, reference, known=near)
 
 
 def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
@@ -144,11 +165,13 @@ def _aided(
     return again, agreed
 
 
-def _turned(ctx: Run, planes: Sequence[Plane], reference: int, starts: Sequence[RotationStart]) -> Followed | None:
+def _turned(
+    ctx: Run, planes: Sequence[Plane], reference: int, starts: Sequence[RotationStart], *, may_leave: bool = True
+) -> Followed | None:
     """The track by the gyroscope's turns under the best of these starts; None where it does not fit or leaves an axis open."""
     if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
         return None
-    return follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]))
+    return follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]), may_leave=may_leave)
 
 
 def _felt(

@@ -39,6 +39,10 @@ class Followed:
         """Scans whose motion was found, not bridged."""
         return sum(m.share > 0 for m in self.motions)
 
+    def leads_on(self, ctx: Run) -> bool:
+        """Whether it covers so much that the rest is reached by the IMU."""
+        return self.seen > FOLLOWING.enough * len(ctx.recording.scans)
+
     def seen_from(self, position: int) -> Followed | None:
         """The same motion and planes in the frame of another of its scans; None where that scan is not one of them."""
         origin = next((m for m in self.motions if m.position == position), None)
@@ -81,14 +85,14 @@ def follow(
     *,
     turning: Turning | None = None,
     may_leave: bool = True,
+    known: Followed | None = None,
 ) -> Followed:
     """The longest track. planes: of the reference scan, in its frame.   turning: where the lidar's turns are known.
 
-    may_leave: for another reference scan where that leads further.
+    may_leave: for another reference scan where that leads further.   known: the track from this one, where that is there.
     """
-    scans = ctx.recording.scans
-    best = _longest_from(ctx, planes, reference, turning)
-    if not may_leave or best.seen > FOLLOWING.enough * len(scans):
+    best = known or _longest_from(ctx, planes, reference, turning)
+    if not may_leave or best.leads_on(ctx):
         return best
     for _, position, found in _views(ctx, turning)[: FOLLOWING.starts]:
         if best.motions[0].position <= position <= best.motions[-1].position:
@@ -96,7 +100,7 @@ def follow(
         other = _longest_from(ctx, found, position, turning)
         if other.worth(ctx) > FOLLOWING.better * best.worth(ctx):
             best = other
-        if best.seen > FOLLOWING.enough * len(scans):
+        if best.leads_on(ctx):
             break
     return best
 

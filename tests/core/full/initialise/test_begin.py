@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import Agreement
 from calib_core.full.initialise.begin import _pairs_start
 from calib_core.full.initialise.felt import Felt, GyroTurning
@@ -203,3 +204,56 @@ def test_a_forecast_s_track_may_stray(noisy: tuple[Recording, Truth], monkeypatc
     _, said = begun(noisy[0], given=False, at_fault=0.1)
     assert "track.aided" not in said
     assert len(calls) == 1
+
+
+def _broken_off(monkeypatch: pytest.MonkeyPatch, calls: list[str], *, turned_to: int = 60, within: float = 1.0) -> None:
+    """`follow`, but that planes alone are lost after 36 scans of sixty, and with the gyroscope's turns at `turned_to`.
+
+    calls: how each was asked for.   within: so much of their rates is seen within the sweeps.
+    """
+
+    def broken(*arguments: Any, known: Followed | None = None, **options: Any) -> Followed:
+        calls.append("by turns" if options.get("turning") else "by planes" if known is None else "elsewhere")
+        if known is not None:
+            return known
+        found = follow(*arguments, **options)
+        if options.get("turning"):
+            return replace(found, motions=found.motions[:turned_to])
+        return replace(found, motions=[replace(m, omega_rad_s=within * m.omega_rad_s) for m in found.motions[:36]])
+
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", broken)
+
+
+def test_a_track_that_breaks_off_is_led_on_by_the_gyroscope_before_other_scans_are_tried(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is seen before tells the rotation. Mutations: other scans first, or as well; nothing said of it; led on in any case."""
+    calls: list[str] = []
+    _broken_off(monkeypatch, calls)
+    found, said = begun(noisy[0], given=False)
+    assert calls == ["by planes", "by turns"]
+    assert "track.aided" in said
+    assert found.seen == len(noisy[0].scans)
+    turned, moved = track_errors(noisy[0], noisy[1], found)
+    assert turned < 4.0
+    assert moved < 0.08
+
+
+def test_what_breaks_off_all_the_same_is_followed_from_elsewhere(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutations: the track by turns taken however short; what is known followed again."""
+    calls: list[str] = []
+    _broken_off(monkeypatch, calls, turned_to=45)
+    begun(noisy[0], given=False)
+    assert calls[:3] == ["by planes", "by turns", "elsewhere"]
+
+
+def test_clouds_that_stand_still_within_their_sweeps_are_told_before_the_gyroscope_turns_them(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The gyroscope's own rates would be found within them. Mutation: not asked there."""
+    _broken_off(monkeypatch, [], within=0.0)
+    with pytest.raises(Refused) as refused:
+        begun(noisy[0], given=False)
+    assert refused.value.code == "points.straightened"
