@@ -227,7 +227,7 @@ def _broken_off(monkeypatch: pytest.MonkeyPatch, calls: list[str], *, turned_to:
 def test_a_track_that_breaks_off_is_led_on_by_the_gyroscope_before_other_scans_are_tried(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is seen before tells the rotation. Mutations: other scans first, or as well; nothing said of it; led on in any case."""
+    """What is seen before tells the rotation. Mutations: other scans first, or as well; nothing said of it; led on always."""
     calls: list[str] = []
     _broken_off(monkeypatch, calls)
     found, said = begun(noisy[0], given=False)
