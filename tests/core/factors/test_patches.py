@@ -25,12 +25,12 @@ def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
     """Mutations: patches not numbered through all planes, their width not grown with the area."""
     patches = _patches()
     assert [f"{1 + plane}" for plane in patches.planes] == [name.split(":")[0] for name in patches.names]
-    assert patches.count == len(patches.names) == len(set(patches.names)) <= 260
-    assert patches.width * CELL_M >= 0.8
+    assert patches.count == len(patches.names) == len(set(patches.names)) <= 520
+    assert patches.width * CELL_M >= 1.2
     few = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
-    few[0, HALF_CELLS : HALF_CELLS + 8, HALF_CELLS : HALF_CELLS + 8] = True
+    few[0, HALF_CELLS : HALF_CELLS + 6, HALF_CELLS : HALF_CELLS + 6] = True
     small = patches_of(PlaneExtents(bins.NORMALS[:1], few))
-    assert (small.width, small.count) == (4, 4)
+    assert (small.width, small.count) == (3, 4)
 
 
 def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> None:
