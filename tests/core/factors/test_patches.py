@@ -28,7 +28,8 @@ def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
     assert patches.count == len(patches.names) == len(set(patches.names)) <= 520
     assert patches.width * CELL_M >= 1.2
     few = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
-    few[0, HALF_CELLS : HALF_CELLS + 6, HALF_CELLS : HALF_CELLS + 6] = True
+    edge = 3 * (HALF_CELLS // 3)
+    few[0, edge : edge + 6, edge : edge + 6] = True
     small = patches_of(PlaneExtents(bins.NORMALS[:1], few))
     assert (small.width, small.count) == (3, 4)
 
