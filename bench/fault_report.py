@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2, norm
 
-from bench.fault_bounds import FAULT_BOUNDS, IDEAL, UNTOLD, FaultBoundRow
+from bench.fault_bounds import FAULT_BOUNDS, UNTOLD, FaultBoundRow
 from bench.fault_runs import Campaign, FaultParameter, FaultRun, read_fault_parameters, read_fault_runs
 from bench.statistics import BIAS_SIGMAS, FREEDOM, bias_text, mean_errors
 from bench.store import RESULTS
@@ -124,9 +124,9 @@ def write_report(folder: Path = RESULTS) -> Path:
         "",
         "## Campaigns",
         "",
-        "Each cell: rms error (what the stated sigmas let one expect; the bound with the faults as unknowns, of that length, and",
-        "with a gyroscope that may feel forces, as no sensor is named; where no bound with them was computed that of ideal",
-        "sensors, which is a little lower). Bias: the",
+        "Each cell: rms error (what the stated sigmas let one expect; the bound for a recording of that length and somebody who",
+        "is told of no sensor, to whom the faults of cheap ones are unknowns; of the faults that there are, where sensors are",
+        "named). Bias: the",
         f"largest of the seven mean errors in its own sigmas; beyond {BIAS_SIGMAS:.1f} it is one. Parameters: rms error over",
         "stated sigma by block (part of the prior's sigma that is left).",
         "",
@@ -142,8 +142,7 @@ def write_report(folder: Path = RESULTS) -> Path:
             continue
         mine = [each for run in some for each in parameters.get((run.campaign, run.seed), ())]
         where = campaign.scenario, campaign.duration_s
-        known = (bounds.get((*where, name)) for name in (f"{campaign.faults}{UNTOLD}", campaign.faults, IDEAL))
-        bound = next((row for row in known if row is not None), None)
+        bound = bounds.get((*where, campaign.faults if campaign.settings else f"consumer{UNTOLD}"))
         lines.append(_row(summary(some), bound, parameters_text(mine)))
     path = folder / "faults.md"
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")

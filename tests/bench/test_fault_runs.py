@@ -11,6 +11,7 @@ import pytest
 
 from bench import fault_runs
 from bench.__main__ import main
+from bench.fault_bounds import FAULT_BOUNDS, FaultBoundRow
 from bench.fault_report import latest, parameters_text, summary, write_report
 from bench.fault_runs import (
     TABLE,
@@ -140,6 +141,27 @@ def test_the_report_names_what_is_biased_or_refused(tmp_path: Path) -> None:
     assert "**biased**" in text
     assert "| glass | 0 of 1 |" in text
     assert len(read_fault_runs(tmp_path)) == 101
+
+
+def test_the_bound_is_of_what_the_solve_was_told(tmp_path: Path) -> None:
+    """To a solve that is told of no sensor the faults of cheap ones are unknowns, whichever were drawn.
+
+    Mutations: the bound of the faults drawn for both; of ideal sensors; of another length.
+    """
+    told = [replace(run, settings="imu_noise=mti-30") for run in drawn(n=2)]
+    for run in (*drawn(n=2), *told):
+        append_row(tmp_path / fault_runs.FAULT_RUNS, run, ORDER)
+    for faults, duration_s, deg in (("industrial", 30.0, 0.2), ("consumer, sensors not named", 30.0, 0.3),
+                                    ("consumer, sensors not named", 20.0, 0.4), ("ideal sensors", 30.0, 0.1)):  # fmt: skip
+        row = FaultBoundRow("handheld", faults, duration_s, deg, *[1.0] * 6, "")
+        append_row(tmp_path / FAULT_BOUNDS, row, ())
+    rows = [
+        line
+        for line in write_report(tmp_path).read_text().splitlines()
+        if line.startswith("| handheld, 30 s") and "of 2" in line
+    ]
+    assert ["; 0.3)" in row for row in rows] == ["imu_noise" not in row for row in rows]
+    assert ["; 0.2)" in row for row in rows] == ["imu_noise" in row for row in rows]
 
 
 def test_a_campaign_runs_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
