@@ -72,11 +72,14 @@ def with_planes(state: Estimation, found: Sequence[PlaneFit]) -> Estimation:
     return replace(state, estimate=estimate, planes=state.planes + named)
 
 
-def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled: bool = False) -> Estimation:
+def drop_planes(
+    data: JointData, state: Estimation, rules: PlaneSet, *, settled: bool = False, most_share: float = 1.0
+) -> Estimation:
     """Without the planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
 
     The same state where there are none.   settled: the motion is as good as it gets. Then a plane's averages count too:
-    clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
+    clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.   most_share: what holds a
+    greater part of the points is not judged yet.
     """
     problem = gathered(data, state)
     chi2, points = plane_chi2(problem, state.estimate)
@@ -88,6 +91,7 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
         badness = np.maximum(badness, wandering / rules.worst_wandering)
     doubt = plane_doubts(problem, state.estimate, None if settled else rules.rough_m)
     badness = np.maximum(badness, doubt.max(axis=1))
+    badness = np.where(points > most_share * points.sum(), 0.0, badness)
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:
         return state
@@ -97,9 +101,12 @@ def drop_planes(data: JointData, state: Estimation, rules: PlaneSet, *, settled:
 
 
 def mark_planes(data: JointData, state: Estimation, rules: PlaneSet) -> Estimation:
-    """The same planes, each with what is wrong with it while gates are wide."""
-    doubt = plane_doubts(gathered(data, state), state.estimate, rules.rough_m)
-    faults = [fault_of(row) for row in doubt]
+    """The same planes, of those that hold few of the points each with what is wrong with it while gates are wide."""
+    problem = gathered(data, state)
+    doubt = plane_doubts(problem, state.estimate, rules.rough_m)
+    _, points = plane_chi2(problem, state.estimate)
+    clutter = points <= rules.clutter_share * points.sum()
+    faults = [fault_of(row) for row in doubt * clutter[:, None]]
     planes = tuple(replace(plane, fault=fault) for plane, fault in zip(state.planes, faults, strict=True))
     return replace(state, planes=planes)
 

@@ -139,7 +139,7 @@ def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> E
     Where planes were chosen they stay, marked: narrow gates will see of a box before a wall what looks like the wall.
     """
     if schedule.planes is not None:
-        return drop_planes(data, state, schedule.planes)
+        return drop_planes(data, state, schedule.planes, most_share=schedule.planes.clutter_share)
     return mark_planes(data, state, PlaneSet()) if schedule.settling is not None else state
 
 

@@ -282,7 +282,10 @@ def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: py
     doubts = np.zeros((count, 3))
     doubts[1, 1] = 1.2
     judged: list[tuple[object, ...]] = []
+    points = np.full(count, 10.0)
+    points[0] = 1000.0
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
+    monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.ones(count), points))
     monkeypatch.setattr(plane_set, "plane_doubts", lambda *rest: judged.append(rest[2:]) or doubts)
     schedule = replace(FULL, planes=None, settling=FULL.settling if ends else None)
     after = solve.without_clutter(half.data, half.state, schedule)
@@ -294,13 +297,15 @@ def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: py
 def test_clutter_goes_before_the_sensors_are_let_go(monkeypatch: pytest.MonkeyPatch, half: Half, clutter: bool) -> None:
     """What is no plane by far goes first, and again what the sensors' parameters have brought out.
 
-    Mutations: the sensors first; judged as at rest; what was left out comes back.
+    Mutations: the sensors first; judged as at rest; walls judged with the clutter; what was left out comes back.
     """
     told: list[str] = []
     bare = replace(half.state, rounds=half.state.rounds + 100)
 
-    def drop(_data: JointData, state: Estimation, _rules: object, *, settled: bool = False) -> Estimation:
-        told.append("judged as at rest" if settled else "judged")
+    def drop(
+        _data: JointData, state: Estimation, _rules: object, *, settled: bool = False, most_share: float = 1.0
+    ) -> Estimation:
+        told.append("judged as at rest" if settled else "judged" if most_share == 1.0 else "clutter")
         return bare if clutter and state is half.state else state
 
     def sensors(_data: JointData, state: Estimation, _schedule: object) -> tuple[Estimation, float]:
@@ -311,5 +316,5 @@ def test_clutter_goes_before_the_sensors_are_let_go(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(solve, "first_with_sensors", sensors)
     monkeypatch.setattr(solve, "admit_tones", lambda _, state, *__, **___: state)
     after = solve.with_sensors(half.data, half.state, FULL)
-    assert told == ["judged", "sensors", "judged"]
+    assert told == ["clutter", "sensors", "judged"]
     assert after is (bare if clutter else half.state)
