@@ -293,6 +293,33 @@ def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: py
     assert [plane.fault for plane in after.planes] == ["", "bent" if ends else "", *[""] * (count - 2)]
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_of_ideal_sensors_clutter_is_judged_once(monkeypatch: pytest.MonkeyPatch, half: Half, held: bool) -> None:
+    """What was left out has no points until it is laid anew, which the sensors' round does: a second judgement found none and
+    ended as a defect.
+
+    Mutations: judged before the sensors in any case; never before them.
+    """
+    told: list[str] = []
+
+    def drop(_data: JointData, state: Estimation, *_: object, **how: float) -> Estimation:
+        assert state.observations is not None
+        told.append("clutter" if how else "all")
+        return replace(state, observations=None)
+
+    def sensors(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, float]:
+        return replace(state, observations=half.state.observations), 0.0
+
+    data = replace(half.data, sensors=Nuisance()) if held else half.data
+    monkeypatch.setattr(solve, "drop_planes", drop)
+    monkeypatch.setattr(solve, "moving_round", sensors)
+    monkeypatch.setattr(solve, "admit_tones", lambda _, state, *__, **___: state)
+    monkeypatch.setattr(solve, "until_steady", lambda _, state, *__: state)
+    assert half.data.sensors.blocks
+    solve.with_sensors(data, half.state, FULL)
+    assert told == (["all"] if held else ["clutter", "all"])
+
+
 @pytest.mark.parametrize("clutter", [True, False])
 def test_clutter_goes_before_the_sensors_are_let_go(monkeypatch: pytest.MonkeyPatch, half: Half, clutter: bool) -> None:
     """What is no plane by far goes first, and again what the sensors' parameters have brought out.
