@@ -17,6 +17,7 @@ from contextlib import suppress
 from typing import cast
 
 from app.fleet.orders import FleetOrder, FleetOutcome
+from app.memory import keep_freed_memory
 from calib_core.errors import UnsweepError
 
 FleetFunction = Callable[[FleetOrder], str]
@@ -41,6 +42,7 @@ def main(arguments: list[str]) -> None:
     parent, entry = int(arguments[0]), arguments[1]
     threading.Thread(target=_leave_with_parent, args=(parent,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
     # What libraries print must not get between the outcome and its reader.
     answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)

@@ -21,6 +21,7 @@ from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
 from app.limits import apply_limits, full_disk, out_of_memory
+from app.memory import keep_freed_memory
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
 from calib_core.errors import Cancelled, TopicError, UnsweepError
@@ -41,6 +42,7 @@ def run_worker(entry: str, orders: Connection, pipe: Connection, cancel: Process
     What waits is spent on importing: the module's `warm_up` is called where it has one.
     """
     _stay_with_server()
+    keep_freed_memory()
     warm_up = getattr(importlib.import_module(entry.partition(":")[0]), "warm_up", None)
     if warm_up is not None and not orders.poll():
         warm_up()

@@ -23,7 +23,7 @@ from calib_core.factors.kernels import (
     weight_of,
 )
 from calib_core.factors.laser_features import LaserErrors, LaserSums, steps_to_middles
-from calib_core.factors.laser_kernels import FEATURES, LaserTable, add_features, correct_point
+from calib_core.factors.laser_kernels import FEATURES, PRODUCTS, LaserTable, add_features, correct_point
 from calib_core.factors.lidar_plane import Gate, LidarNoise, MicroBins, SlicePoses, grids, seen_planes, weighing_of
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray
@@ -72,7 +72,7 @@ def scan_moments(
         group, clusters = groups.group, len(groups.middle) * n_planes * groups.lasers
         R, p = steps_to_middles(poses, group, groups.middle)
     scatter, count = np.zeros((slices * n_planes, 15)), np.zeros(slices * n_planes, np.int64)
-    cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((clusters, FEATURES, FEATURES))
+    cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((clusters, PRODUCTS))
     of_cluster = np.zeros(clusters, np.int64)
     slant = np.zeros(2) if errors is None else errors.slant()
     moments_kernel(
@@ -108,7 +108,7 @@ def moments_kernel(
     gram: FloatArray,
     of_cluster: IntArray,
 ) -> None:
-    """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 8, 5), gram (G Q L, 8, 8), of_cluster (G Q L,).
+    """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 8, 5), gram (G Q L, 28), of_cluster (G Q L,).
 
     Of the seen planes the first Q = len(extra_of_plane_m) take points.   off: of no laser where nothing is to be corrected.
     slant: (2,) LaserErrors.slant.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
@@ -119,7 +119,6 @@ def moments_kernel(
     u, origin, cell_m, half = cells
     n_planes = extra_of_plane_m.shape[0]
     D, along, hit = np.empty(n_lidar.shape[1]), np.empty(n_lidar.shape[1]), np.empty(6)
-    f, y = np.empty(FEATURES), np.empty(5)
     errors, sine, cosine = range_offset_m.shape[0], np.sin(elevation_rad), np.cos(elevation_rad)
     lasers = of_cluster.shape[0] // max((group.max() + 1) * n_planes, 1) if group.shape[0] > 0 else 0
     x0: float
@@ -158,5 +157,5 @@ def moments_kernel(
         count[b] += 1
         if which < lasers:
             c = (group[k] * n_planes + j) * lasers + which
-            add_features(hit[0], hit[1], hit[2], d, hit[4], weight, k, j, n_lidar, R, p, c, cross, gram, f, y)
+            add_features(hit[0], hit[1], hit[2], d, hit[4], weight, k, j, n_lidar, R, p, c, cross, gram)
             of_cluster[c] += 1

@@ -24,9 +24,11 @@ from calib_core.factors.laser_kernels import (
     FEATURES,
     HEIGHT,
     OF_COLUMN,
+    PRODUCTS,
     LaserTable,
     collapse_features_kernel,
     correct_kernel,
+    features_kernel,
     features_squares_kernel,
     gather_features_kernel,
 )
@@ -87,12 +89,10 @@ class LaserSums:
 
     @staticmethod
     def filled(cross: FloatArray, gram: FloatArray, count: IntArray, n_planes: int, lasers: int) -> LaserSums:
-        """Those of a table (groups x planes x lasers, ..) that hold points. count: of each."""
+        """Those of a table of sums (groups x planes x lasers, ..) that hold points. count: of each."""
         some = np.flatnonzero(count)
         pair, of = np.divmod(some, lasers)
-        return LaserSums(
-            pair // n_planes, pair % n_planes, of, cross[some].astype(np.float32), gram[some].astype(np.float32)
-        )
+        return LaserSums(pair // n_planes, pair % n_planes, of, *_moments(cross, gram, some))
 
     @staticmethod
     def joined(parts: Sequence[LaserSums]) -> LaserSums:
@@ -135,7 +135,7 @@ def collapse_features(
         cluster[keep] = place
     cross, gram, count = (
         np.zeros((cells, FEATURES, 5)),
-        np.zeros((cells, FEATURES, FEATURES)),
+        np.zeros((cells, PRODUCTS)),
         np.zeros(cells, np.int64),
     )
     collapse_features_kernel(
@@ -145,7 +145,15 @@ def collapse_features(
     if keys is None:
         return LaserSums.filled(cross, gram, count, n_planes, lasers)
     pair, of = np.divmod(keys, patches * lasers)
-    return LaserSums(pair // n_planes, pair % n_planes, of, cross.astype(np.float32), gram.astype(np.float32))
+    return LaserSums(pair // n_planes, pair % n_planes, of, *_moments(cross, gram, np.arange(cells)))
+
+
+def _moments(cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray) -> tuple[Float32Array, Float32Array]:
+    """Moments (B, 8, 5), (B, 8, 8) of some of the sums (C, 8, 5), (C, 28) of `add_features`."""
+    cross = np.empty((len(some), FEATURES, 5), np.float32)
+    gram = np.empty((len(some), FEATURES, FEATURES), np.float32)
+    features_kernel(cross_sums, gram_sums, some, cross, gram)
+    return cross, gram
 
 
 def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -12,6 +13,13 @@ from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, Lase
 #: Of a point: by its range, elevation, azimuth, its range's scale, its incidence, its azimuth as the encoder's eccentricity
 #: moves it, sine and cosine, the depth of its spot (factors/laser_features.py).
 FEATURES = 8
+#: Where the incidence stands among them, which is one less the first: its moments follow from those of the others and of a one.
+INCIDENCE = 4
+#: The others, and how many products two of them make.
+OTHERS = np.array([0, 1, 2, 3, 5, 6, 7])
+PRODUCTS = len(OTHERS) * (len(OTHERS) + 1) // 2
+#: Below this [rad] sine and cosine are six and five terms of their series, to the last digit: 0.05^11 / 11! is 1e-22.
+SMALL_RAD = 0.05
 #: Columns of a cluster, and what a unit of each adds to the features' coefficients: the laser's offset, elevation, azimuth and
 #: scale, everybody's offset, incidence, sine and cosine, grazing; last the surface's height where the points lie, towards the
 #: lidar, which shortens every distance alike: minus the cosine and minus one less the cosine.
@@ -37,6 +45,18 @@ class LaserTable(NamedTuple):
     eccentricity_rad: FloatArray
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def sine_and_cosine(angle_rad: float) -> tuple[float, float]:
+    """Of an angle that is hardly ever large: a library takes a third of a point's time for them."""
+    if abs(angle_rad) > SMALL_RAD:
+        return math.sin(angle_rad), math.cos(angle_rad)
+    s = angle_rad * angle_rad
+    return (
+        angle_rad * (1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0)))),
+        1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0))),
+    )
+
+
 @numba.njit(cache=True, nogil=True)
 def correct_point(
     x: float,
@@ -60,7 +80,7 @@ def correct_point(
     turned = azimuth_rad
     if level > 1e-9:
         turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
-    aside, ahead = np.sin(turned), np.cos(turned)
+    aside, ahead = sine_and_cosine(turned)
     return (
         (x * ahead - y * aside) * along * factor,
         (x * aside + y * ahead) * along * factor,
@@ -106,36 +126,63 @@ def add_features(
     b: int,
     cross: FloatArray,
     gram: FloatArray,
-    f: FloatArray,
-    y: FloatArray,
 ) -> None:
-    """Adds weight f y' to cross (B, 8, 5) and weight f f' to gram (B, 8, 8), at b, of one hit at x on plane j from slice k.
+    """Adds to the sums of cluster b one hit at x on plane j from slice k, of which `features_kernel` makes the moments.
 
-    n_lidar (S, P, 3), R (S, 3, 3), p (S, 3): of all slices.   f (8,), y (5,): room to work.
+    cross (B, 8, 5): weight f y', but in the incidence's row weight y'.   gram (B, 28): weight f f' of the other features, upper
+    triangle row by row.   n_lidar (S, P, 3), R (S, 3, 3), p (S, 3): of all slices.
     """
-    level = np.sqrt(x0 * x0 + x1 * x1)
-    rise = 0.0 if level < 1e-9 else -x2 / level
+    level = math.sqrt(x0 * x0 + x1 * x1)
+    r = math.sqrt(level * level + x2 * x2)
     seen = -cosine
-    f[0] = seen
-    f[1] = rise * (n_lidar[k, j, 0] * x0 + n_lidar[k, j, 1] * x1) + level * n_lidar[k, j, 2]
-    f[2] = n_lidar[k, j, 1] * x0 - n_lidar[k, j, 0] * x1
-    r = np.sqrt(level * level + x2 * x2)
-    f[3] = seen * r
-    f[4] = 1.0 - seen
-    f[5], f[6] = 0.0, 0.0
+    outward = n_lidar[k, j, 0] * x0 + n_lidar[k, j, 1] * x1
+    aside = n_lidar[k, j, 1] * x0 - n_lidar[k, j, 0] * x1
+    up, around = level * n_lidar[k, j, 2], 0.0
     if level > 1e-9:
-        f[5], f[6] = f[2] * x1 / level, f[2] * x0 / level
-    f[7] = -r * np.sqrt(max(1.0 - seen * seen, 0.0))
-    for c in range(3):
-        y[c] = R[k, c, 0] * x0 + R[k, c, 1] * x1 + R[k, c, 2] * x2 + p[k, c]
-    y[3] = 1.0
-    y[4] = d
-    for m in range(FEATURES):
+        up -= x2 / level * outward
+        around = aside / level
+    f = (seen, up, aside, seen * r, around * x1, around * x0, -r * math.sqrt(max(1.0 - seen * seen, 0.0)))
+    y0 = R[k, 0, 0] * x0 + R[k, 0, 1] * x1 + R[k, 0, 2] * x2 + p[k, 0]
+    y1 = R[k, 1, 0] * x0 + R[k, 1, 1] * x1 + R[k, 1, 2] * x2 + p[k, 1]
+    y2 = R[k, 2, 0] * x0 + R[k, 2, 1] * x1 + R[k, 2, 2] * x2 + p[k, 2]
+    place = 0
+    for m in range(7):
+        row = m if m < INCIDENCE else m + 1
         w = weight * f[m]
+        cross[b, row, 0] += w * y0
+        cross[b, row, 1] += w * y1
+        cross[b, row, 2] += w * y2
+        cross[b, row, 3] += w
+        cross[b, row, 4] += w * d
+        for c in range(m, 7):
+            gram[b, place] += w * f[c]
+            place += 1
+    cross[b, INCIDENCE, 0] += weight * y0
+    cross[b, INCIDENCE, 1] += weight * y1
+    cross[b, INCIDENCE, 2] += weight * y2
+    cross[b, INCIDENCE, 3] += weight
+    cross[b, INCIDENCE, 4] += weight * d
+
+
+@numba.njit(cache=True, nogil=True)
+def features_kernel(
+    cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray, cross: Float32Array, gram: Float32Array
+) -> None:
+    """Fills moments (B, 8, 5), (B, 8, 8) from `some` (B,) of the sums of `add_features`: of 1 - f what is left of the one's."""
+    for b in range(some.shape[0]):
+        s, place = some[b], 0
         for c in range(5):
-            cross[b, m, c] += w * y[c]
-        for c in range(FEATURES):
-            gram[b, m, c] += w * f[c]
+            for m in range(FEATURES):
+                cross[b, m, c] = cross_sums[s, m, c]
+            cross[b, INCIDENCE, c] = cross_sums[s, INCIDENCE, c] - cross_sums[s, 0, c]
+        for m in range(OTHERS.shape[0]):
+            row = OTHERS[m]
+            gram[b, INCIDENCE, row] = gram[b, row, INCIDENCE] = cross_sums[s, row, 3] - gram_sums[s, m]
+            for c in range(m, OTHERS.shape[0]):
+                gram[b, row, OTHERS[c]] = gram[b, OTHERS[c], row] = gram_sums[s, place]
+                place += 1
+        one, first = cross_sums[s, INCIDENCE, 3], cross_sums[s, 0, 3]
+        gram[b, INCIDENCE, INCIDENCE] = one - 2.0 * first + gram_sums[s, 0]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -158,21 +205,20 @@ def collapse_features_kernel(
     count: IntArray,
     cluster: IntArray,
 ) -> None:
-    """Adds weight f y' to cross and weight f f' to gram of (group, plane, laser), f the features, y = [x_hit, 1, d].
+    """Adds kept hits to the sums of their (group, plane, laser): `add_features`.
 
-    cross: (G P L, 8, 5).   gram: (G P L, 8, 8).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
+    cross: (G P L, 8, 5).   gram: (G P L, 28).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
     group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.   cluster:
     (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.
     """
     n_planes = n_lidar.shape[1]
-    f, y = np.empty(FEATURES), np.empty(5)
     for i in range(keep.shape[0]):
         if not keep[i] or laser[i] >= lasers:
             continue
         s, j = slice_index[i], plane[i]
         b = cluster[i] if cluster.shape[0] > 0 else (group[s] * n_planes + j) * lasers + laser[i]
         add_features(
-            x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], d[i], cosine[i], weight[i], s, j, n_lidar, R, p, b, cross, gram, f, y
+            x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], d[i], cosine[i], weight[i], s, j, n_lidar, R, p, b, cross, gram
         )  # fmt: skip
         count[b] += 1
 

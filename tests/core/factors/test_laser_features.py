@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from calib_core.factors.laser_features import (
     feature_changes,
     features_squares,
 )
+from calib_core.factors.laser_kernels import sine_and_cosine
 from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.types import FloatArray
 from tests.core.factors import test_bins as bins
@@ -109,8 +112,31 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
         assert sums.cross[0, column, 3] == pytest.approx(numerical[index[0]], rel=2e-3, abs=2e-3)
 
 
+def _features(x_hit: FloatArray, seen: FloatArray, n: FloatArray) -> FloatArray:
+    """(N, 8) as the module's head writes them. x_hit: (N, 3).   seen: (N,) minus the cosine.   n: (N, 3), lidar axes."""
+    r, level = np.linalg.norm(x_hit, axis=1), np.linalg.norm(x_hit[:, :2], axis=1)
+    rising = np.column_stack([-x_hit[:, 2] * x_hit[:, 0] / level, -x_hit[:, 2] * x_hit[:, 1] / level, level])
+    aside = np.sum(n * np.cross([0.0, 0.0, 1.0], x_hit), axis=1)
+    return np.column_stack(
+        [
+            seen, np.sum(n * rising, axis=1), aside, seen * r, 1.0 - seen, aside * x_hit[:, 1] / level,
+            aside * x_hit[:, 0] / level, -r * np.sqrt(1.0 - seen**2),
+        ]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 1e-9, -3e-4, 0.0499, -0.0501, 1.2, -3.0])
+def test_sine_and_cosine_of_small_angles_and_large(angle_rad: float) -> None:
+    """Mutations: the cosine without its last term, the sine without its last but one; the series beyond where it holds."""
+    sine, cosine = sine_and_cosine(angle_rad)
+    assert sine == pytest.approx(math.sin(angle_rad), rel=3e-16, abs=0.0)
+    assert cosine == pytest.approx(math.cos(angle_rad), rel=3e-16)
+
+
 def test_moments_are_those_of_the_points_and_move_with_them() -> None:
-    """Mutations: hits left at their slice, gram by the wrong laser, weight squared."""
+    """Mutations: hits left at their slice, gram by the wrong laser, weight squared; of the incidence's products what belongs to
+    the one's; a product of the triangle twice.
+    """
     scene = bins._scene(4, slices=3)
     rng = np.random.default_rng(4)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
@@ -121,9 +147,11 @@ def test_moments_are_those_of_the_points_and_move_with_them() -> None:
         group=np.zeros(3, np.int64), middle=np.array([1]),
     )  # fmt: skip
     whole = np.zeros(5)
-    for plane, own, cross in zip(sums.plane, sums.laser, sums.cross, strict=True):
+    for plane, own, cross, gram in zip(sums.plane, sums.laser, sums.cross, sums.gram, strict=True):
         mine = keep & (hits.plane == plane) & (laser == own)
         seen = -hits.cosine[mine]
+        f = _features(hits.x_hit[mine], seen, (bins.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]])
+        np.testing.assert_allclose(gram, (weight[mine, None] * f).T @ f, rtol=2e-6, atol=1e-3)
         y = np.column_stack([hits.x_hit[mine], np.ones(mine.sum()), hits.d[mine]])
         np.testing.assert_allclose(cross[0], (weight[mine] * seen) @ y, rtol=2e-6, atol=1e-4)
         np.testing.assert_allclose(cross[4], (weight[mine] * (1.0 - seen)) @ y, rtol=2e-6, atol=1e-4)

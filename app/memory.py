@@ -1,0 +1,29 @@
+"""What a computing process does with memory that it has let go: keeps it for the next array, instead of asking for new pages.
+
+A solve makes and drops arrays of tens of megabytes with every linearisation. Given back each time, their pages have to be
+fetched anew and wiped by the system, a tenth of the whole solve's time; kept, the process takes no more than at its height.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from contextlib import suppress
+
+#: Numbers of the GNU library's mallopt: how much free memory at the end is kept, how much more is asked for at once, from which
+#: size on an array has pages of its own, how many heaps there are.
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -2, -3, -8
+#: All of it: whoever computes ends when he is done.
+_KEPT_BYTES = 2**31 - 1
+_AT_ONCE_BYTES = 2**26
+#: The most that the library takes.
+_OWN_PAGES_BYTES = 2**25
+
+
+def keep_freed_memory() -> None:
+    """For processes that compute and end, from here on. Where the system's library knows no such wish nothing happens."""
+    with suppress(OSError, AttributeError):
+        wish = ctypes.CDLL(None).mallopt
+        wish(_ARENA_MAX, 1)  # what one thread drops, another may take
+        wish(_TRIM_THRESHOLD, _KEPT_BYTES)
+        wish(_TOP_PAD, _AT_ONCE_BYTES)
+        wish(_MMAP_THRESHOLD, _OWN_PAGES_BYTES)
