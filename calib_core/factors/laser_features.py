@@ -32,7 +32,7 @@ from calib_core.factors.laser_kernels import (
     features_squares_kernel,
     gather_features_kernel,
 )
-from calib_core.factors.lidar_plane import Hits, SlicePoses
+from calib_core.factors.lidar_plane import Hits, SlicePoses, distinct
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 
@@ -164,14 +164,13 @@ def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tu
 
 @dataclass(frozen=True)
 class LaserFactors:
-    """Moments by knot, plane and laser, as the joint problem takes them. Q pairs of a knot and a plane, B clusters.
+    """Moments by knot, plane and laser, as the joint problem takes them.
 
-    knot, plane: (Q,).   pair, laser: (B,).   cross: (B, 8, 5), gram: (B, 8, 8), hits in the lidar's frame at the knot.
+    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, 8, 5), gram:
+    (B, 8, 8), hits in the lidar's frame at the knot.
     """
 
-    knot: IntArray
-    plane: IntArray
-    pair: IntArray
+    bin: IntArray
     laser: IntArray
     cross: FloatArray
     gram: Float32Array
@@ -181,21 +180,12 @@ class LaserFactors:
         """None at all."""
         none = np.zeros(0, np.int64)
         cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES), np.float32)
-        return LaserFactors(none, none, none, none, cross, gram)
+        return LaserFactors(none, none, cross, gram)
 
-    def within(self, first: int, last: int) -> LaserFactors:
-        """Those of knots first..last (exclusive), counted from the first."""
-        mine = (self.knot >= first) & (self.knot < last)
-        some = mine[self.pair]
-        number = np.cumsum(mine) - 1
-        return LaserFactors(
-            self.knot[mine] - first,
-            self.plane[mine],
-            number[self.pair[some]],
-            self.laser[some],
-            self.cross[some],
-            self.gram[some],
-        )
+    def within(self, mine: BoolArray) -> LaserFactors:
+        """Those of some of the bins alone, which are counted anew."""
+        some, number = mine[self.bin], np.cumsum(mine) - 1
+        return LaserFactors(number[self.bin[some]], self.laser[some], self.cross[some], self.gram[some])
 
 
 def move_and_sum_features(
@@ -207,7 +197,7 @@ def move_and_sum_features(
 
     use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
     """
-    keys, place = np.unique(key, return_inverse=True)
+    keys, place = distinct(key)
     cross = np.zeros((len(keys), FEATURES, 5))
     gram = np.zeros((len(keys), FEATURES, FEATURES), np.float32)
     gather_features_kernel(sums.cross, sums.gram, use, R, p, pose, place, cross, gram)
@@ -225,9 +215,9 @@ def feature_changes(change: FloatArray) -> FloatArray:
 
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
-    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the pairs.   change: (L, 10)."""
+    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the bins.   change: (L, 10)."""
     squares = np.empty(len(factors.laser))
     features_squares_kernel(
-        factors.pair, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares
+        factors.bin, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares
     )
     return squares

@@ -253,7 +253,7 @@ def gather_features_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def features_squares_kernel(
-    pair: IntArray,
+    bins: IntArray,
     laser: IntArray,
     a: FloatArray,
     cross: FloatArray,
@@ -262,8 +262,8 @@ def features_squares_kernel(
     squares: FloatArray,
 ) -> None:
     """Fills squares (B,) with what changed coefficients add to the sum of squares of each cluster. change: (L, 8)."""
-    for b in range(pair.shape[0]):
-        q, j = pair[b], laser[b]
+    for b in range(bins.shape[0]):
+        q, j = bins[b], laser[b]
         total = 0.0
         for f in range(FEATURES):
             moved = change[j, f]
@@ -279,7 +279,7 @@ def features_squares_kernel(
 
 @numba.njit(cache=True, nogil=True)
 def add_features_kernel(
-    pair: IntArray,
+    bins: IntArray,
     knot: IntArray,
     plane: IntArray,
     laser: IntArray,
@@ -301,7 +301,7 @@ def add_features_kernel(
 ) -> None:
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster: first..last (exclusive).
 
-    pair, laser: (B,).   knot, plane: (Q,) of the pairs.   J: (Q, 4, 19 or 20), a: (Q, 5) of the pairs.   cross: (B, 8, 5),
+    bins, laser: (B,).   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the bins.   cross: (B, 8, 5),
     gram: (B, 8, 8).   column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients since
     the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
     """
@@ -312,7 +312,7 @@ def add_features_kernel(
     force, grams = np.zeros((lasers, FEATURES)), np.zeros((lasers, FEATURES, FEATURES))
     common, mixed = np.zeros((lasers, FEATURES, width - 9)), np.zeros((size, size))
     for b in range(first, last):
-        q, j = pair[b], laser[b]
+        q, j = bins[b], laser[b]
         k, at_plane = knot[q], planes_start + 3 * plane[q]
         pull[:] = 0.0
         for f in range(FEATURES):

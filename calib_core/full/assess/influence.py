@@ -96,20 +96,18 @@ def _of_bins(
     lasers = bins.lasers
     if len(lasers.laser) == 0:
         return Influences(moved, allowed)
-    a, J = problem.lidar.lasers_seen(estimate)
-    Q = _response(J, lasers.knot, lasers.plane, problem, layout, along, border)[lasers.pair]
+    a, Q = a[lasers.bin], Q[lasers.bin]
     F = _feature_response(problem, layout, border)[lasers.laser]
     back_F, mixed = np.swapaxes(F, 1, 2), np.swapaxes(Q, 1, 2) @ np.swapaxes(lasers.cross[:, :, :4], 1, 2) @ F
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
     change = feature_changes(problem.lidar.laser_changes(estimate))[lasers.laser][..., None]
     cross = lasers.cross
     more = Influences(
-        -(back_F @ (cross @ a[lasers.pair][..., None] + lasers.gram @ change))[..., 0]
+        -(back_F @ (cross @ a[..., None] + lasers.gram @ change))[..., 0]
         - (np.swapaxes(Q, 1, 2) @ (np.swapaxes(cross[:, :, :4], 1, 2) @ change))[..., 0],
         mixed + np.swapaxes(mixed, 1, 2) + back_F @ lasers.gram @ F,
     )
-    place = problem.lidar.bin_of_pair()
-    extra = more.summed(place[lasers.pair], len(bins.plane))
+    extra = more.summed(lasers.bin, len(bins.plane))
     return Influences(moved + extra.moved, allowed + extra.allowed)
 
 

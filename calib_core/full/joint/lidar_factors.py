@@ -42,24 +42,25 @@ class LidarFactors:
         a = self.planes_seen(estimate)
         total = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            seen = self._seen_by_lasers(estimate)
-            total += float(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)).sum())
+            total += float(features_squares(self.bins.lasers, a, self.laser_changes(estimate)).sum())
         return float(total)
 
     def add_to(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
         """Adds the bins' share of the normal equations, and of the cost."""
-        lasers = self._lasers_begun(system, estimate, layout) if len(self.bins.lasers.laser) else []
-        for part in [*self._bins_begun(system, estimate, layout), *lasers]:
+        seen = self.bins_seen(estimate)
+        lasers = self._lasers_begun(system, estimate, layout, *seen) if len(self.bins.lasers.laser) else []
+        for part in [*self._bins_begun(system, layout, *seen), *lasers]:
             one = part.result()
             if one.gradient is not system.gradient:
                 system.gradient += one.gradient
             system.corner += one.corner
             system.gradient_shared += one.gradient_shared
 
-    def _bins_begun(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> list[Future[ArrowSystem]]:
+    def _bins_begun(
+        self, system: ArrowSystem, layout: Layout, a: FloatArray, J: FloatArray
+    ) -> list[Future[ArrowSystem]]:
         """The bins' share in parts, each with knots of its own. As many on any number of threads: the sums are the same."""
         b = self.bins
-        a, J = self.bins_seen(estimate)
         Ma = (b.scatter @ a[..., None])[..., 0]
         system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
         clock, squeezed = layout.nuisance().start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1])
@@ -74,12 +75,13 @@ class LidarFactors:
 
         return [workers().submit(one, first, last) for first, last in _parts(b.knot)]
 
-    def _lasers_begun(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> list[Future[ArrowSystem]]:
+    def _lasers_begun(
+        self, system: ArrowSystem, estimate: Estimate, layout: Layout, a: FloatArray, J: FloatArray
+    ) -> list[Future[ArrowSystem]]:
         """The lasers' share in parts, at the same time as the bins': each fills columns and knots of the border that nobody
         else does, and has the rest for itself.
         """
-        lasers = self.bins.lasers
-        a, J = self.lasers_seen(estimate)
+        lasers, bins = self.bins.lasers, self.bins
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
@@ -87,14 +89,14 @@ class LidarFactors:
         def one(first: int, last: int) -> ArrowSystem:
             own = replace(_with_own_sums(system), gradient=np.zeros_like(system.gradient))
             add_features_kernel(
-                lasers.pair, lasers.knot, lasers.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
+                lasers.bin, bins.knot, bins.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
                 np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
                 start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1]),
                 own.gradient, own.border, own.corner, own.gradient_shared, first, last,
             )  # fmt: skip
             return own
 
-        return [workers().submit(one, first, last) for first, last in _parts(lasers.knot[lasers.pair])]
+        return [workers().submit(one, first, last) for first, last in _parts(bins.knot[lasers.bin])]
 
     def sums(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted distances of every bin's points, (B,) [1/m]."""
@@ -111,23 +113,12 @@ class LidarFactors:
         a = self.planes_seen(estimate)
         total = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            seen = self._seen_by_lasers(estimate)
-            total += self._by_bin(features_squares(self.bins.lasers, seen, self.laser_changes(estimate)))
+            total += self._by_bin(features_squares(self.bins.lasers, a, self.laser_changes(estimate)))
         return np.asarray(total)
 
     def _by_bin(self, of_cluster: FloatArray) -> FloatArray:
         """Summed over the lasers' clusters (C,) of each bin: (B,)."""
-        place = self.bin_of_pair()[self.bins.lasers.pair]
-        return np.bincount(place, of_cluster, len(self.bins.plane)).astype(np.float64)
-
-    def bin_of_pair(self) -> IntArray:
-        """(Q,) the bin of each pair of a knot and a plane that the lasers' moments are of: they are of the same points."""
-        lasers, bins = self.bins.lasers, self.bins
-        planes = int(max(bins.plane.max(initial=0), lasers.plane.max(initial=0))) + 1
-        keys = bins.knot * planes + bins.plane
-        order = np.argsort(keys)
-        place = np.searchsorted(keys[order], lasers.knot * planes + lasers.plane)
-        return np.asarray(order[np.minimum(place, len(keys) - 1)])
+        return np.bincount(self.bins.lasers.bin, of_cluster, len(self.bins.plane)).astype(np.float64)
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
         """(L, 8) of each laser's columns since the points were laid out."""
@@ -137,26 +128,14 @@ class LidarFactors:
 
     def planes_seen(self, estimate: Estimate) -> FloatArray:
         """A = [n_lidar, w_lidar, 1] of every bin, (B, 5)."""
-        return self._seen(estimate, self.bins.knot, self.bins.plane, 0)[0]
-
-    def _seen_by_lasers(self, estimate: Estimate) -> FloatArray:
-        return self._seen(estimate, self.bins.lasers.knot, self.bins.lasers.plane, 0)[0]
+        return self._seen(estimate, 0)[0]
 
     def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
         """A of every bin (B, 5) and the Jacobian of its first four (B, 4, 19), or 20 with the clocks' rate."""
-        return self._seen(estimate, self.bins.knot, self.bins.plane, self._columns)
+        return self._seen(estimate, COLUMNS + (self.sensors.clock_place >= 0))
 
-    def lasers_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-        """The same of every pair of a knot and a plane that the lasers' moments are of."""
-        lasers = self.bins.lasers
-        return self._seen(estimate, lasers.knot, lasers.plane, self._columns)
-
-    @property
-    def _columns(self) -> int:
-        return COLUMNS + (self.sensors.clock_place >= 0)
-
-    def _seen(self, estimate: Estimate, knot: IntArray, plane: IntArray, columns: int) -> tuple[FloatArray, FloatArray]:
-        e = estimate
+    def _seen(self, estimate: Estimate, columns: int) -> tuple[FloatArray, FloatArray]:
+        e, knot, plane = estimate, self.bins.knot, self.bins.plane
         a, J = np.empty((len(knot), 5)), np.empty((len(knot) if columns else 0, 4, columns))
         lever_s = self._clock_lever_s(e, knot) if columns > COLUMNS else np.zeros(0)
         planes_seen_kernel(

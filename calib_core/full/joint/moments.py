@@ -104,13 +104,13 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
     lasers = LaserFactors.empty()
     if micro.lasers is not None:
-        lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s)
-        scatter = agreeing(scatter, np.searchsorted(keys, lasers.knot * n_planes + lasers.plane), lasers)
+        lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s, keys)
+        scatter = agreeing(scatter, lasers)
     return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
 
 
-def agreeing(scatter: FloatArray, place: IntArray, lasers: LaserFactors) -> FloatArray:
-    """Scatter matrices (B, 5, 5) shifted so that the mean hits are those of the lasers' moments. place: (Q,) of the pairs.
+def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
+    """Scatter matrices (B, 5, 5) shifted so that the mean hits are those of the lasers' moments.
 
     Offset and incidence of all lasers, rising together, shift every plane by as much: c + (1 - c) = 1. Where planes face three
     ways, that is a shift of the map, which no reading tells. The lasers' moments were kept in single precision: what that
@@ -118,7 +118,8 @@ def agreeing(scatter: FloatArray, place: IntArray, lasers: LaserFactors) -> Floa
     """
     if len(lasers.laser) == 0:
         return scatter
-    begins = np.flatnonzero(np.append(True, np.diff(lasers.pair) != 0))
+    begins = np.flatnonzero(np.append(True, np.diff(lasers.bin) != 0))
+    place = lasers.bin[begins]
     mean = np.add.reduceat(lasers.cross[:, 0, :4] + lasers.cross[:, 4, :4], begins)
     mine = scatter[place, 3, :3] / scatter[place, 3, 3, None]
     shift = np.zeros((len(scatter), 3))
@@ -128,10 +129,13 @@ def agreeing(scatter: FloatArray, place: IntArray, lasers: LaserFactors) -> Floa
     return np.asarray(step @ scatter @ np.swapaxes(step, 1, 2))
 
 
-def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float) -> LaserFactors:
+def gather_lasers(
+    micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float, bins: IntArray
+) -> LaserFactors:
     """Moments moved to their knots under the current motion and summed: a knot, plane and laser each.
 
-    time_offset_s: with which slices were put together to knots.
+    time_offset_s: with which slices were put together to knots.   bins: (Q,) knot times planes plus plane of each bin,
+    ascending; they are of the same points.
     """
     time_s, of_group = _instants(micro.time_s)
     imu_s = time_s - estimate.time_offset_s
@@ -152,9 +156,7 @@ def gather_lasers(micro: LaserMicro, motion: Motion, estimate: Estimate, time_of
         of_group,
         (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use],
     )
-    begins = np.append(True, np.diff(keys // lasers) != 0)
-    pairs = keys[begins] // lasers
-    return LaserFactors(pairs // n_planes, pairs % n_planes, np.cumsum(begins) - 1, keys % lasers, cross, gram)
+    return LaserFactors(np.searchsorted(bins, keys // lasers), keys % lasers, cross, gram)
 
 
 def _instants(time_s: FloatArray) -> tuple[FloatArray, IntArray]:

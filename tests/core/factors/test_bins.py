@@ -16,6 +16,7 @@ from calib_core.factors.lidar_plane import (
     SlicePoses,
     cells_of,
     collapse,
+    distinct,
     find_hits,
     move_and_sum,
     select,
@@ -272,3 +273,18 @@ def test_bins_of_one_key_are_summed_each_from_its_own_pose() -> None:
     np.testing.assert_array_equal(keys, [2, 4, 9])
     for k, total in zip(keys, sums, strict=True):
         np.testing.assert_allclose(total, moved[key == k].sum(axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["rising", "rising but at seams", "any", "none"])
+def test_distinct_keys_are_numpy_s(kind: str) -> None:
+    """Mutations: places in the order of the sorted; one key more at the end."""
+    rng = np.random.default_rng(7)
+    key = np.repeat(np.arange(40), 3) + 100
+    if kind == "rising but at seams":
+        key = np.concatenate([key[:70], key[60:]])
+    elif kind != "rising":
+        key = rng.integers(-5, 30, 0 if kind == "none" else 200)
+    keys, place = distinct(key)
+    expected, of = np.unique(key, return_inverse=True)
+    np.testing.assert_array_equal(keys, expected)
+    np.testing.assert_array_equal(place, of)

@@ -166,8 +166,6 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
     factors = LaserFactors(
         np.zeros(1, np.int64),
-        np.zeros(1, np.int64),
-        np.zeros(1, np.int64),
         np.ones(1, np.int64),
         (f.T @ y)[None],
         (f.T @ f)[None],

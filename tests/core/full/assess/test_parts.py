@@ -157,7 +157,7 @@ def test_a_plane_that_nothing_is_seen_of_answers_nothing() -> None:
     bins = case.problem.bins
     for unseen in range(len(case.estimate.normals)):
         mine = bins.plane == unseen
-        lasers = mine[bins.lasers.pair]
+        lasers = mine[bins.lasers.bin]
         gone = replace(
             bins,
             scatter=np.where(mine[:, None, None], 0.0, bins.scatter),

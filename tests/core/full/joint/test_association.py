@@ -162,7 +162,7 @@ def test_what_all_lasers_share_with_the_map_costs_nothing(noisy: tuple[Recording
         return np.column_stack([n, w, np.ones(len(n))])
 
     of_map = np.einsum("bi,bi->b", bins.scatter[:, 3], seen(bins.knot, bins.plane))
-    of_cluster = seen(lasers.knot, lasers.plane)[lasers.pair]
+    of_cluster = seen(bins.knot, bins.plane)[lasers.bin]
     of_lasers = np.einsum("bi,bi->b", lasers.cross[:, 0] + lasers.cross[:, 4], of_cluster)
     assert np.abs(of_map).sum() > 1e6  # 1/m
     assert abs(of_map.sum() - of_lasers.sum()) < 3e-9 * np.abs(of_map).sum()

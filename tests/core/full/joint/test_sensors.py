@@ -65,8 +65,6 @@ class Case:
         ]
         mine = [(self.pair == q) & (unit == j) for q, j in clusters]
         lasers = LaserFactors(
-            base.bins.knot,
-            base.bins.plane,
             np.array([q for q, _ in clusters]),
             np.array([j for _, j in clusters]),
             np.array([self.f[m].T @ self.y[m] for m in mine]),
