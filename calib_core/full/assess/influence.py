@@ -17,6 +17,7 @@ import numpy as np
 from calib_core.factors.imu import link_factors
 from calib_core.factors.laser_features import feature_changes
 from calib_core.factors.planes_seen import OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE
+from calib_core.full.assess.kernels import add_influences_kernel
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
@@ -96,19 +97,12 @@ def _of_bins(
     lasers = bins.lasers
     if len(lasers.laser) == 0:
         return Influences(moved, allowed)
-    a, Q = a[lasers.bin], Q[lasers.bin]
-    F = _feature_response(problem, layout, border)[lasers.laser]
-    back_F, mixed = np.swapaxes(F, 1, 2), np.swapaxes(Q, 1, 2) @ np.swapaxes(lasers.cross[:, :, :4], 1, 2) @ F
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
-    change = feature_changes(problem.lidar.laser_changes(estimate))[lasers.laser][..., None]
-    cross = lasers.cross
-    more = Influences(
-        -(back_F @ (cross @ a[..., None] + lasers.gram @ change))[..., 0]
-        - (np.swapaxes(Q, 1, 2) @ (np.swapaxes(cross[:, :, :4], 1, 2) @ change))[..., 0],
-        mixed + np.swapaxes(mixed, 1, 2) + back_F @ lasers.gram @ F,
-    )
-    extra = more.summed(lasers.bin, len(bins.plane))
-    return Influences(moved + extra.moved, allowed + extra.allowed)
+    add_influences_kernel(
+        lasers.bin, lasers.laser, lasers.cross, lasers.gram, a, Q, _feature_response(problem, layout, border),
+        feature_changes(problem.lidar.laser_changes(estimate)), moved, allowed,
+    )  # fmt: skip
+    return Influences(moved, allowed)
 
 
 def _response(

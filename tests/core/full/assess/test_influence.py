@@ -10,6 +10,7 @@ import pytest
 from calib_core.full.assess.considered import consider
 from calib_core.full.assess.disagreement import Disagreement, judge, roots, together
 from calib_core.full.assess.influence import Influences, factor_influences
+from calib_core.full.assess.kernels import add_influences_kernel
 from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
@@ -54,6 +55,31 @@ def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
     step = solve_arrow(system).step_shared[:CALIBRATION] / UNITS
     size = np.abs(of.links.moved).sum(axis=0) + np.abs(of.bins.moved).sum(axis=0)
     np.testing.assert_allclose((moved - step) / size, 0.0, atol=1e-6)
+
+
+def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
+    """Against the products of whole matrices, cluster by cluster. Mutations: the mixed part once; the change left out of either
+    pull; a cluster to the bin of its neighbour.
+    """
+    rng = np.random.default_rng(3)
+    bins, laser = np.array([0, 0, 2, 2, 2]), np.array([1, 0, 2, 1, 0])
+    y, f = rng.normal(size=(5, 20, 5)), rng.normal(size=(5, 20, 8))
+    cross, gram = np.swapaxes(f, 1, 2) @ y, np.swapaxes(f, 1, 2) @ f
+    a, Q, F, change = (rng.normal(size=shape) for shape in ((3, 5), (3, 4, 7), (3, 8, 7), (3, 8)))
+    moved, allowed = np.zeros((3, 7)), np.zeros((3, 7, 7))
+    add_influences_kernel(bins, laser, cross, gram.astype(np.float32), a, Q, F, change, moved, allowed)
+    for q in range(3):
+        u, P = np.zeros(7), np.zeros((7, 7))
+        for b in np.flatnonzero(bins == q):
+            own = F[laser[b]]
+            residual, response = y[b] @ a[q] + f[b] @ change[laser[b]], y[b, :, :4] @ Q[q] + f[b] @ own
+            u -= response.T @ residual
+            P += response.T @ response
+            # What the bin's own scatter says of both is not the clusters' to say.
+            u += Q[q].T @ y[b, :, :4].T @ y[b] @ a[q]
+            P -= Q[q].T @ y[b, :, :4].T @ y[b, :, :4] @ Q[q]
+        np.testing.assert_allclose(moved[q], u, rtol=1e-5, atol=1e-4)
+        np.testing.assert_allclose(allowed[q], P, rtol=1e-5, atol=1e-4)
 
 
 def _clusters(rng: np.random.Generator, count: int, direction: FloatArray | None = None) -> Influences:

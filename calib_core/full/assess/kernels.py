@@ -1,0 +1,69 @@
+"""Loops over the lasers' clusters for the assessment, compiled. Each has a NumPy twin in the tests."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from calib_core.types import Float32Array, FloatArray, IntArray
+
+
+@numba.njit(cache=True, nogil=True)
+def add_influences_kernel(
+    bins: IntArray,
+    laser: IntArray,
+    cross: FloatArray,
+    gram: Float32Array,
+    a: FloatArray,
+    Q: FloatArray,
+    F: FloatArray,
+    change: FloatArray,
+    moved: FloatArray,
+    allowed: FloatArray,
+) -> None:
+    """Adds to each bin's moved (Q, 7) and allowed (Q, 7, 7) what its lasers' clusters have moved and allowed the seven.
+
+    bins, laser: (B,).   cross: (B, 8, 5), gram: (B, 8, 8).   a: (Q, 5), Q: (Q, 4, 7) of the bins.   F: (L, 8, 7), change: (L, 8)
+    of the lasers.
+    """
+    features, seven = F.shape[1], F.shape[2]
+    by_gram, by_cross = np.empty((features, seven)), np.empty((4, seven))
+    pull, push, mixed = np.empty(features), np.empty(4), np.empty((seven, seven))
+    for b in range(bins.shape[0]):
+        q, j = bins[b], laser[b]
+        push[:], by_cross[:] = 0.0, 0.0
+        for f in range(features):
+            total, by = 0.0, change[j, f]
+            for c in range(4):
+                value = cross[b, f, c]
+                total += value * a[q, c]
+                push[c] += value * by
+                for s in range(seven):
+                    by_cross[c, s] += value * F[j, f, s]
+            total += cross[b, f, 4] * a[q, 4]
+            by_gram[f] = 0.0
+            for e in range(features):
+                value = gram[b, f, e]
+                total += value * change[j, e]
+                for s in range(seven):
+                    by_gram[f, s] += value * F[j, e, s]
+            pull[f] = total
+        for s in range(seven):
+            total = 0.0
+            for f in range(features):
+                total += F[j, f, s] * pull[f]
+            for c in range(4):
+                total += Q[q, c, s] * push[c]
+            moved[q, s] -= total
+            for t in range(seven):
+                mixed[s, t] = (
+                    Q[q, 0, s] * by_cross[0, t] + Q[q, 1, s] * by_cross[1, t] + Q[q, 2, s] * by_cross[2, t]
+                    + Q[q, 3, s] * by_cross[3, t]
+                )  # fmt: skip
+        for s in range(seven):
+            for t in range(seven):
+                allowed[q, s, t] += mixed[s, t] + mixed[t, s]
+            for f in range(features):
+                way = F[j, f, s]
+                for t in range(seven):
+                    allowed[q, s, t] += way * by_gram[f, t]
