@@ -19,7 +19,7 @@ from types import FrameType
 from app.cli.commands import COMMANDS, AuditFailed, Refused
 from app.cli.parser import build_parser
 from app.cli.usage import UsageError
-from app.memory import keep_freed_memory
+from app.process import keep_freed_memory, leave
 from calib_core.errors import Cancelled, InputError
 
 EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -28,9 +28,10 @@ EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED 
 def main() -> None:
     """The console script."""
     signal.signal(signal.SIGTERM, _interrupt)
-    if sys.argv[1:2] != ["serve"]:
-        keep_freed_memory()
-    sys.exit(run(sys.argv[1:]))
+    if sys.argv[1:2] == ["serve"]:
+        sys.exit(run(sys.argv[1:]))
+    keep_freed_memory()
+    leave(run(sys.argv[1:]))
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -17,7 +17,7 @@ from contextlib import suppress
 from typing import cast
 
 from app.fleet.orders import FleetOrder, FleetOutcome
-from app.memory import keep_freed_memory
+from app.process import keep_freed_memory, leave
 from calib_core.errors import UnsweepError
 
 FleetFunction = Callable[[FleetOrder], str]
@@ -96,3 +96,4 @@ def _leave_with_parent(parent: int) -> None:
 
 if __name__ == "__main__":
     main(sys.argv[1:])
+    leave(0)

@@ -21,7 +21,7 @@ from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
 from app.limits import apply_limits, full_disk, out_of_memory
-from app.memory import keep_freed_memory
+from app.process import keep_freed_memory, leave
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
 from calib_core.errors import Cancelled, TopicError, UnsweepError
@@ -59,6 +59,7 @@ def run_worker(entry: str, orders: Connection, pipe: Connection, cancel: Process
         return  # the server is gone; it will find this job interrupted
     finally:
         pipe.close()
+    leave(0)
 
 
 def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -> Finished | Failed | Stopped:

@@ -1,9 +1,10 @@
-"""Pages that a computing process keeps, counted by the system."""
+"""Pages that a computing process keeps, counted by the system, and what it does before it ends."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,7 @@ _COUNTED = """
 import resource, sys
 import numpy as np
 if sys.argv[1] == "kept":
-    from app.memory import keep_freed_memory
+    from app.process import keep_freed_memory
     keep_freed_memory()
 def faults():
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -36,3 +37,23 @@ def test_arrays_of_a_next_step_have_the_pages_of_the_last() -> None:
         for how in ("given back", "kept")
     ]
     assert told[1] < 0.1 * told[0]
+
+
+_LEAVING = """
+import atexit, sys, tempfile
+from pathlib import Path
+from app.process import leave
+folder = tempfile.TemporaryDirectory(prefix="unsweep-leaving-")
+print(folder.name)
+atexit.register(lambda: print("cleared"))
+leave(3)
+print("not reached")
+"""
+
+
+def test_who_leaves_has_told_all_and_cleared_away() -> None:
+    """Mutations: without what was registered for the end; without the last lines; another exit code."""
+    done = subprocess.run([sys.executable, "-c", _LEAVING], capture_output=True, text=True, check=False)
+    folder, cleared = done.stdout.splitlines()
+    assert (done.returncode, cleared, done.stderr) == (3, "cleared", "")
+    assert not Path(folder).exists()
