@@ -23,6 +23,7 @@ import numpy as np
 from calib_core.deskew import map_points, raw_map_points
 from calib_core.maps.accumulate import covers, voxels_of
 from calib_core.result import Crispness, RoomCrispness
+from calib_core.threads import workers
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, Scan, Trajectory
 
 #: Edge of the cubes: ten times a lidar's noise, so that a wall is thin in it, and small against furniture. Of 0.2, 0.4 and
@@ -78,8 +79,9 @@ def compare_rooms(maps_m: Sequence[FloatArray]) -> list[RoomCrispness] | None:
     if not maps_m or not len(maps_m[0]):
         return None
     totals = np.zeros((len(maps_m), 4))  # points that count, their entropies, thinnest variances, cubes
-    for shift in _GRIDS:
-        rooms = [_neighbourhoods(xyz_m + CUBE_M * np.array(shift)) for xyz_m in maps_m]
+    shifted = [workers().submit(_neighbourhoods, xyz_m + CUBE_M * np.array(by)) for by in _GRIDS for xyz_m in maps_m]
+    for first in range(0, len(shifted), len(maps_m)):
+        rooms = [room.result() for room in shifted[first : first + len(maps_m)]]
         counted = np.all([room.n_points[room.cube] >= _LEAST_POINTS for room in rooms], axis=0)
         totals += [room.sums_over(counted) for room in rooms]
     if totals[:, 3].min() < _LEAST_CUBES * len(_GRIDS):
