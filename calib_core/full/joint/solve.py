@@ -136,8 +136,8 @@ def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Esti
 def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """Without what is no plane by far: it would draw the sensors' parameters aside, and the motion round after round.
 
-    Where no sensor is let go nothing lays points on planes anew, and all planes are judged next.   Where planes were chosen they
-    stay, marked: narrow gates will see of a box before a wall what looks like the wall.
+    Where no sensor is let go nothing lays points on planes anew, and all planes are judged next. Planes that were chosen stay,
+    and what is wrong with them is noted, as narrow gates will see of a box before a wall what looks like the wall.
     """
     if schedule.planes is not None:
         if not data.sensors.blocks:
