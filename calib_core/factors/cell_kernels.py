@@ -28,7 +28,7 @@ def cell_of(value_m: float, cell_m: float, width: int) -> int:
     return min(max(int(np.floor(value_m / cell_m)) + width // 2, 0), width - 1)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def cells_kernel(
     plane: IntArray,
     slice_index: IntArray,
@@ -51,7 +51,7 @@ def cells_kernel(
             cell[i, a] = cell_of(value, cell_m, 2 * half)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def near_kernel(
     plane: IntArray,
     slice_index: IntArray,
@@ -92,7 +92,7 @@ def near_kernel(
     return count
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def count_kernel(
     plane: IntArray,
     cell: IntArray,
@@ -120,7 +120,7 @@ def count_kernel(
         box[j, 2], box[j, 3] = max(box[j, 2], r), max(box[j, 3], c)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def lies_within(
     x: float, y: float, z: float, k: int, j: int, u: FloatArray, origin: FloatArray, cell_m: float, half: int, inside: BoolArray
 ) -> bool:  # fmt: skip
@@ -130,7 +130,7 @@ def lies_within(
     return inside[j, cell_of(row, cell_m, 2 * half), cell_of(column, cell_m, 2 * half)]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def within_kernel(
     plane: IntArray,
     slice_index: IntArray,

@@ -11,19 +11,35 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from calib_core.factors.cell_kernels import Grids, lies_within
-from calib_core.factors.kernels import (
+from calib_core.factors.blocks import (
+    BESIDE,
+    BLOCK,
+    COSINE,
+    DISTANCE,
+    HIT_X,
+    HIT_Y,
+    HIT_Z,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
+    PLANE,
+    WEIGHT,
     SeenPlanes,
+    T,
     Weighing,
-    add_moments,
-    as_sieved,
-    is_sieved,
-    looked_at,
-    meet,
-    weight_of,
+    X,
+    Y,
+    Z,
+    correct_block,
+    features_block,
+    meet_block,
+    new_block,
+    weigh_block,
 )
+from calib_core.factors.cell_kernels import Grids, lies_within
+from calib_core.factors.kernels import add_moments, as_sieved, is_sieved
 from calib_core.factors.laser_features import LaserErrors, LaserSums, steps_to_middles
-from calib_core.factors.laser_kernels import FEATURES, PRODUCTS, LaserTable, add_features, correct_point
+from calib_core.factors.laser_kernels import FEATURES, PRODUCTS, LaserTable, add_features, table_of, tell_laser
 from calib_core.factors.lidar_plane import Gate, LidarNoise, MicroBins, SlicePoses, grids, seen_planes, weighing_of
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray
@@ -86,7 +102,7 @@ def scan_moments(
     return bins, LaserSums.filled(cross, gram, of_cluster, n_planes, groups.lasers)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def moments_kernel(
     xyz: Float32Array,
     offset_ns: CountArray,
@@ -114,48 +130,114 @@ def moments_kernel(
     slant: (2,) LaserErrors.slant.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
     else all are laser 0.   group: (S,), (0,) where the lidar is taken for ideal; R, p as in collapse_features_kernel.
     """
-    range_offset_m, range_scale, elevation_rad, azimuth_rad, eccentricity_rad = off
-    slice_s, n_lidar, w_lidar, omega, v, usable, min_cosine, min_azimuth_cosine = seen
-    u, origin, cell_m, half = cells
-    n_planes = extra_of_plane_m.shape[0]
-    D, along, hit = np.empty(n_lidar.shape[1]), np.empty(n_lidar.shape[1]), np.empty(6)
-    errors, sine, cosine = range_offset_m.shape[0], np.sin(elevation_rad), np.cos(elevation_rad)
+    n_planes, points = extra_of_plane_m.shape[0], xyz.shape[0]
+    table, S, at, i = table_of(off), new_block(seen.n_lidar.shape[1]), np.empty(BLOCK, np.int64), 0
+    corrects = off.range_offset_m.shape[0] > 0
     lasers = of_cluster.shape[0] // max((group.max() + 1) * n_planes, 1) if group.shape[0] > 0 else 0
-    x0: float
-    x1: float
-    x2: float
-    for i in range(xyz.shape[0]):
-        which = laser[i] if told_apart else 0
-        x0, x1, x2 = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
-        if which < errors:
-            x0, x1, x2 = correct_point(
-                x0, x1, x2, range_offset_m[which], range_scale[which], sine[which], cosine[which], azimuth_rad[which],
-                eccentricity_rad,
-            )  # fmt: skip
-            x0, x1, x2 = np.float64(np.float32(x0)), np.float64(np.float32(x1)), np.float64(np.float32(x2))
-        offset_s = offset_ns[i] * 1e-9
-        k = int(offset_s / slice_s)
-        if not usable[k] or not looked_at(x0, x1, x2, min_azimuth_cosine):
+    while i < points:
+        k, begin, n = int(offset_ns[i] * 1e-9 / seen.slice_s), i, 0
+        while i < points and n < BLOCK:
+            offset_s = offset_ns[i] * 1e-9
+            if int(offset_s / seen.slice_s) != k:
+                break
+            S[X + n], S[Y + n], S[Z + n] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            S[T + n] = offset_s - (k + 0.5) * seen.slice_s
+            if corrects:
+                tell_laser(S, n, table, laser[i] if told_apart else 0)
+            i, n = i + 1, n + 1
+        if not seen.usable[k]:
             continue
-        t = offset_s - (k + 0.5) * slice_s
-        j = meet(x0, x1, x2, t, k, n_lidar, w_lidar, omega, v, min_cosine, D, along, hit)
-        if j < 0 or j >= n_planes:
+        if corrects:
+            correct_block(S, n, off.eccentricity_rad)
+        meet_block(S, n, k, seen, extra_of_plane_m)
+        weigh_block(S, n, slant, weighing)
+        counted = _count_block(S, n, k, begin, xyz, extra_of_plane_m, weighing, cells, inside, scatter, count, at)
+        if lasers > 0:
+            _sort_in(
+                S,
+                counted,
+                k,
+                at,
+                laser,
+                told_apart,
+                group[k] * n_planes,
+                seen.n_lidar,
+                R,
+                p,
+                lasers,
+                cross,
+                gram,
+                of_cluster,
+            )
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _count_block(
+    S: FloatArray,
+    n: int,
+    k: int,
+    begin: int,
+    xyz: Float32Array,
+    extra_of_plane_m: FloatArray,
+    weighing: Weighing,
+    cells: Grids,
+    inside: BoolArray,
+    scatter: FloatArray,
+    count: IntArray,
+    at: IntArray,
+) -> int:
+    """Adds the hits of a block that count to the moments of their planes. Returns how many, moved to the block's beginning.
+
+    Of those PLANE, DISTANCE, COSINE and WEIGHT, X, Y, Z where they hit, at (n,) which points they are.   begin: of the first.
+    """
+    u, origin, cell_m, half = cells
+    n_planes, counted = extra_of_plane_m.shape[0], 0
+    for m in range(n):
+        weight = S[WEIGHT + m]
+        if weight < 0.0:
             continue
-        d = hit[3] + slant[0] * (1.0 + hit[4])
-        if slant[1] != 0.0:
-            range_m = np.sqrt(hit[0] * hit[0] + hit[1] * hit[1] + hit[2] * hit[2])
-            d -= slant[1] * range_m * np.sqrt(max(1.0 - hit[4] * hit[4], 0.0))
-        weight = weight_of(hit[0], hit[1], hit[2], d, hit[4], hit[5], extra_of_plane_m[j], weighing)
-        if is_sieved(weight, extra_of_plane_m[j], hit[4], weighing):
-            d, weight = as_sieved(hit, d, xyz[i], extra_of_plane_m[j], weighing)
-        if weight < 0.0 or (
-            inside.shape[0] > 0 and not lies_within(hit[0], hit[1], hit[2], k, j, u, origin, cell_m, half, inside)
-        ):
+        j, x, y, z, d = int(S[PLANE + m]), S[HIT_X + m], S[HIT_Y + m], S[HIT_Z + m], S[DISTANCE + m]
+        if is_sieved(weight, extra_of_plane_m[j], S[COSINE + m], weighing):
+            d, weight = as_sieved(
+                x, y, z, d, S[COSINE + m], S[BESIDE + m], xyz[begin + m], extra_of_plane_m[j], weighing
+            )
+        if weight < 0.0 or (inside.shape[0] > 0 and not lies_within(x, y, z, k, j, u, origin, cell_m, half, inside)):
             continue
-        b = k * n_planes + j
-        add_moments(hit[0], hit[1], hit[2], d, weight, scatter, b)
-        count[b] += 1
+        add_moments(x, y, z, d, weight, scatter, k * n_planes + j)
+        count[k * n_planes + j] += 1
+        S[X + counted], S[Y + counted], S[Z + counted] = x, y, z
+        S[PLANE + counted], S[DISTANCE + counted], S[WEIGHT + counted] = S[PLANE + m], d, weight
+        S[COSINE + counted] = S[COSINE + m]
+        at[counted] = begin + m
+        counted += 1
+    return counted
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _sort_in(
+    S: FloatArray,
+    n: int,
+    k: int,
+    at: IntArray,
+    laser: LaserArray,
+    told_apart: bool,
+    first: int,
+    n_lidar: FloatArray,
+    R: FloatArray,
+    p: FloatArray,
+    lasers: int,
+    cross: FloatArray,
+    gram: FloatArray,
+    of_cluster: IntArray,
+) -> None:
+    """Adds what `_count_block` has counted to the sums of (group, plane, laser). first: the group's first plane's place."""
+    for m in range(n):
+        j = int(S[PLANE + m])
+        S[NORMAL_X + m], S[NORMAL_Y + m], S[NORMAL_Z + m] = n_lidar[k, j, 0], n_lidar[k, j, 1], n_lidar[k, j, 2]
+    features_block(S, n, k, R, p)
+    for m in range(n):
+        which = laser[at[m]] if told_apart else 0
         if which < lasers:
-            c = (group[k] * n_planes + j) * lasers + which
-            add_features(hit[0], hit[1], hit[2], d, hit[4], weight, k, j, n_lidar, R, p, c, cross, gram)
+            c = (first + int(S[PLANE + m])) * lasers + which
+            add_features(S, m, S[DISTANCE + m], S[WEIGHT + m], c, cross, gram)
             of_cluster[c] += 1

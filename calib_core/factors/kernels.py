@@ -7,121 +7,40 @@ is to do. Compiled code is kept beside this file, so that only a machine's first
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from calib_core.factors.blocks import (
+    BESIDE,
+    BLOCK,
+    COSINE,
+    DISTANCE,
+    HIT_X,
+    HIT_Y,
+    HIT_Z,
+    PLANE,
+    SeenPlanes,
+    T,
+    Weighing,
+    X,
+    Y,
+    Z,
+    meet_block,
+    new_block,
+    weight_of,
+)
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
-#: A plane seen at a smaller cosine is taken to be seen at this one, where it is asked how far a hit is from it.
-GRAZING = 0.25
 #: A ray that is parallel to a face but for this never meets it.
 FLAT = 1e-9
 #: Of the normal law, and of the error function.
 DENSITY, HALF_ROOT = 1.0 / np.sqrt(2.0 * np.pi), np.sqrt(0.5)
 #: A cell that leaves a return less than this share of its variance leaves nothing to learn from it.
 TOLD_SHARE = 1e-3
-#: Over the last quarter of a standard deviation before the gate, and of the margin, weights fall to zero: with a step
-#: there, a point that comes or goes moves the answer, which lets another one go, and so on for ever.
-RAMP = 0.25
 
 
-class SeenPlanes(NamedTuple):
-    """The planes as the lidar sees them from the middles of slices, its rates there, and which rays are looked at.
-
-    slice_s: how long a slice is.   n_lidar (S, P, 3), w_lidar (S, P).   omega, v: (S, 3), lidar axes.   usable: (S,).
-    min_cosine: of the incidence.   min_azimuth_cosine: of the azimuth's cosine, -2 for all.
-    """
-
-    slice_s: float
-    n_lidar: FloatArray
-    w_lidar: FloatArray
-    omega: FloatArray
-    v: FloatArray
-    usable: BoolArray
-    min_cosine: float
-    min_azimuth_cosine: float
-
-
-class Weighing(NamedTuple):
-    """What a hit's weight depends on beside itself: lidar_plane.LidarNoise and Gate.
-
-    extra_stds: the extra width of a gate in standard deviations of what it makes room for.   farthest_m: no range beyond.
-    sieve_m: edge of the cells of which each left one point, 0 for none.
-    """
-
-    range_std_m: float
-    surface_std_m: float
-    sigmas: float
-    margin_m: float
-    robust_sigmas: float
-    extra_stds: float
-    farthest_m: float
-    sieve_m: float
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def looked_at(x: float, y: float, z: float, min_azimuth_cosine: float) -> bool:
-    """Whether a point is a return, and within the field of view. min_azimuth_cosine: -2 for all."""
-    if x * x + y * y + z * z < 1e-6:
-        return False
-    return min_azimuth_cosine <= -1.5 or x >= min_azimuth_cosine * np.sqrt(x * x + y * y)
-
-
-@numba.njit(cache=True, nogil=True)
-def meet(
-    x: float,
-    y: float,
-    z: float,
-    t: float,
-    k: int,
-    n_lidar: FloatArray,
-    w_lidar: FloatArray,
-    omega: FloatArray,
-    v: FloatArray,
-    min_cosine: float,
-    D: FloatArray,
-    along: FloatArray,
-    hit: FloatArray,
-) -> int:
-    """The plane that a ray most plausibly ended on, -1 for none, and what is said of it: hit (6,) x_hit, d, cosine, beside.
-
-    t: after the middle of its slice k, of all slices' planes n_lidar (S, P, 3), w_lidar (S, P) and rates omega, v (S, 3): a
-    slice of an array is an object, and counting who holds it costs a third of the rest.   D, along: (P,) room to work.   Range
-    errors D / cosine are compared without dividing.
-    """
-    n_planes = n_lidar.shape[1]
-    tx = x + t * (omega[k, 1] * z - omega[k, 2] * y)
-    ty = y + t * (omega[k, 2] * x - omega[k, 0] * z)
-    tz = z + t * (omega[k, 0] * y - omega[k, 1] * x)
-    r = np.sqrt(x * x + y * y + z * z)
-    best = -1
-    for j in range(n_planes):
-        nx, ny, nz = n_lidar[k, j, 0], n_lidar[k, j, 1], n_lidar[k, j, 2]
-        along[j] = nx * tx + ny * ty + nz * tz
-        D[j] = along[j] + t * (nx * v[k, 0] + ny * v[k, 1] + nz * v[k, 2]) + w_lidar[k, j]
-        if along[j] < -min_cosine * r and (best < 0 or abs(D[j]) * along[best] > abs(D[best]) * along[j]):
-            best = j
-    if best < 0:
-        return best
-    error = D[best] / along[best]
-    hit[0] = tx + t * v[k, 0] - error * tx
-    hit[1] = ty + t * v[k, 1] - error * ty
-    hit[2] = tz + t * v[k, 2] - error * tz
-    hit[3] = D[best]
-    hit[4] = along[best] / r
-    gap, slant = np.inf, 1.0
-    for j in range(n_planes):
-        if j != best:
-            other, across = abs(D[j] - error * along[j]), max(abs(along[j]), GRAZING * r)
-            if other * slant < gap * across:
-                gap, slant = other, across
-    hit[5] = gap * r / slant
-    return best
-
-
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def hits_kernel(
     xyz: Float32Array,
     offset_s: FloatArray,
@@ -136,30 +55,33 @@ def hits_kernel(
 ) -> None:
     """Fills plane (-1: none), slice_index, x_hit (N, 3), d, cosine, beside (N,) for points xyz (N, 3) at offset_s (N,).
 
-    beside: distance along the ray to the nearest other plane, as seen at a cosine of GRAZING at least.   first_slice: (N,)
-    that of each point's scan; offset_s counts from its beginning.
+    As `meet_block` has it.   first_slice: (N,) that of each point's scan; offset_s counts from its beginning.
     """
-    slice_s, n_lidar, w_lidar, omega, v, usable, min_cosine, min_azimuth_cosine = seen
-    n_planes = n_lidar.shape[1]
-    D, along, hit = np.empty(n_planes), np.empty(n_planes), np.empty(6)
-    for i in range(xyz.shape[0]):
-        x, y, z = np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2])
-        local = int(offset_s[i] / slice_s)
-        k = first_slice[i] + local
-        plane[i] = -1
-        slice_index[i] = k
-        if not usable[k] or not looked_at(x, y, z, min_azimuth_cosine):
+    points, none = xyz.shape[0], np.zeros(0)
+    S, i = new_block(seen.n_lidar.shape[1]), 0
+    while i < points:
+        k, begin, n = first_slice[i] + int(offset_s[i] / seen.slice_s), i, 0
+        while i < points and n < BLOCK:
+            local = int(offset_s[i] / seen.slice_s)
+            if first_slice[i] + local != k:
+                break
+            S[X + n], S[Y + n], S[Z + n] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            S[T + n] = offset_s[i] - (local + 0.5) * seen.slice_s
+            plane[i], slice_index[i] = -1, k
+            i, n = i + 1, n + 1
+        if not seen.usable[k]:
             continue
-        t = offset_s[i] - (local + 0.5) * slice_s
-        best = meet(x, y, z, t, k, n_lidar, w_lidar, omega, v, min_cosine, D, along, hit)
-        if best < 0:
-            continue
-        plane[i] = best
-        x_hit[i, 0], x_hit[i, 1], x_hit[i, 2] = hit[0], hit[1], hit[2]
-        d[i], cosine[i], beside[i] = hit[3], hit[4], hit[5]
+        meet_block(S, n, k, seen, none)
+        for m in range(n):
+            best = int(S[PLANE + m])
+            if best >= 0:
+                at = begin + m
+                plane[at] = best
+                x_hit[at, 0], x_hit[at, 1], x_hit[at, 2] = S[HIT_X + m], S[HIT_Y + m], S[HIT_Z + m]
+                d[at], cosine[at], beside[at] = S[DISTANCE + m], S[COSINE + m], S[BESIDE + m]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: float) -> tuple[float, float]:
     """Mean [m] and variance, as a share of std_m^2, that a return's range error has in the cell in which it lies.
 
@@ -182,40 +104,7 @@ def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: 
     return mean * std_m, max(1.0 + a * at_a - b * at_b - mean * mean, 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
-def weight_of(
-    x: float,
-    y: float,
-    z: float,
-    d: float,
-    cosine: float,
-    ambiguous_m: float,
-    extra_m: float,
-    weighing: Weighing,
-) -> float:
-    """Weight [1/m^2] of a hit at x, y, z, below zero where it does not count.
-
-    extra_m: room in its plane's gate, below zero for none.   Where the ray meets the plane no nearer to the farthest range
-    than noise reaches, of returns only those that read short are there: none is taken.
-    """
-    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m, _ = weighing
-    variance = (range_std_m * cosine) ** 2 + surface_std_m**2
-    std = np.sqrt(variance)
-    room = sigmas * std + extra_m - abs(d)
-    clear = ambiguous_m - (1.0 - RAMP) * margin_m
-    range_m2, most_m = x * x + y * y + z * z, max(farthest_m - sigmas * range_std_m, 0.0)
-    if extra_m < 0.0 or not room > 0.0 or not clear > 0.0 or not range_m2 < most_m * most_m:
-        return -1.0
-    shortfall = max(1.0 - (d / (robust_sigmas * std + extra_m)) ** 2, 0.0)
-    edge = min(room / (RAMP * std), 1.0)
-    if margin_m > 0.0:
-        edge *= min(clear / (RAMP * margin_m), 1.0)
-    if range_m2 > (most_m - RAMP * range_std_m) ** 2:
-        edge *= min((most_m - np.sqrt(range_m2)) / (RAMP * range_std_m), 1.0)
-    return edge * shortfall**2 / (variance + (extra_m / extra_stds) ** 2)
-
-
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def select_kernel(
     plane: IntArray,
     x_hit: FloatArray,
@@ -241,33 +130,41 @@ def select_kernel(
             weight[i] = worth
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def as_sieved(
-    hit: FloatArray, d: float, published_m: Float32Array, extra_m: float, weighing: Weighing
+    x: float,
+    y: float,
+    z: float,
+    d: float,
+    cosine: float,
+    beside_m: float,
+    published_m: Float32Array,
+    extra_m: float,
+    weighing: Weighing,
 ) -> tuple[float, float]:
     """The distance [m] and weight [1/m^2] to count a return with that somebody left in its cell; weight below zero for none.
 
     Its score is (e - mean) / std^2 and its information variance / std^4 (`cut_off`); a weight times the square of a distance has
-    the same. Nothing else of its weight may depend on the noise: no robust one, which leans to where the cell is open.   hit:
-    (6,) of `meet`, and d what is left of its distance.   published_m: (3,).
+    the same. Nothing else of its weight may depend on the noise: no robust one, which leans to where the cell is open.   x, y, z
+    to beside_m: the hit, as in `meet_block`.   published_m: (3,).
     """
-    variance = (weighing.range_std_m * hit[4]) ** 2 + weighing.surface_std_m**2
-    std_m = np.sqrt(variance) / abs(hit[4])
-    mean_m, share = cut_off(published_m[0], published_m[1], published_m[2], d / hit[4], std_m, weighing.sieve_m)
+    variance = (weighing.range_std_m * cosine) ** 2 + weighing.surface_std_m**2
+    std_m = np.sqrt(variance) / abs(cosine)
+    mean_m, share = cut_off(published_m[0], published_m[1], published_m[2], d / cosine, std_m, weighing.sieve_m)
     if share < TOLD_SHARE:
         return d, -1.0
-    weight = weight_of(hit[0], hit[1], hit[2], 0.0, hit[4], hit[5], extra_m, weighing)
-    return (d - mean_m * hit[4]) / share, weight * share
+    weight = weight_of(x, y, z, 0.0, cosine, beside_m, extra_m, weighing)
+    return (d - mean_m * cosine) / share, weight * share
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def is_sieved(weight: float, extra_m: float, cosine: float, weighing: Weighing) -> bool:
     """Whether a return counts that a grid left, and the motion is surer than its range: else it counts as it came."""
     variance = (weighing.range_std_m * cosine) ** 2 + weighing.surface_std_m**2
     return weighing.sieve_m > 0.0 and weight >= 0.0 and (extra_m / weighing.extra_stds) ** 2 <= variance
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def sieve_kernel(
     plane: IntArray,
     published_m: Float32Array,
@@ -281,16 +178,24 @@ def sieve_kernel(
     weight: FloatArray,
 ) -> None:
     """`as_sieved` of the kept hits: changes d (N,), keep and weight."""
-    hit = np.empty(6)
     for i in range(plane.shape[0]):
         extra_m = extra_of_plane_m[plane[i]]
         if keep[i] and is_sieved(weight[i], extra_m, cosine[i], weighing):
-            hit[:3], hit[3], hit[4], hit[5] = x_hit[i], d[i], cosine[i], ambiguous_m[i]
-            d[i], weight[i] = as_sieved(hit, d[i], published_m[i], extra_m, weighing)
+            d[i], weight[i] = as_sieved(
+                x_hit[i, 0],
+                x_hit[i, 1],
+                x_hit[i, 2],
+                d[i],
+                cosine[i],
+                ambiguous_m[i],
+                published_m[i],
+                extra_m,
+                weighing,
+            )
             keep[i] = weight[i] >= 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_moments(x: float, y: float, z: float, d: float, weight: float, scatter: FloatArray, b: int) -> None:
     """Adds weight h h', h = [x, y, z, 1, d], upper triangle row by row, to row b of scatter (B, 15)."""
     wx, wy, wz = weight * x, weight * y, weight * z
@@ -311,7 +216,7 @@ def add_moments(x: float, y: float, z: float, d: float, weight: float, scatter: 
     scatter[b, 14] += weight * d * d
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def collapse_kernel(
     keep: BoolArray,
     plane: IntArray,
@@ -331,7 +236,7 @@ def collapse_kernel(
             count[b] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def move_and_sum_kernel(
     scatter: FloatArray, R: FloatArray, p: FloatArray, pose: IntArray, place: IntArray, total: FloatArray
 ) -> None:

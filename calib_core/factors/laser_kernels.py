@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from calib_core.factors.blocks import (
+    BLOCK,
+    COSINE,
+    FEATURE,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
+    OFFSET,
+    PLACE,
+    X,
+    Y,
+    Z,
+    correct_block,
+    features_block,
+    new_block,
+)
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 #: Of a point: by its range, elevation, azimuth, its range's scale, its incidence, its azimuth as the encoder's eccentricity
@@ -18,8 +33,6 @@ INCIDENCE = 4
 #: The others, and how many products two of them make.
 OTHERS = np.array([0, 1, 2, 3, 5, 6, 7])
 PRODUCTS = len(OTHERS) * (len(OTHERS) + 1) // 2
-#: Below this [rad] sine and cosine are six and five terms of their series, to the last digit: 0.05^11 / 11! is 1e-22.
-SMALL_RAD = 0.05
 #: Columns of a cluster, and what a unit of each adds to the features' coefficients: the laser's offset, elevation, azimuth and
 #: scale, everybody's offset, incidence, sine and cosine, grazing; last the surface's height where the points lie, towards the
 #: lidar, which shortens every distance alike: minus the cosine and minus one less the cosine.
@@ -45,50 +58,27 @@ class LaserTable(NamedTuple):
     eccentricity_rad: FloatArray
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def sine_and_cosine(angle_rad: float) -> tuple[float, float]:
-    """Of an angle that is hardly ever large: a library takes a third of a point's time for them."""
-    if abs(angle_rad) > SMALL_RAD:
-        return math.sin(angle_rad), math.cos(angle_rad)
-    s = angle_rad * angle_rad
-    return (
-        angle_rad * (1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0)))),
-        1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0))),
-    )
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def table_of(errors: LaserTable) -> FloatArray:
+    """(L + 1, 6) what `correct_block` is told of a point of each laser, OFFSET to KNOWN; the last row is any other's."""
+    lasers = errors.range_offset_m.shape[0]
+    table = np.zeros((lasers + 1, 6))
+    for j in range(lasers):
+        table[j, 0], table[j, 1] = errors.range_offset_m[j], errors.range_scale[j]
+        table[j, 2], table[j, 3] = np.sin(errors.elevation_rad[j]), np.cos(errors.elevation_rad[j])
+        table[j, 4], table[j, 5] = errors.azimuth_rad[j], 1.0
+    return table
 
 
-@numba.njit(cache=True, nogil=True)
-def correct_point(
-    x: float,
-    y: float,
-    z: float,
-    range_offset_m: float,
-    range_scale: float,
-    sine: float,
-    cosine: float,
-    azimuth_rad: float,
-    eccentricity_rad: FloatArray,
-) -> tuple[float, float, float]:
-    """Where a point of a laser with these errors lies without them. sine, cosine: of its elevation's error."""
-    level2 = x * x + y * y
-    r = np.sqrt(level2 + z * z)
-    if r < 1e-3:
-        return x, y, z
-    factor = (r - range_offset_m) / ((1.0 + range_scale) * r)
-    level = np.sqrt(level2)
-    along = 1.0 if level < 1e-9 else (level * cosine - z * sine) / level
-    turned = azimuth_rad
-    if level > 1e-9:
-        turned += (eccentricity_rad[0] * y + eccentricity_rad[1] * x) / level
-    aside, ahead = sine_and_cosine(turned)
-    return (
-        (x * ahead - y * aside) * along * factor,
-        (x * aside + y * ahead) * along * factor,
-        (z * cosine + level * sine) * factor,
-    )
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def tell_laser(S: FloatArray, n: int, table: FloatArray, laser: int) -> None:
+    """Tells a block of which laser its n-th point is."""
+    row = laser if laser < table.shape[0] else table.shape[0] - 1
+    for c in range(6):
+        S[OFFSET + c * BLOCK + n] = table[row, c]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def correct_kernel(
     xyz: Float32Array,
     laser: LaserArray,
@@ -96,65 +86,39 @@ def correct_kernel(
     out: Float32Array,
 ) -> None:
     """Fills out (N, 3) with points as they would be without their laser's errors; of other lasers they stay as they are."""
-    range_offset_m, range_scale, elevation_rad, azimuth_rad, eccentricity_rad = errors
-    lasers = range_offset_m.shape[0]
-    sine, cosine = np.sin(elevation_rad), np.cos(elevation_rad)
-    for i in range(xyz.shape[0]):
-        j = laser[i]
-        if j < 0 or j >= lasers:
-            out[i, 0], out[i, 1], out[i, 2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-            continue
-        out[i, 0], out[i, 1], out[i, 2] = correct_point(
-            np.float64(xyz[i, 0]), np.float64(xyz[i, 1]), np.float64(xyz[i, 2]), range_offset_m[j], range_scale[j],
-            sine[j], cosine[j], azimuth_rad[j], eccentricity_rad,
-        )  # fmt: skip
+    table, S = table_of(errors), new_block(0)
+    for begin in range(0, xyz.shape[0], BLOCK):
+        n = min(BLOCK, xyz.shape[0] - begin)
+        for m in range(n):
+            S[X + m], S[Y + m], S[Z + m] = xyz[begin + m, 0], xyz[begin + m, 1], xyz[begin + m, 2]
+            tell_laser(S, m, table, laser[begin + m])
+        correct_block(S, n, errors.eccentricity_rad)
+        for m in range(n):
+            out[begin + m, 0], out[begin + m, 1], out[begin + m, 2] = S[X + m], S[Y + m], S[Z + m]
 
 
-@numba.njit(cache=True, nogil=True)
-def add_features(
-    x0: float,
-    x1: float,
-    x2: float,
-    d: float,
-    cosine: float,
-    weight: float,
-    k: int,
-    j: int,
-    n_lidar: FloatArray,
-    R: FloatArray,
-    p: FloatArray,
-    b: int,
-    cross: FloatArray,
-    gram: FloatArray,
-) -> None:
-    """Adds to the sums of cluster b one hit at x on plane j from slice k, of which `features_kernel` makes the moments.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_features(S: FloatArray, m: int, d: float, weight: float, b: int, cross: FloatArray, gram: FloatArray) -> None:
+    """Adds to the sums of cluster b the m-th hit of a block, of which `features_kernel` makes the moments.
 
-    cross (B, 8, 5): weight f y', but in the incidence's row weight y'.   gram (B, 28): weight f f' of the other features, upper
-    triangle row by row.   n_lidar (S, P, 3), R (S, 3, 3), p (S, 3): of all slices.
+    S: after `features_block`.   cross (B, 8, 5): weight f y', but in the incidence's row weight y'.   gram (B, 28): weight f f'
+    of the other features, upper triangle row by row.
     """
-    level = math.sqrt(x0 * x0 + x1 * x1)
-    r = math.sqrt(level * level + x2 * x2)
-    seen = -cosine
-    outward = n_lidar[k, j, 0] * x0 + n_lidar[k, j, 1] * x1
-    aside = n_lidar[k, j, 1] * x0 - n_lidar[k, j, 0] * x1
-    up, around = level * n_lidar[k, j, 2], 0.0
-    if level > 1e-9:
-        up -= x2 / level * outward
-        around = aside / level
-    f = (seen, up, aside, seen * r, around * x1, around * x0, -r * math.sqrt(max(1.0 - seen * seen, 0.0)))
-    y0 = R[k, 0, 0] * x0 + R[k, 0, 1] * x1 + R[k, 0, 2] * x2 + p[k, 0]
-    y1 = R[k, 1, 0] * x0 + R[k, 1, 1] * x1 + R[k, 1, 2] * x2 + p[k, 1]
-    y2 = R[k, 2, 0] * x0 + R[k, 2, 1] * x1 + R[k, 2, 2] * x2 + p[k, 2]
+    y0, y1, y2 = S[PLACE + m], S[PLACE + BLOCK + m], S[PLACE + 2 * BLOCK + m]
+    f = (
+        S[FEATURE + m], S[FEATURE + BLOCK + m], S[FEATURE + 2 * BLOCK + m], S[FEATURE + 3 * BLOCK + m],
+        S[FEATURE + 4 * BLOCK + m], S[FEATURE + 5 * BLOCK + m], S[FEATURE + 6 * BLOCK + m],
+    )  # fmt: skip
     place = 0
-    for m in range(7):
-        row = m if m < INCIDENCE else m + 1
-        w = weight * f[m]
+    for r in range(7):
+        row = r if r < INCIDENCE else r + 1
+        w = weight * f[r]
         cross[b, row, 0] += w * y0
         cross[b, row, 1] += w * y1
         cross[b, row, 2] += w * y2
         cross[b, row, 3] += w
         cross[b, row, 4] += w * d
-        for c in range(m, 7):
+        for c in range(r, 7):
             gram[b, place] += w * f[c]
             place += 1
     cross[b, INCIDENCE, 0] += weight * y0
@@ -164,7 +128,7 @@ def add_features(
     cross[b, INCIDENCE, 4] += weight * d
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def features_kernel(
     cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray, cross: Float32Array, gram: Float32Array
 ) -> None:
@@ -185,7 +149,7 @@ def features_kernel(
         gram[b, INCIDENCE, INCIDENCE] = one - 2.0 * first + gram_sums[s, 0]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def collapse_features_kernel(
     keep: BoolArray,
     plane: IntArray,
@@ -211,19 +175,27 @@ def collapse_features_kernel(
     group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.   cluster:
     (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.
     """
-    n_planes = n_lidar.shape[1]
-    for i in range(keep.shape[0]):
-        if not keep[i] or laser[i] >= lasers:
-            continue
-        s, j = slice_index[i], plane[i]
-        b = cluster[i] if cluster.shape[0] > 0 else (group[s] * n_planes + j) * lasers + laser[i]
-        add_features(
-            x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], d[i], cosine[i], weight[i], s, j, n_lidar, R, p, b, cross, gram
-        )  # fmt: skip
-        count[b] += 1
+    n_planes, points = n_lidar.shape[1], keep.shape[0]
+    S, at, i = new_block(0), np.empty(BLOCK, np.int64), 0
+    while i < points:
+        s, n = slice_index[i], 0
+        while i < points and n < BLOCK and slice_index[i] == s:
+            if keep[i] and laser[i] < lasers:
+                j = plane[i]
+                S[X + n], S[Y + n], S[Z + n], S[COSINE + n] = x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], cosine[i]
+                S[NORMAL_X + n], S[NORMAL_Y + n], S[NORMAL_Z + n] = n_lidar[s, j, 0], n_lidar[s, j, 1], n_lidar[s, j, 2]
+                at[n] = i
+                n += 1
+            i += 1
+        features_block(S, n, s, R, p)
+        for m in range(n):
+            of = at[m]
+            b = cluster[of] if cluster.shape[0] > 0 else (group[s] * n_planes + plane[of]) * lasers + laser[of]
+            add_features(S, m, d[of], weight[of], b, cross, gram)
+            count[b] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def gather_features_kernel(
     cross: Float32Array,
     gram: Float32Array,
@@ -251,7 +223,7 @@ def gather_features_kernel(
                 total_gram[k, f, e] += gram[b, f, e]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def features_squares_kernel(
     bins: IntArray,
     laser: IntArray,
@@ -277,7 +249,7 @@ def features_squares_kernel(
         squares[b] = total
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_features_kernel(
     bins: IntArray,
     knot: IntArray,

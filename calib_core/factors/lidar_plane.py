@@ -23,10 +23,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.factors.blocks import SeenPlanes, Weighing
 from calib_core.factors.cell_kernels import Grids, cells_kernel, near_kernel, within_kernel
 from calib_core.factors.kernels import (
-    SeenPlanes,
-    Weighing,
     collapse_kernel,
     hits_kernel,
     move_and_sum_kernel,

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from calib_core.factors.blocks import SeenPlanes
 from calib_core.factors.cell_kernels import Grids, cells_kernel, near_kernel
-from calib_core.factors.kernels import SeenPlanes, collapse_kernel, hits_kernel
+from calib_core.factors.kernels import collapse_kernel, hits_kernel
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002

@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from calib_core.factors.blocks import sine_and_cosine
 from calib_core.factors.laser_features import (
     LaserErrors,
     LaserFactors,
@@ -14,7 +16,6 @@ from calib_core.factors.laser_features import (
     feature_changes,
     features_squares,
 )
-from calib_core.factors.laser_kernels import sine_and_cosine
 from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.types import FloatArray
 from tests.core.factors import test_bins as bins
@@ -125,12 +126,23 @@ def _features(x_hit: FloatArray, seen: FloatArray, n: FloatArray) -> FloatArray:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("angle_rad", [0.0, 1e-9, -3e-4, 0.0499, -0.0501, 1.2, -3.0])
-def test_sine_and_cosine_of_small_angles_and_large(angle_rad: float) -> None:
-    """Mutations: the cosine without its last term, the sine without its last but one; the series beyond where it holds."""
+@pytest.mark.parametrize("angle_rad", [0.0, 1e-9, -3e-4, 0.0499, -0.05])
+def test_sine_and_cosine_of_small_angles(angle_rad: float) -> None:
+    """Mutations: the cosine without its last term, the sine without its last but one."""
     sine, cosine = sine_and_cosine(angle_rad)
     assert sine == pytest.approx(math.sin(angle_rad), rel=3e-16, abs=0.0)
     assert cosine == pytest.approx(math.cos(angle_rad), rel=3e-16)
+
+
+def test_a_laser_that_looks_far_aside_is_turned_back() -> None:
+    """By a radian, beside one that is turned by a milliradian. Mutation: the series for any angle."""
+    none = np.zeros(2)
+    errors = LaserErrors(none, none, none, np.array([1.0, 1e-3]), 0.0)
+    rng = np.random.default_rng(8)
+    xyz, laser = rng.normal(size=(200, 3)).astype(np.float32), rng.integers(0, 2, 200).astype(np.uint16)
+    turned = np.array([1.0, 1e-3])[laser]
+    expected = Rotation.from_rotvec(turned[:, None] * [0.0, 0.0, 1.0]).apply(xyz)
+    np.testing.assert_allclose(errors.corrected(xyz, laser), expected, atol=1e-6)
 
 
 def test_moments_are_those_of_the_points_and_move_with_them() -> None:
