@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.solver.information import ROUND_OFF, covariance
+from calib_core.solver.information import ROUND_OFF, covariance, factor, solved
 from calib_core.solver.kernels import eliminate_kernel, fill_kernel, substitute_kernel, touched_kernel
 from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
@@ -100,7 +100,11 @@ _PIECE = 256
 def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
     """The border's step, none along directions that the information does not resolve from round-off."""
     unit = 1.0 / np.sqrt(np.maximum(np.diag(schur), 1e-300))
-    values, vectors = np.linalg.eigh(schur * unit[:, None] * unit[None, :])
+    scaled = schur * unit[:, None] * unit[None, :]
+    lower = factor(scaled)
+    if lower is not None:
+        return unit * solved(lower, -unit * gradient)
+    values, vectors = np.linalg.eigh(scaled)
     along = vectors.T @ (-unit * gradient)
     known = values > ROUND_OFF
     return unit * (vectors @ np.where(known, along / np.where(known, values, 1.0), 0.0))

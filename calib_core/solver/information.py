@@ -6,7 +6,8 @@ means nothing before each has unit information of its own:
     I = D^-1 C D^-1,    diag C = 1,    C = V diag(l) V',    cov = D V diag(1 / max(l, eps)) V' D
 
 Along eigenvectors with l <= eps, round-off is all there is: they are *undetermined*, and said to be. Their variance is
-1 / eps, that is huge: a pseudo-inverse that cuts them off would call the unknown certain.
+1 / eps, that is huge: a pseudo-inverse that cuts them off would call the unknown certain. Where all l are surely above it, a
+Cholesky factor gives the same for a tenth of the work: of an information of 128 lasers, that is seconds of a solve.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from calib_core.types import FloatArray
 
 #: Relative to unit diagonal: what double precision cannot resolve after eliminating a chain of knots.
 ROUND_OFF = 1e-11
+#: Eigenvalues are surely above it where a bound is by so much, which is estimated and may be a few times too high.
+_SURELY = 100.0
 #: Information of an unknown that has none: far below any, and its inverse squared is still a number.
 _NOTHING = 1e-200
 
@@ -35,11 +39,36 @@ class Covariance:
         return np.asarray(self.matrix[some][:, some])
 
 
+def factor(unit: FloatArray) -> FloatArray | None:
+    """Lower Cholesky factor (S, S) of an information of unit diagonal that determines all unknowns; None where it may not."""
+    if not len(unit):
+        return None
+    lapack = scipy.linalg.lapack
+    lower, failed = lapack.dpotrf(unit, lower=1)
+    if failed:
+        return None
+    norm = float(np.abs(unit).sum(axis=0).max())
+    # The reciprocal of the inverse's norm, which no eigenvalue is below.
+    reciprocal, _ = lapack.dpocon(lower, norm, uplo="L")
+    return np.asarray(lower) if reciprocal * norm > _SURELY * ROUND_OFF else None
+
+
+def solved(lower: FloatArray, right: FloatArray) -> FloatArray:
+    """L L' x = right, (S,)."""
+    return np.asarray(scipy.linalg.lapack.dpotrs(lower, right, lower=1)[0])
+
+
 def covariance(information: FloatArray) -> Covariance:
     """The covariance that an information matrix (S, S) stands for. An unknown without any information is undetermined."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), _NOTHING))
     unit = information * scale[:, None] * scale[None, :]
-    values, vectors = np.linalg.eigh(0.5 * (unit + unit.T))
+    unit = 0.5 * (unit + unit.T)
+    lower = factor(unit)
+    if lower is not None:
+        half = np.tril(scipy.linalg.lapack.dpotri(lower, lower=1)[0])
+        inverse = half + np.tril(half, -1).T
+        return Covariance(scale[:, None] * inverse * scale[None, :], np.zeros((len(unit), 0)))
+    values, vectors = np.linalg.eigh(unit)
     spread = scale[:, None] * vectors
     return Covariance(spread / np.maximum(values, ROUND_OFF) @ spread.T, spread[:, values <= ROUND_OFF])
 

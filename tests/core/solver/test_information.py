@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib_core.solver.arrow import FROZEN
-from calib_core.solver.information import ROUND_OFF, covariance, marginal
+from calib_core.solver.information import ROUND_OFF, covariance, factor, marginal, solved
 from calib_core.types import FloatArray
 
 #: Standard deviations of unknowns in very different units: 1 urad, 1 mm, 0.1 s, 10 m.
@@ -66,3 +66,29 @@ def test_the_marginal_is_what_is_left_when_the_others_are_unknown() -> None:
     expected = np.linalg.inv(np.linalg.inv(information)[:2, :2])
     np.testing.assert_allclose(marginal(information, 2), expected, rtol=1e-8)
     assert marginal(information, 2)[0, 0] < 0.9 * information[0, 0]
+
+
+@pytest.mark.parametrize("smallest", [1e-1, 1e-6, 1e-8, 1e-10, 1e-12, 0.0])
+def test_the_quick_way_is_taken_where_all_is_surely_known(smallest: float) -> None:
+    """Against the eigenvectors, for unknowns of units millions apart. Mutations: the factor trusted whatever is left open; the
+    bound by the norm instead of its reciprocal; the inverse of the lower triangle alone.
+    """
+    rng = np.random.default_rng(11)
+    size = 40
+    vectors = np.linalg.qr(rng.normal(size=(size, size)))[0]
+    values = np.append(smallest, np.linspace(0.5, 2.0, size - 1))
+    unit = (vectors * values) @ vectors.T
+    scale = 10.0 ** rng.uniform(-4, 4, size)
+    information = unit * scale[:, None] * scale[None, :]
+    found = covariance(information)
+    own = 1.0 / np.sqrt(np.diag(unit))
+    normalised = unit * own[:, None] * own[None, :]
+    lower = factor(0.5 * (normalised + normalised.T))
+    assert (lower is None) == (smallest < 2e-9)
+    assert found.undetermined.shape[1] == (smallest < 1e-11)
+    if lower is not None:
+        expected = (vectors / values) @ vectors.T / scale[:, None] / scale[None, :]
+        std = np.sqrt(np.diag(expected))
+        np.testing.assert_allclose(found.matrix / std / std[:, None], expected / std / std[:, None], atol=1e-6)
+        right = rng.normal(size=size)
+        np.testing.assert_allclose(normalised @ solved(lower, right), right, atol=1e-6)
