@@ -68,7 +68,7 @@ class AppSettings(BaseSettings):
     )
     job_file_bytes: int = Field(default=256 * GIB, gt=0, description="the largest file that a job may write")
     spare_worker: bool = Field(
-        default=True, description="keep a process ready for the next job: starts 2 s sooner, 150 MB"
+        default=True, description="keep a process ready for each job of a new recording: 2 s sooner, 150 MB each"
     )
     cancel_grace_s: float = Field(default=2.0, ge=0, description="time a cancelled job has before it is terminated")
     max_scenes: int = Field(default=16, ge=1, description="3D scenes open at once; the longest unused one closes")

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from calib_core.audit.pose import GivenExtrinsic
     from calib_core.audit.report import AuditReport
     from calib_core.calibrate import Calibration
-    from calib_core.doctor.report import DoctorReport
+    from calib_core.doctor.report import DoctorReport, OnReport
     from calib_core.maps.files import StructArray
     from calib_core.maps.room import Room
     from calib_core.maps.surface import Mesh
@@ -84,12 +84,18 @@ def inspect(
     settings: ReadSettings | None = None,
     *,
     on_event: OnEvent = ignore_event,
+    on_report: OnReport | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
-    """Everything needed to know whether the recording at `path` can be calibrated, with a verdict."""
+    """Everything needed to know whether the recording at `path` can be calibrated, with a verdict.
+
+    on_report: told what is known on the way, in reports that are not `final`.
+    """
     from calib_core import doctor
 
-    return doctor.inspect(Path(path), settings or ReadSettings(), on_event=on_event, should_cancel=should_cancel)
+    return doctor.inspect(
+        Path(path), settings or ReadSettings(), on_event=on_event, on_report=on_report, should_cancel=should_cancel
+    )
 
 
 def get_ready() -> None:

@@ -68,22 +68,19 @@ class Launcher(Protocol):
 class ProcessLauncher:
     """One spawned process per job. `entry`: module:function of the job function.
 
-    spare: keep one process waiting that has imported what jobs need, which takes longer than reading a cloud.
+    spares: keep so many processes waiting that have imported what jobs need, which takes longer than reading a cloud.
     """
 
-    def __init__(self, entry: str = "app.work.functions:run_job", *, spare: bool = False) -> None:
+    def __init__(self, entry: str = "app.work.functions:run_job", *, spares: int = 0) -> None:
         self._entry = entry
-        self._keeps_spare = spare
-        self._spare: Worker | None = None
+        self._most_spares = spares
+        self._spares: list[Worker] = []
         self._lock = threading.Lock()
         self._closed = False
 
     def launch(self, order: Order) -> RunningJob:
         """Start the job in a process of its own."""
-        with self._lock:
-            worker, self._spare = self._spare, None
-        if worker is None or not worker.process.is_alive():
-            worker = self._spawn()
+        worker = self._take_spare() or self._spawn()
         try:
             worker.orders.send_bytes(order.model_dump_json().encode())
         except OSError:  # the spare ended between the look and the word
@@ -91,28 +88,41 @@ class ProcessLauncher:
             worker.orders.send_bytes(order.model_dump_json().encode())
         worker.orders.close()
         # The next spare is made when this job has ended: until then the processor is the job's.
-        return JobProcess(worker.process, worker.parcels, worker.cancel, on_end=self.prepare)
+        return JobProcess(worker.process, worker.parcels, worker.cancel, on_end=self._replace_spare)
 
     def slots(self) -> None:
         """As many as the settings say."""
 
     def prepare(self) -> None:
-        """Have a spare process."""
-        if self._keeps_spare:
-            threading.Thread(target=self._make_spare, name="spare-worker", daemon=True).start()
+        """Have all spare processes."""
+        for _ in range(self._most_spares):
+            self._replace_spare()
 
     def close(self) -> None:
-        """End the spare process."""
+        """End the spare processes."""
         with self._lock:
             self._closed = True
-            worker, self._spare = self._spare, None
-        if worker is not None:
+            workers, self._spares = self._spares, []
+        for worker in workers:
             worker.end()
+
+    def _replace_spare(self) -> None:
+        if self._most_spares:
+            threading.Thread(target=self._make_spare, name="spare-worker", daemon=True).start()
 
     def _make_spare(self) -> None:
         with self._lock:
-            if self._spare is None and not self._closed:
-                self._spare = self._spawn()
+            if len(self._spares) < self._most_spares and not self._closed:
+                self._spares.append(self._spawn())
+
+    def _take_spare(self) -> Worker | None:
+        """The one that has waited longest; those that ended meanwhile are passed over."""
+        with self._lock:
+            while self._spares:
+                worker = self._spares.pop(0)
+                if worker.process.is_alive():
+                    return worker
+        return None
 
     def _spawn(self) -> Worker:
         orders, order_sender = _SPAWN.Pipe(duplex=False)

@@ -14,11 +14,13 @@ DoctorVerdict = Literal["good", "limited", "unusable"]
 class _ReportHead(BaseModel):
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     verdict: DoctorVerdict
+    final: bool = True
 
 
 def verdict_of(record: RecordingRecord) -> DoctorVerdict | None:
     """The verdict; None until the recording has been inspected, and where what was kept of that cannot be read."""
     try:
-        return None if record.report_json is None else _ReportHead.model_validate_json(record.report_json).verdict
+        head = None if record.report_json is None else _ReportHead.model_validate_json(record.report_json)
     except ValidationError:
         return None
+    return None if head is None or not head.final else head.verdict

@@ -26,7 +26,7 @@ from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
-from app.work.functions import PROPOSED
+from app.work.functions import PROPOSED, REPORTED
 from app.work.head import CLOUD
 from calib_core import api
 from calib_core.events import LogEvent
@@ -168,11 +168,24 @@ class Workflow:
             api.discard_archives(self._files.unpacked(recording.id))
 
     def job_said(self, record: JobRecord, said: LogEvent) -> None:
-        """Show planes as soon as there are any: their job goes on reading the rest of the recording."""
+        """Show planes as soon as there are any, and what a report says already: their jobs go on with the rest."""
         if said.code == CLOUD:
             self._bus.publish(ShownChanged(record.recording_id))
         if said.code == PROPOSED:
             self._proposed(record.recording_id)
+        if said.code == REPORTED:
+            self._reported(record)
+
+    def _reported(self, job: JobRecord) -> None:
+        recording = self._recordings.find(job.recording_id)
+        if recording is None or recording.state != "inspecting":
+            return
+        with suppress(FileNotFoundError):  # deleted meanwhile
+            self._recordings.save(replace(recording, report_json=self._report_of(job.id)))
+            self._feed.tell(recording.id, RecordingChanged())
+
+    def _report_of(self, job_id: str) -> str:
+        return (self._files.job(job_id) / "report.json").read_text(encoding="utf-8")
 
     def _proposed(self, recording_id: str) -> None:
         with suppress(ApiError):  # read another way meanwhile: its own job is on the way
@@ -188,8 +201,7 @@ class Workflow:
         if job.state == "done" and job.kind == "simulate":
             changed = replace(changed, size_bytes=self._files.source(recording).stat().st_size)
         if job.state == "done" and job.kind == "inspect":
-            report = (self._files.job(job.id) / "report.json").read_text(encoding="utf-8")
-            changed = replace(changed, report_json=report)
+            changed = replace(changed, report_json=self._report_of(job.id))
         if changed != recording:
             self._recordings.save(changed)
             self._feed.tell(recording.id, RecordingChanged())

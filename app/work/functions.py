@@ -39,6 +39,7 @@ from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from app.work.suggestion import Solved, solve_suggestion
 from calib_core import api
+from calib_core.doctor.report import DoctorReport
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
@@ -49,12 +50,15 @@ SAMPLE_SEED = 1
 SURFACE_SCANS, SURFACE_VOXEL_M, SURFACE_TRIANGLES = 60, 0.1, 12_000
 #: What a job says once its planes can be looked at, while it goes on reading.
 PROPOSED = "planes.proposed"
+#: What a job says once some of its report can be read, while it goes on examining.
+REPORTED = "inspect.reported"
 
 
 def warm_up() -> None:
     """Import what the first view of a recording needs, while nobody waits for it."""
     for name in ("calib_core.readers.load", "calib_core.full.odometry.reference_cloud", "calib_core.doctor.examine"):
         importlib.import_module(name)
+    importlib.import_module("calib_core.readers.clouds.kernels").get_ready()
 
 
 def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:
@@ -89,9 +93,21 @@ def run_simulate(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -
 
 
 def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> InspectOutcome:
-    """Write the doctor's report."""
-    report = api.inspect(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
-    _write(order.folder / "report.json", document_by_name(order, report.model_dump_json(by_alias=True)))
+    """Write the doctor's report: first what is known soon, which is said, then the whole."""
+
+    def write(report: DoctorReport) -> None:
+        _write(order.folder / "report.json", document_by_name(order, report.model_dump_json(by_alias=True)))
+
+    def on_report(report: DoctorReport) -> None:
+        write(report)
+        what = "The topics" if report.lidar is None and report.imu is None else "The sensors"
+        on_event(LogEvent(level="info", code=REPORTED, text=f"{what} can be looked at."))
+
+    write(
+        api.inspect(
+            order.source, order.read_settings, on_event=on_event, on_report=on_report, should_cancel=should_cancel
+        )
+    )
     return InspectOutcome()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from calib_core.doctor.report import (
     Forecast,
     ImuReport,
     LidarReport,
+    OnReport,
     PlanesReport,
     Timeline,
     TopicReport,
@@ -39,10 +41,16 @@ from calib_core.types import Finding, ImuData, IntArray
 
 
 def inspect(
-    path: Path, settings: ReadSettings, *, on_event: OnEvent = ignore_event, should_cancel: ShouldCancel = never_cancel
+    path: Path,
+    settings: ReadSettings,
+    *,
+    on_event: OnEvent = ignore_event,
+    on_report: OnReport | None = None,
+    should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
     """Everything needed to know whether this recording can be calibrated.
 
+    on_report: told what is known on the way: once some clouds are looked at, and once all is read, before the forecast is made.
     Raises InputError only where the recording cannot be opened or the settings do not fit it.
     """
     on_event(StageEvent(stage="inspect", fraction=0.0, text=f"opening {path.name}"))
@@ -51,40 +59,67 @@ def inspect(
         span = span_ns(recording, settings) if any(t.count for t in recording.topics) else (None, None)
         choose(state, recording, settings)
         detect(state, recording, settings, span)
+        if on_report is not None:
+            on_report(_report(state, recording, Sensors(), final=False))
         read(state, recording, settings, span, on_event, should_cancel)
-        report = _report(state, recording, settings, on_event, should_cancel)
+        headers = HeaderTimes(np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64))
+        offset_ns = _clocks(state, headers, settings)
+        try:
+            state.findings.extend(damage_findings(recording, len(state.header_ns)))
+        except InputError as error:
+            state.problems.append(error)
+        sensors = _sensors(state, recording, headers, offset_ns)
+        if on_report is not None:
+            on_report(_report(state, recording, sensors, final=False))
+        ahead = _look_ahead(state, headers, offset_ns, on_event, should_cancel)
+        state.findings = unit_proven(state.findings, ahead.forecast)
+        report = _report(state, recording, sensors, ahead)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
     return report
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What the whole recording says of both sensors. overlap_s: that both cover, None where one is missing."""
+
+    lidar: LidarReport | None = None
+    imu: ImuReport | None = None
+    drawn: Timeline = Timeline()  # noqa: RUF009  frozen
+    offset_ns: int = 0
+    overlap_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Ahead:
+    """What a solve would find. range_std_m: the lidar's noise, seen on the planes."""
+
+    planes: PlanesReport | None = None
+    forecast: Forecast | None = None
+    range_std_m: float | None = None
+
+
+NOTHING_AHEAD = Ahead()
 
 
 def _report(
     state: Examination,
     recording: OpenRecording,
-    settings: ReadSettings,
-    on_event: OnEvent,
-    should_cancel: ShouldCancel,
+    sensors: Sensors,
+    ahead: Ahead = NOTHING_AHEAD,
+    *,
+    final: bool = True,
 ) -> DoctorReport:
-    header_ns, receive_ns = np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64)
-    offset_ns = _clocks(state, header_ns, receive_ns, settings)
-    try:
-        state.findings.extend(damage_findings(recording, len(state.header_ns)))
-    except InputError as error:
-        state.problems.append(error)
-    planes, forecast, range_std_m = _look_ahead(state, header_ns, receive_ns, offset_ns, on_event, should_cancel)
-    state.findings = unit_proven(state.findings, forecast)
-    lidar = _lidar(state, header_ns, receive_ns, range_std_m)
-    imu = _imu(state, recording)
-    drawn = Timeline()
-    if state.cleaned is not None and state.raw_imu is not None:
-        drawn = timeline(state.cleaned.imu, state.raw_imu, receive_ns, recording.start_ns)
+    lidar = sensors.lidar
+    if lidar is not None:
+        lidar = lidar.model_copy(update={"measured_range_std_m": ahead.range_std_m})
     opinion = judge(
         lidar=lidar,
-        imu=imu,
+        imu=sensors.imu,
         problems=state.problems,
         findings=state.findings,
-        overlap_s=_overlap_s(state.cleaned.imu if state.cleaned else None, header_ns, offset_ns),
-        planes=planes,
-        forecast=forecast,
+        overlap_s=sensors.overlap_s,
+        planes=ahead.planes,
+        forecast=ahead.forecast,
     )
     return DoctorReport(
         name=recording.name,
@@ -96,27 +131,41 @@ def _report(
         lidar_candidates=tuple(t.name for t in lidar_topics(recording.topics)),
         imu_candidates=tuple(t.name for t in imu_topics(recording.topics)),
         lidar=lidar,
-        imu=imu,
-        clock_offset_s=offset_ns * 1e-9,
-        timeline=drawn,
+        imu=sensors.imu,
+        clock_offset_s=sensors.offset_ns * 1e-9,
+        timeline=sensors.drawn,
         findings=tuple(_finding(f) for f in state.findings),
         verdict=opinion.verdict,
         reasons=opinion.reasons,
         advice=opinion.advice,
-        planes=planes,
-        forecast=forecast,
+        planes=ahead.planes,
+        forecast=ahead.forecast,
+        final=final,
     )
 
 
-def _clocks(state: Examination, header_ns: IntArray, receive_ns: IntArray, settings: ReadSettings) -> int:
+def _sensors(state: Examination, recording: OpenRecording, headers: HeaderTimes, offset_ns: int) -> Sensors:
+    drawn = Timeline()
+    if state.cleaned is not None and state.raw_imu is not None:
+        drawn = timeline(state.cleaned.imu, state.raw_imu, headers.receive_ns, recording.start_ns)
+    return Sensors(
+        _lidar(state, headers),
+        _imu(state, recording),
+        drawn,
+        offset_ns,
+        _overlap_s(state.cleaned.imu if state.cleaned else None, headers.header_ns, offset_ns),
+    )
+
+
+def _clocks(state: Examination, headers: HeaderTimes, settings: ReadSettings) -> int:
     """The coarse clock offset; what the clocks and the clouds give away joins the findings."""
     raw, topic = state.raw_imu, state.lidar_topic
-    if raw is None or topic is None or not header_ns.size or not raw.header_ns.size:
+    if raw is None or topic is None or not headers.header_ns.size or not raw.header_ns.size:
         return 0
     offset_ns = 0
     if settings.stamps == "header":
         offset_ns, found = examine_clocks(
-            HeaderTimes(header_ns, receive_ns),
+            headers,
             HeaderTimes(raw.header_ns, raw.receive_ns),
             period_s=state.period_s,
             last_point_s=last_point_after_header_s(state.findings),
@@ -131,20 +180,15 @@ def _clocks(state: Examination, header_ns: IntArray, receive_ns: IntArray, setti
 
 
 def _look_ahead(
-    state: Examination,
-    header_ns: IntArray,
-    receive_ns: IntArray,
-    offset_ns: int,
-    on_event: OnEvent,
-    should_cancel: ShouldCancel,
-) -> tuple[PlanesReport | None, Forecast | None, float | None]:
-    """The planes to expect, the forecast and the lidar's range noise, as far as there is something to find them in."""
+    state: Examination, headers: HeaderTimes, offset_ns: int, on_event: OnEvent, should_cancel: ShouldCancel
+) -> Ahead:
+    """The planes to expect and the forecast, as far as there is something to find them in."""
     sampled = state.sampled
-    if sampled is None or not header_ns.size:
-        return None, None, None
-    sampled.drop(np.array(state.positions, np.int64)[~plausible_stamps(header_ns, receive_ns)])
+    if sampled is None or not headers.header_ns.size:
+        return NOTHING_AHEAD
+    sampled.drop(np.array(state.positions, np.int64)[~plausible_stamps(headers.header_ns, headers.receive_ns)])
     if not sampled.scans:
-        return None, None, None
+        return NOTHING_AHEAD
     imu = state.cleaned.imu if state.cleaned is not None else None
 
     def later(event: StageEvent | IterationEvent | LogEvent) -> None:
@@ -155,13 +199,11 @@ def _look_ahead(
     outlook = foresee(sampled, imu, offset_ns, on_event=later, should_cancel=should_cancel)
     planes = planes_report(outlook.proposals, outlook.gravity)
     if imu is None:
-        return planes, None, None
-    return planes, forecast_report(outlook, planes, share=sampled.share), outlook.range_std_m
+        return Ahead(planes)
+    return Ahead(planes, forecast_report(outlook, planes, share=sampled.share), outlook.range_std_m)
 
 
-def _lidar(
-    state: Examination, header_ns: IntArray, receive_ns: IntArray, range_std_m: float | None
-) -> LidarReport | None:
+def _lidar(state: Examination, headers: HeaderTimes) -> LidarReport | None:
     if state.first is None or state.lidar_topic is None or state.layout is None:
         return None
     return lidar_report(
@@ -170,10 +212,9 @@ def _lidar(
         layout=state.layout.name,
         timing=state.timing,
         findings=state.findings,
-        header_ns=header_ns,
-        receive_ns=receive_ns,
+        header_ns=headers.header_ns,
+        receive_ns=headers.receive_ns,
         examined=state.examined,
-        measured_range_std_m=range_std_m,
     )
 
 

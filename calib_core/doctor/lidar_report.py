@@ -25,9 +25,11 @@ def lidar_report(
     header_ns: IntArray,
     receive_ns: IntArray,
     examined: Sequence[tuple[Scan | None, ScanCounts]],
-    measured_range_std_m: float | None = None,
 ) -> LidarReport:
-    """The report of one lidar. examined: scans decoded for statistics, spread over the recording."""
+    """The report of one lidar. examined: scans decoded for statistics, spread over the recording.
+
+    Its noise is seen on the planes only, which are looked for later.
+    """
     preset = find_lidar_preset(topic, first.frame_id, layout)
     shown = preset or GENERIC_LIDAR
     rings = [np.unique(scan.points["ring"]).size for scan, _ in examined if scan is not None]
@@ -45,7 +47,6 @@ def lidar_report(
         preset=LidarPresetReport(
             name=shown.name, range_std_m=shown.range_std_m, source=shown.source, identified=preset is not None
         ),
-        measured_range_std_m=measured_range_std_m,
     )
 
 

@@ -5,6 +5,7 @@ Times `t_s` count from the recording's first message (receive time) for everythi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -264,7 +265,10 @@ class PlanesReport(_Model):
 
 
 class DoctorReport(_Model):
-    """The whole report."""
+    """The whole report.
+
+    final: False for what is known on the way: what is None or empty may still be found, and the verdict be another.
+    """
 
     schema_: Literal["unsweep.report/1"] = Field(default="unsweep.report/1", alias="schema")
     name: str
@@ -285,6 +289,7 @@ class DoctorReport(_Model):
     advice: tuple[str, ...]
     planes: PlanesReport | None = None
     forecast: Forecast | None = None
+    final: bool = True
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True
@@ -293,3 +298,7 @@ class DoctorReport(_Model):
     def to_json(self) -> str:
         """The report as indented JSON text, ending in a newline."""
         return self.model_dump_json(by_alias=True, indent=2) + "\n"
+
+
+#: Who listens for reports on the way.
+OnReport = Callable[[DoctorReport], None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
 from app.arrays.recording import recording_arrays
 from app.jobs.orders import Order
-from app.work.functions import PROPOSED, run_job, run_planes
+from app.work.functions import PROPOSED, REPORTED, run_inspect, run_job, run_planes
 from app.work.head import CLOUD, first_cloud, is_final, propose_from_head
 from calib_core import api
 from calib_core.events import LogEvent, ignore_event, never_cancel
@@ -87,6 +88,27 @@ def test_the_first_things_come_first(bag, tmp_path):
     assert outcome.patches >= 3
     points = read_first_cloud(first_cloud_file(tmp_path))
     assert len(points) > 10 * 1000
+
+
+def test_the_report_is_on_disk_before_it_is_told_of(bag, tmp_path):
+    """Topics, then sensors, can be read when the job says so; the forecast is there at the end.
+
+    Oracle: the file itself. Mutation: told before it is written; the whole report not written.
+    """
+    order = order_for(bag, tmp_path).model_copy(update={"kind": "inspect"})
+
+    def on_disk():
+        report = json.loads((order.folder / "report.json").read_text())
+        return [name for name in ("topics", "lidar", "imu", "forecast") if report[name]], report["final"]
+
+    told = []
+    run_inspect(
+        order,
+        lambda event: told.append(on_disk()) if isinstance(event, LogEvent) and event.code == REPORTED else None,
+        never_cancel,
+    )
+    assert told == [(["topics"], False), (["topics", "lidar", "imu"], False)]
+    assert on_disk() == (["topics", "lidar", "imu", "forecast"], True)
 
 
 def test_a_span_in_motion_is_read_whole(bag, tmp_path):

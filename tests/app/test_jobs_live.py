@@ -25,6 +25,24 @@ def test_an_upload_is_inspected_and_its_planes_proposed_by_itself(shared_live):
     assert shared_live.job_states(recording_id) == {"inspect": "done", "planes": "done"}
 
 
+def test_a_report_is_shown_while_it_is_made(shared_live):
+    """Some of it is there while its job goes on, without a verdict; then all of it.
+
+    Mutation: job_said deaf to REPORTED; the verdict of what is not final shown in the list.
+    """
+    recording_id = shared_live.upload("halfway.bag")
+    path = f"/api/recordings/{recording_id}"
+    shared_live.wait(lambda: shared_live.http.get(path).json()["report"] is not None)
+    early = shared_live.http.get(path).json()
+    assert (early["state"], early["report"]["final"], early["verdict"]) == ("inspecting", False, None)
+    (job,) = [job for job in shared_live.http.get(f"{path}/jobs").json() if job["kind"] == "inspect"]
+    assert job["state"] == "running"
+    (shared_live.settings.data_dir / "jobs" / job["id"] / "go-on").touch()
+    shared_live.wait(lambda: shared_live.http.get(path).json()["state"] == "ready")
+    whole = shared_live.http.get(path).json()
+    assert (whole["report"]["final"], whole["verdict"]) == (True, "good")
+
+
 def test_events_come_in_order_and_resume_after_the_last_id(shared_live):
     """Oracle: the first reading of the whole stream. Mutation: starting at `last` instead of `last + 1` repeats one."""
     job_id = shared_live.start(shared_live.upload("any.bag"))
@@ -133,43 +151,47 @@ def test_a_sample_is_simulated_then_inspected(shared_live):
     assert shared_live.http.post("/api/recordings", json={"sample": "../../etc"}).status_code == 422
 
 
-def test_a_spare_process_takes_the_job_and_is_replaced(tmp_path):
-    """The process that waits runs the next job, another one waits afterwards, none is left behind.
+def test_spare_processes_take_the_jobs_and_are_replaced(tmp_path):
+    """Those that wait run the next jobs, in their order; each that ended is replaced, none is left behind.
 
-    Oracle: process ids. Fails with the spare not taken; with close() leaving it waiting.
+    Oracle: process ids. Fails with the spares not taken; with the last one taken first; with one made whatever waits; with
+    close() leaving them waiting.
     """
-    launcher = ProcessLauncher(FAKE_JOBS, spare=True)
-    launcher._make_spare()
-    waiting = launcher._spare.process
-    order = Order(
-        job_id="1" * 32, kind="inspect", recording_name="a.bag", source=tmp_path, cache=tmp_path, folder=tmp_path / "j"
-    )
-    running = launcher.launch(order)
-    assert running._process.pid == waiting.pid
-    assert isinstance(list(running.parcels())[-1], Finished)
+    launcher = ProcessLauncher(FAKE_JOBS, spares=2)
+    for _ in range(3):
+        launcher._make_spare()
+    first, second = (spare.process for spare in launcher._spares)
+    for job, waiting in (("1" * 32, first), ("3" * 32, second)):
+        running = launcher.launch(order_in(tmp_path, job))
+        assert running._process.pid == waiting.pid
+        assert isinstance(list(running.parcels())[-1], Finished)
     end = time.monotonic() + PATIENCE_S
-    while launcher._spare is None:
+    while len(launcher._spares) < 2:
         assert time.monotonic() < end
         time.sleep(0.02)
-    successor = launcher._spare.process
-    assert successor.pid != waiting.pid
+    successors = [spare.process for spare in launcher._spares]
+    assert not {successor.pid for successor in successors} & {first.pid, second.pid}
     launcher.close()
-    assert not successor.is_alive()
+    assert not any(successor.is_alive() for successor in successors)
     launcher._make_spare()
-    assert launcher._spare is None
+    assert launcher._spares == []
 
 
 def test_a_spare_process_that_died_is_no_loss(tmp_path):
     """Killed while it waited, it is passed over. Fails with the order sent to it without a look or a second try."""
-    launcher = ProcessLauncher(FAKE_JOBS, spare=True)
+    launcher = ProcessLauncher(FAKE_JOBS, spares=1)
     launcher._make_spare()
-    launcher._spare.process.kill()
-    launcher._spare.process.join()
-    order = Order(
-        job_id="2" * 32, kind="inspect", recording_name="a.bag", source=tmp_path, cache=tmp_path, folder=tmp_path / "j"
-    )
-    assert isinstance(list(launcher.launch(order).parcels())[-1], Finished)
+    launcher._spares[0].process.kill()
+    launcher._spares[0].process.join()
+    assert isinstance(list(launcher.launch(order_in(tmp_path, "2" * 32)).parcels())[-1], Finished)
     launcher.close()
+
+
+def order_in(folder, job_id):
+    """An inspection."""
+    return Order(
+        job_id=job_id, kind="inspect", recording_name="a.bag", source=folder, cache=folder, folder=folder / "j"
+    )
 
 
 def test_what_was_unpacked_goes_with_the_last_job_that_might_read_it(tmp_path):

@@ -29,13 +29,13 @@ def associate(
     """The micro-bins of the given scans. stride: use every so many-th point.   on_scans: told how many are done."""
     cap = view.settings.points_per_plane_per_scan
 
-    def whole(position: int) -> Micro:
+    def whole(batch: Sequence[int]) -> Micro:
         e = view.estimate
-        micro = view.whole_scan(position, noise, gate, extents)
+        micro = view.whole_scans(batch, noise, gate, extents)
         return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
 
     if cap is None and stride == 1 and view.nuisance.surface is None:
-        return Micro.joined(over_scans(view, positions, whole, on_scans))
+        return Micro.joined(over_batches(view, positions, 1, whole, on_scans, most=view.most_as_one(positions)))
 
     def some(batch: Sequence[int]) -> Micro:
         hits = view.hits(batch, gate, stride)

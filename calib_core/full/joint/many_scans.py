@@ -29,13 +29,18 @@ def over_batches(
     stride: int,
     job: Callable[[Sequence[int]], T],
     on_scans: OnScans = ignore,
+    *,
+    most: int | None = None,
 ) -> list[T]:
-    """A job for every few scans in a row: of thinned scans, a single one would not be worth the call."""
+    """A job for every few scans in a row: of thinned scans, a single one would not be worth the call.
+
+    most: scans in a job; None for as many as hold points for one.
+    """
     batches: list[list[int]] = []
     room = 0
     for i in positions:
         points = int(view.clocks.scan_points[i]) // stride
-        if points > room or not batches:
+        if points > room or not batches or len(batches[-1]) == most:
             batches.append([])
             room = SURVEYING.batch_points
         batches[-1].append(i)

@@ -12,6 +12,7 @@ from math import gcd
 import numpy as np
 
 from calib_core.errors import Cancelled
+from calib_core.events import ignore_event
 from calib_core.factors.lidar_plane import Gate
 from calib_core.full.joint import association
 from calib_core.full.joint.bounds import require_bounds
@@ -138,7 +139,8 @@ def descend(
         count += 1
         if run.should_cancel():
             raise Cancelled("the calibration was cancelled")
-        run.on_event(iteration_event(run, problem, estimate, cost, solution, (count, number), names))
+        if run.on_event is not ignore_event:
+            run.on_event(iteration_event(run, problem, estimate, cost, solution, (count, number), names))
 
     minimum = minimise(
         problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report

@@ -94,6 +94,8 @@ class Surveying:
 
     #: judged: points that are worth a call of their own. Time alone depends on it.
     batch_points: int = 20_000
+    #: derived: tables of so many lasers' moments are 13 MB, on each of four threads. A bound on memory: time alone depends on it.
+    clusters: int = 16_000
     #: judged: returns this near are looked at for what lies beside a plane: a door's frame, a skirting board, a hand's
     #: breadth and a half.
     beside_m: float = 0.3

@@ -56,6 +56,8 @@ def admit_tones(
 
     What is louder with a tone than without it was none.
     """
+    if len(state.nuisance.tones_hz) >= rules.most:
+        return state
     heard, least = listen(data, state, rules), admitted_from(data, rules, least)
     while found := beside_known(data, state, heard, rules, least):
         after = told(data, with_tone(data, state, found[0], rules), round_, sampling)

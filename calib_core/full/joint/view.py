@@ -26,11 +26,21 @@ from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensors import laser_errors
+from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.settings import CalibrateSettings
-from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray, Scan
+from calib_core.types import (
+    POINT_DTYPE,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    LaserArray,
+    PointArray,
+    Scan,
+)
 
 
 @dataclass(frozen=True)
@@ -175,12 +185,14 @@ class View:
         time_s, scan = self._instants(positions, groups.middle[sums.group])
         return replace(micro, lasers=LaserMicro(time_s, scan, sums))
 
-    def whole_scan(self, position: int, noise: LidarNoise, gate: Gate, extents: PlaneExtents | None) -> Micro:
-        """All points of one scan, laid on planes and collapsed in one go."""
-        e, poses = self.estimate, self.slice_poses(position)
-        groups = self._laser_groups([position]) if self._lidar_in_play() else None
+    def whole_scans(
+        self, positions: Sequence[int], noise: LidarNoise, gate: Gate, extents: PlaneExtents | None
+    ) -> Micro:
+        """All points of a few scans, laid on planes and collapsed in one go."""
+        e, poses = self.estimate, SlicePoses.joined([self.slice_poses(i) for i in positions])
+        groups = self._laser_groups(positions) if self._lidar_in_play() else None
         bins, sums = scan_moments(
-            self.scans[position].points,
+            self._as_one(positions),
             poses,
             (np.vstack([e.normals, e.aside_normals]), np.append(e.offsets_m, e.aside_offsets_m), len(e.normals)),
             noise,
@@ -192,8 +204,27 @@ class View:
             field_of_view_deg=self.settings.field_of_view_deg,
         )
         if groups is None or sums is None:
-            return self.micro([position], bins)
-        return self._with_lasers([position], bins, poses, groups, sums)
+            return self.micro(positions, bins)
+        return self._with_lasers(positions, bins, poses, groups, sums)
+
+    def _as_one(self, positions: Sequence[int]) -> PointArray:
+        """The points of a few scans as if of one, whose slices are those of all in a row."""
+        clouds = [self.scans[i].points for i in positions]
+        if len(clouds) == 1:
+            return clouds[0]
+        points = np.concatenate(clouds)
+        before = np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds])
+        points["offset_ns"] += (before * round(SLICE_S * 1e9)).astype(np.int32)
+        return points
+
+    def most_as_one(self, positions: Sequence[int]) -> int:
+        """How many of the scans may be taken as one: their times have room for two seconds, and lasers' moments take memory."""
+        longest_s = max((self._slices(i) for i in positions), default=1) * SLICE_S
+        most = int(np.iinfo(POINT_DTYPE["offset_ns"]).max * 1e-9 / longest_s)
+        if self._lidar_in_play():
+            groups = int(longest_s / self.motion.readings.spacing_s) + 2
+            most = min(most, SURVEYING.clusters // (groups * len(self.estimate.normals) * max(self.nuisance.lasers, 1)))
+        return max(1, most)
 
     def _lidar_in_play(self) -> bool:
         """Whether any of the lidar's own parameters is an unknown."""

@@ -5,6 +5,7 @@
 - family: dies and leaves a child of its own behind that holds its pipes
 - crash: its process dies; defect: raises what nobody expects; broken: refuses the input
 - greedy: asks for 64 GB of memory; filling: writes a file of 8 MB
+- halfway: some of its report is there, the rest when it is told
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
 Planes are proposed for `room` only. What one kind alone needs it loads itself: the estimator takes a process a second, and
@@ -13,6 +14,7 @@ hundreds of jobs run in the tests.
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
@@ -33,6 +35,8 @@ def run(order, on_event, should_cancel):
     if order.kind == "inspect":
         if order.recording_name.startswith("broken"):
             raise UnreadableRecording("Expected a bag, found porridge in broken.bag; choose another file.")
+        if order.recording_name.startswith("halfway"):
+            stay_halfway(order, on_event, should_cancel)
         (order.folder / "report.json").write_text(report_json(order.recording_name))
         return InspectOutcome()
     if order.kind == "planes":
@@ -46,6 +50,19 @@ def run(order, on_event, should_cancel):
 
         return run_surface(order, on_event, should_cancel)
     return solve(order, on_event, should_cancel)
+
+
+def stay_halfway(order, on_event, should_cancel):
+    """Some of a report, until it is asked to stop or finds a file in its folder."""
+    from app.work.functions import REPORTED
+
+    report = json.loads(report_json(order.recording_name))
+    (order.folder / "report.json").write_text(json.dumps(report | {"final": False}))
+    on_event(LogEvent(level="info", code=REPORTED, text="Some of it can be looked at."))
+    while not (order.folder / "go-on").exists():
+        time.sleep(0.02)
+        if should_cancel():
+            raise Cancelled("Stopped as asked.")
 
 
 def propose(order):

@@ -101,6 +101,37 @@ def test_lidar_only_and_imu_only_are_reported(tmp_path: Path) -> None:
     assert report.imu is not None
 
 
+def test_what_is_known_on_the_way_is_told_before_the_forecast(tmp_path: Path) -> None:
+    """Topics once some clouds are looked at, sensors once all are read; what the end adds is planes, forecast and verdict.
+
+    Oracle: the whole report, and how far the work was. Mutation: the second report told after looking ahead; told as final.
+    """
+    bag = build.write_ros1(
+        tmp_path / "r.bag", build.in_order(build.velodyne_messages(30, cdr=False), imu_messages(*tilting(6)))
+    )
+    at = [0.0]
+    told: list[tuple[DoctorReport, float]] = []
+    whole = inspect(
+        bag,
+        ReadSettings(),
+        on_event=lambda event: at.append(event.fraction) if event.event == "stage" else None,
+        on_report=lambda report: told.append((report, at[-1])),
+    )
+    (first, first_at), (second, second_at) = told
+    assert whole.final
+    assert not first.final
+    assert not second.final
+    assert first_at == 0.0
+    assert second_at <= 0.4
+    assert (first.topics, first.lidar, first.imu) == (whole.topics, None, None)
+    assert "points.time_field" in [finding.code for finding in first.findings]
+    assert second.lidar == whole.lidar
+    assert second.imu == whole.imu
+    assert second.timeline == whole.timeline
+    assert second.findings == whole.findings
+    assert (second.planes, second.forecast) == (None, None)
+
+
 def test_progress_only_grows(tmp_path: Path) -> None:
     """Mutation: let looking ahead begin at zero again, after reading has come to its end."""
     bag = build.write_ros1(

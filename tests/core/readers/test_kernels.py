@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.kernels import get_ready, mark_valid, pack_points
 from calib_core.readers.scans import select_points
 from calib_core.readers.timing.point_time import PointTiming, Reference, Unit
 from calib_core.types import POINT_DTYPE
@@ -96,3 +97,13 @@ def test_selected_points_are_those_of_plain_numpy(coordinate: str, kind: str, un
     tied = select_points(RawCloud(EPOCH_NS, 0, "lidar", points, 4, 1), nanoseconds, 1.0, 40.0)
     np.testing.assert_array_equal(tied.points["offset_ns"], np.rint(ties))
     assert tied.stamp_ns == EPOCH_NS
+
+
+def test_what_is_made_ready_is_what_clouds_need() -> None:
+    """Oracle: the compiler's own lists after a cloud has been read. Mutation: float64 columns made ready."""
+    points = random_cloud("<f4", "<f4", "s", "header-first", seed=1)
+    timing = PointTiming("time", "s", "header-first", -1e9, 1e9)
+    select_points(RawCloud(EPOCH_NS, 0, "lidar", points, points.size, 1), timing, 0.3, 200.0)
+    needed = [[*loop.signatures] for loop in (mark_valid, pack_points)]
+    get_ready()
+    assert [[*loop.signatures] for loop in (mark_valid, pack_points)] == needed

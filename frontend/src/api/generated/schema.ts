@@ -1236,6 +1236,8 @@ export interface components {
         /**
          * DoctorReport
          * @description The whole report.
+         *
+         *     final: False for what is known on the way: what is None or empty may still be found, and the verdict be another.
          */
         DoctorReport: {
             /** Advice */
@@ -1249,6 +1251,11 @@ export interface components {
             container: "ros1" | "ros2";
             /** Duration S */
             duration_s: number;
+            /**
+             * Final
+             * @default true
+             */
+            final: boolean;
             /** Findings */
             findings: components["schemas"]["FindingReport"][];
             forecast?: components["schemas"]["Forecast"] | null;

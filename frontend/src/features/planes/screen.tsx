@@ -67,7 +67,7 @@ export function PlanesScreen() {
 
   // The doctor's reason, where a solve would be refused whatever is confirmed.
   const report = recording.report ?? null;
-  const hopeless = report?.verdict === "unusable" ? (report.reasons[0] ?? "") : "";
+  const hopeless = report?.final === true && report.verdict === "unusable" ? (report.reasons[0] ?? "") : "";
   const sound = planes !== undefined && hopeless === "" && determines(planes);
   const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   return (

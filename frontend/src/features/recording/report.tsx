@@ -1,4 +1,5 @@
 import { Button } from "@mantine/core";
+import type { ReactNode } from "react";
 import type { DoctorReport, FindingReport, Planes, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
 import { fixed } from "../../ui/format";
@@ -23,10 +24,12 @@ interface ReportProps {
   report: DoctorReport;
   /** Undefined until they have been found. */
   planes: Planes | undefined;
+  /** What is shown instead of a verdict until there is one. */
+  children: ReactNode;
 }
 
-/** The doctor's report: a verdict, the span to use, what was found and how to put it right. */
-export function Report({ recording, report, planes }: ReportProps) {
+/** The doctor's report: a verdict, the span to use, what was found and how to put it right; what is known of it so far. */
+export function Report({ recording, report, planes, children }: ReportProps) {
   const change = useChangeRecording(recording.id);
   const { start_s: startS, end_s: endS } = recording.read_settings;
   const advice = [...new Set([...report.advice, ...(report.forecast?.advice ?? [])])];
@@ -38,30 +41,7 @@ export function Report({ recording, report, planes }: ReportProps) {
   const recognised = report.findings.filter((finding) => finding.level === "info");
   return (
     <div className={css.report}>
-      <header className={css.verdict}>
-        <LevelIcon level={tones[report.verdict]} size={26} />
-        <div>
-          <h1>{headings[report.verdict]}</h1>
-          {report.reasons.map((reason) => (
-            <p key={reason}>{reason}</p>
-          ))}
-          {lacksPointTimes(recording, report) && (
-            <div className={css.cure}>
-              <Button
-                size="compact-md"
-                loading={change.isPending}
-                onClick={() => change.mutate({ synthesise_point_time: true })}
-              >
-                Make up point times
-              </Button>
-              <p className="dim small">
-                From the order in which a sweep goes round: it costs accuracy, and says so. A recording with its own
-                times is better.
-              </p>
-            </div>
-          )}
-        </div>
-      </header>
+      {report.final ? <Verdict recording={recording} report={report} change={change} /> : children}
       {report.timeline.t_s.length > 1 && (
         <SpanStrip
           key={`${startS ?? "start"}-${endS ?? "end"}`}
@@ -79,7 +59,7 @@ export function Report({ recording, report, planes }: ReportProps) {
       {report.forecast !== null && report.forecast !== undefined && (
         <Forecast forecast={report.forecast} planes={planesText(report.planes, planes)} said={report.reasons} />
       )}
-      {advice.length > 0 && (
+      {report.final && advice.length > 0 && (
         <section aria-label="Advice">
           <h2 className={css.heading}>For a better recording</h2>
           <ul className={css.bullets}>
@@ -90,9 +70,45 @@ export function Report({ recording, report, planes }: ReportProps) {
           <GuideButton />
         </section>
       )}
-      <Evidence timeline={report.timeline} />
+      {(report.final || report.timeline.t_s.length > 1) && <Evidence timeline={report.timeline} />}
       <Findings title="What was recognised" findings={recognised} pending={change.isPending} onFix={fix} />
     </div>
+  );
+}
+
+interface VerdictProps {
+  recording: Recording;
+  report: DoctorReport;
+  change: ReturnType<typeof useChangeRecording>;
+}
+
+/** The doctor's word and its reasons. */
+function Verdict({ recording, report, change }: VerdictProps) {
+  return (
+    <header className={css.verdict}>
+      <LevelIcon level={tones[report.verdict]} size={26} />
+      <div>
+        <h1>{headings[report.verdict]}</h1>
+        {report.reasons.map((reason) => (
+          <p key={reason}>{reason}</p>
+        ))}
+        {lacksPointTimes(recording, report) && (
+          <div className={css.cure}>
+            <Button
+              size="compact-md"
+              loading={change.isPending}
+              onClick={() => change.mutate({ synthesise_point_time: true })}
+            >
+              Make up point times
+            </Button>
+            <p className="dim small">
+              From the order in which a sweep goes round: it costs accuracy, and says so. A recording with its own times
+              is better.
+            </p>
+          </div>
+        )}
+      </div>
+    </header>
   );
 }
 

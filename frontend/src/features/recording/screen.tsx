@@ -84,16 +84,19 @@ export function RecordingScreen() {
 
 function Main({ recording, jobs, planes }: Pick<Workspace, "recording" | "jobs" | "planes">) {
   const inspection = jobs?.find((job) => job.kind === "inspect") ?? null;
-  switch (recording.state) {
+  const { state, report } = recording;
+  switch (state) {
     case "receiving":
       return <Receiving recording={recording} />;
-    case "inspecting":
-      return <Inspecting job={inspection} />;
     case "failed":
       return <Failed recording={recording} job={inspection ?? recording.latest_job ?? null} />;
+    case "inspecting":
     case "ready":
-      return recording.report ? (
-        <Report recording={recording} report={recording.report} planes={planes} />
+      // While it is read, a final report is one of how it was read before.
+      return report && report.final === (state === "ready") ? (
+        <Report recording={recording} report={report} planes={planes}>
+          <Inspecting job={inspection} />
+        </Report>
       ) : (
         <Inspecting job={inspection} />
       );

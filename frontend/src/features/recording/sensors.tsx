@@ -27,21 +27,21 @@ export function Sensors({ recording }: { recording: Recording }) {
         <TopicChoice
           label="Lidar topic"
           candidates={report.lidar_candidates}
-          value={lidarWish ?? report.lidar?.topic ?? null}
+          value={lidarWish ?? report.lidar?.topic ?? theOne(report.lidar_candidates)}
           onChoose={(topic) => change.mutate({ lidar_topic: topic })}
           disabled={change.isPending}
         />
-        <Facts facts={lidarFacts(report)} />
+        <Facts facts={lidarFacts(report)} coming={!report.final && report.lidar === null} />
       </Section>
       <Section title="IMU">
         <TopicChoice
           label="IMU topic"
           candidates={report.imu_candidates}
-          value={imuWish ?? report.imu?.topic ?? null}
+          value={imuWish ?? report.imu?.topic ?? theOne(report.imu_candidates)}
           onChoose={(topic) => change.mutate({ imu_topic: topic })}
           disabled={change.isPending}
         />
-        <Facts facts={imuFacts(report)} />
+        <Facts facts={imuFacts(report)} coming={!report.final && report.imu === null} />
       </Section>
       {change.isError && <Fault error={change.error} />}
       <Section title="Topics">
@@ -57,6 +57,11 @@ export function Sensors({ recording }: { recording: Recording }) {
       </Section>
     </>
   );
+}
+
+/** Where there is no choice, the topic is known before anything of it is. */
+function theOne(candidates: readonly string[]): string | null {
+  return candidates.length === 1 ? (candidates[0] ?? null) : null;
 }
 
 interface TopicChoiceProps {
@@ -85,7 +90,9 @@ function TopicChoice({ label, candidates, value, onChoose, disabled }: TopicChoi
   );
 }
 
-function Facts({ facts }: { facts: readonly Fact[] }) {
+/** coming: whether they are still being found. */
+function Facts({ facts, coming }: { facts: readonly Fact[]; coming: boolean }) {
+  if (coming) return <Skeleton height={120} />;
   return (
     <dl className={css.facts}>
       {facts.map(([name, value]) => (

@@ -14,6 +14,7 @@ from calib_core.full.joint.association import associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View
 from calib_core.full.prepare.clocks import clocks_of, look
@@ -108,7 +109,7 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
 
     Mutations: the margin and the robust scale exchanged; points of planes that stand aside counted; the incidence left
     out; lasers not corrected; the extents of the first plane for all; the range where a ray meets its plane left at zero;
-    cells of the corrected points; no cells.
+    cells of the corrected points; no cells; times of scans that are taken as one all counted from their own first point.
     """
     view = _view(*noisy)
     ranges_m = np.linalg.norm(noisy[0].scans[SCANS[0]].points["xyz"], axis=1)
@@ -136,6 +137,24 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
             np.testing.assert_array_equal(one.lasers.sums.laser, four.lasers.sums.laser)
             np.testing.assert_allclose(one.lasers.sums.cross, four.lasers.sums.cross, rtol=1e-6, atol=1e-6)
             np.testing.assert_allclose(one.lasers.sums.gram, four.lasers.sums.gram, rtol=1e-6, atol=1e-6)
+
+
+def test_scans_are_taken_as_one_while_times_and_tables_have_room(noisy: tuple[Recording, Truth]) -> None:
+    """Sweeps of 0.1 s are 52 slices of 2 ms: 20 of them before 2^31 ns, and 12 knots of six planes of sixteen lasers each.
+
+    Mutations: the spare slices not counted; lasers' tables as large as they like; none at all for one that is too large.
+    """
+    view = _view(*noisy)
+    clocks, planes = view.clocks, len(view.estimate.normals)
+    even = replace(view, clocks=replace(clocks, sweep_s=np.full(len(clocks.scan_s), 0.1001)))
+    assert even.most_as_one(SCANS) == 20
+    slow = replace(view, clocks=replace(clocks, sweep_s=np.full(len(clocks.scan_s), 3.0)))
+    assert slow.most_as_one(SCANS) == 1
+    nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
+    told_apart = replace(even, nuisance=nuisance)
+    assert told_apart.most_as_one(SCANS) == min(20, SURVEYING.clusters // (12 * planes * nuisance.lasers))
+    many = replace(view.estimate, normals=np.ones((2000, 3)))
+    assert replace(told_apart, estimate=many).most_as_one(SCANS) == 1
 
 
 def test_what_all_lasers_share_with_the_map_costs_nothing(noisy: tuple[Recording, Truth]) -> None:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.calibrate import calibrate
-from calib_core.events import IterationEvent
+from calib_core.events import IterationEvent, ignore_event
+from calib_core.factors.lidar_plane import Gate
+from calib_core.full.joint import round as round_
 from calib_core.full.joint.settings import WATCHING
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording
+from tests.core.full.joint.conftest import Half
 
 
 def test_the_last_step_puts_its_sweeps_where_they_were(noisy: tuple[Recording, Truth]) -> None:
@@ -43,3 +49,14 @@ def test_the_last_step_puts_its_sweeps_where_they_were(noisy: tuple[Recording, T
     np.testing.assert_allclose(last.gravity_m_s2, down, atol=0.05)
     assert len({plane.name for plane in last.planes}) == len(last.planes)
     np.testing.assert_allclose([np.linalg.norm(plane.normal) for plane in last.planes], 1.0, atol=1e-6)
+
+
+def test_a_step_that_nobody_hears_of_is_not_told(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: what makes the event, barred; it is asked for as soon as anybody listens. Mutation: tell it all the same."""
+    asked: list[int] = []
+    monkeypatch.setattr(round_, "iteration_event", lambda *_: asked.append(1))
+    state = round_.associate(half.data, half.state, Gate(extra_m=0.02), stride=7)
+    for listener, times in ((ignore_event, 0), (lambda _: None, 1)):
+        data = replace(half.data, run=replace(half.data.run, on_event=listener))
+        round_.descend(data, state, iterations=1, tolerance=0.0)
+        assert len(asked) == times

@@ -12,8 +12,8 @@ import pytest
 from calib_core.calibrate import calibrate
 from calib_core.factors.imu import LinkFactors
 from calib_core.full.joint import tones
-from calib_core.full.joint.schedule import FULL
-from calib_core.full.joint.tones import Periodogram, score_periodogram, standing_out, with_tone
+from calib_core.full.joint.schedule import FORECAST, FULL
+from calib_core.full.joint.tones import Periodogram, admit_tones, score_periodogram, standing_out, with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance
 from calib_core.geometry import log
 from calib_core.imu.tones import PARAMETERS
@@ -86,6 +86,14 @@ def test_what_held_sensors_make_of_the_motion_is_no_tone(
     run = replace(run, settings=settings, noise=replace(run.noise, shaken=shaken))
     sensors = Nuisance() if intrinsics == "off" else half.data.sensors
     assert tones.admitted_from(replace(half.data, run=run, sensors=sensors), RULES, 20.0) == least
+
+
+def test_who_wants_no_tone_does_not_listen(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A forecast's schedule. Oracle: the way to the periodogram, barred. Mutation: listen before it is asked how many."""
+    monkeypatch.setattr(tones, "listen", None)
+    none = FORECAST.tones
+    assert none.most == 0
+    assert admit_tones(half.data, half.state, none, FULL.sensors, FULL.sampling, least=0.0) is half.state
 
 
 def test_a_tone_comes_before_what_is_the_rooms(half: Half) -> None:
