@@ -28,9 +28,10 @@ from calib_core.factors.laser_kernels import (
     LaserTable,
     collapse_features_kernel,
     correct_kernel,
+    features_crossed_kernel,
     features_kernel,
-    features_squares_kernel,
     gather_features_kernel,
+    sum_grams_kernel,
 )
 from calib_core.factors.lidar_plane import Hits, SlicePoses, distinct
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
@@ -166,32 +167,53 @@ def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tu
 class LaserFactors:
     """Moments by knot, plane and laser, as the joint problem takes them.
 
-    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, 8, 5), gram:
-    (B, 8, 8), hits in the lidar's frame at the knot.
+    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, 8, 5), hits in the
+    lidar's frame at the knot.   gram: (U, 8, 8), which moves with no motion and stays as it was made, of the cluster `of` (U,)
+    each.   grams: (P, L, 8, 8) their sums by plane and laser, which is all that a cost and its derivatives ask for.
     """
 
     bin: IntArray
     laser: IntArray
     cross: FloatArray
     gram: Float32Array
+    of: IntArray
+    grams: FloatArray
+
+    @staticmethod
+    def made(
+        bins: IntArray, laser: IntArray, cross: FloatArray, gram: Float32Array, of: IntArray, plane: IntArray
+    ) -> LaserFactors:
+        """With its sums. plane: (Q,) of the bins."""
+        planes, lasers = int(plane.max(initial=-1)) + 1, int(laser.max(initial=-1)) + 1
+        grams = np.zeros((planes, lasers, FEATURES, FEATURES))
+        sum_grams_kernel(gram, plane[bins[of]], laser[of], grams)
+        return LaserFactors(bins, laser, cross, gram, of, grams)
 
     @staticmethod
     def empty() -> LaserFactors:
         """None at all."""
         none = np.zeros(0, np.int64)
         cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES), np.float32)
-        return LaserFactors(none, none, cross, gram)
+        return LaserFactors.made(none, none, cross, gram, none, none)
 
-    def within(self, mine: BoolArray) -> LaserFactors:
-        """Those of some of the bins alone, which are counted anew."""
+    def within(self, mine: BoolArray, plane: IntArray) -> LaserFactors:
+        """Those of some of the bins (Q,) alone, which are counted anew. plane: (Q,) of all bins."""
         some, number = mine[self.bin], np.cumsum(mine) - 1
-        return LaserFactors(number[self.bin[some]], self.laser[some], self.cross[some], self.gram[some])
+        kept = some[self.of]
+        return LaserFactors.made(
+            number[self.bin[some]],
+            self.laser[some],
+            self.cross[some],
+            self.gram[kept],
+            (np.cumsum(some) - 1)[self.of[kept]],
+            plane[mine],
+        )
 
 
 def move_and_sum_features(
     sums: LaserSums, use: IntArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
-) -> tuple[IntArray, FloatArray, Float32Array]:
-    """Moments with their hits moved, x -> R x + p, and summed over equal keys: keys in order (K,), cross, gram.
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """Moments with their hits moved, x -> R x + p, and summed over equal keys: keys in order (K,), cross, where each went (U,).
 
     Where the hits are follows the motion: in single precision each gathering would round it anew, and no descent would rest.
 
@@ -199,9 +221,8 @@ def move_and_sum_features(
     """
     keys, place = distinct(key)
     cross = np.zeros((len(keys), FEATURES, 5))
-    gram = np.zeros((len(keys), FEATURES, FEATURES), np.float32)
-    gather_features_kernel(sums.cross, sums.gram, use, R, p, pose, place, cross, gram)
-    return keys, cross, gram
+    gather_features_kernel(sums.cross, use, R, p, pose, place, cross)
+    return keys, cross, place
 
 
 def feature_changes(change: FloatArray) -> FloatArray:
@@ -214,10 +235,14 @@ def feature_changes(change: FloatArray) -> FloatArray:
     return out
 
 
-def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray) -> FloatArray:
-    """What changed parameters add to each cluster's sum of squares, (B,). a: (Q, 5) of the bins.   change: (L, 10)."""
-    squares = np.empty(len(factors.laser))
-    features_squares_kernel(
-        factors.bin, factors.laser, a, factors.cross, factors.gram, feature_changes(change), squares
-    )
-    return squares
+def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, plane: IntArray) -> FloatArray:
+    """What changed parameters add to the sum of squares of each plane's points, (P,).
+
+    a: (Q, 5) of the bins.   change: (L, 10).   plane: (Q,) of the bins.
+    """
+    planes, lasers = factors.grams.shape[:2]
+    by_feature = feature_changes(change)[:lasers]
+    crossed = np.empty(len(factors.laser))
+    features_crossed_kernel(factors.bin, factors.laser, a, factors.cross, by_feature, crossed)
+    own = np.einsum("lf,plfe,le->p", by_feature, factors.grams, by_feature, optimize=True)
+    return np.asarray(2.0 * np.bincount(plane[factors.bin], crossed, planes) + own)

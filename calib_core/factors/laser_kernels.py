@@ -198,16 +198,14 @@ def collapse_features_kernel(
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def gather_features_kernel(
     cross: Float32Array,
-    gram: Float32Array,
     use: IntArray,
     R: FloatArray,
     p: FloatArray,
     pose: IntArray,
     place: IntArray,
     total_cross: FloatArray,
-    total_gram: Float32Array,
 ) -> None:
-    """Adds moments (B, 8, 5), (B, 8, 8) to those at their places, with their hits moved by x -> R x + p of their pose.
+    """Adds moments (B, 8, 5) to those at their places, with their hits moved by x -> R x + p of their pose.
 
     use: (U,) which of them, pose, place: (U,) each one's pose and place.   R: (T, 3, 3), p: (T, 3).
     """
@@ -219,21 +217,22 @@ def gather_features_kernel(
                 total_cross[k, f, c] += R[t, c, 0] * x0 + R[t, c, 1] * x1 + R[t, c, 2] * x2 + p[t, c] * one
             total_cross[k, f, 3] += one
             total_cross[k, f, 4] += cross[b, f, 4]
-            for e in range(FEATURES):
-                total_gram[k, f, e] += gram[b, f, e]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def features_squares_kernel(
-    bins: IntArray,
-    laser: IntArray,
-    a: FloatArray,
-    cross: FloatArray,
-    gram: Float32Array,
-    change: FloatArray,
-    squares: FloatArray,
+def sum_grams_kernel(gram: Float32Array, plane: IntArray, laser: IntArray, grams: FloatArray) -> None:
+    """Adds gram (U, 8, 8) to the sums of their plane and laser (U,): grams (P, L, 8, 8)."""
+    for u in range(gram.shape[0]):
+        for f in range(FEATURES):
+            for e in range(FEATURES):
+                grams[plane[u], laser[u], f, e] += gram[u, f, e]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def features_crossed_kernel(
+    bins: IntArray, laser: IntArray, a: FloatArray, cross: FloatArray, change: FloatArray, crossed: FloatArray
 ) -> None:
-    """Fills squares (B,) with what changed coefficients add to the sum of squares of each cluster. change: (L, 8)."""
+    """Fills crossed (B,) with sum w (f . change) (y . a) of each cluster. a: (Q, 5) of the bins.   change: (L, 8)."""
     for b in range(bins.shape[0]):
         q, j = bins[b], laser[b]
         total = 0.0
@@ -242,11 +241,9 @@ def features_squares_kernel(
             if moved != 0.0:
                 value = 0.0
                 for c in range(5):
-                    value += 2.0 * cross[b, f, c] * a[q, c]
-                for e in range(FEATURES):
-                    value += gram[b, f, e] * change[j, e]
+                    value += cross[b, f, c] * a[q, c]
                 total += moved * value
-        squares[b] = total
+        crossed[b] = total
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -258,7 +255,6 @@ def add_features_kernel(
     J: FloatArray,
     a: FloatArray,
     cross: FloatArray,
-    gram: Float32Array,
     column_of: IntArray,
     change: FloatArray,
     planes_start: int,
@@ -273,15 +269,15 @@ def add_features_kernel(
 ) -> None:
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster: first..last (exclusive).
 
-    bins, laser: (B,).   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the bins.   cross: (B, 8, 5),
-    gram: (B, 8, 8).   column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients since
+    bins, laser: (B,).   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the bins.   cross: (B, 8, 5).
+    column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients since
     the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
     """
     width = J.shape[2]
     lasers, size = column_of.shape[0], corner.shape[0]
     by, pull = np.empty((FEATURES, width)), np.empty(width)
     # What depends on the laser alone is summed up by lasers, and put in place once.
-    force, grams = np.zeros((lasers, FEATURES)), np.zeros((lasers, FEATURES, FEATURES))
+    force = np.zeros((lasers, FEATURES))
     common, mixed = np.zeros((lasers, FEATURES, width - 9)), np.zeros((size, size))
     for b in range(first, last):
         q, j = bins[b], laser[b]
@@ -293,11 +289,7 @@ def add_features_kernel(
             )  # fmt: skip
             for i in range(width):
                 by[f, i] = J[q, 0, i] * w0 + J[q, 1, i] * w1 + J[q, 2, i] * w2 + J[q, 3, i] * w3
-            own = w0 * a[q, 0] + w1 * a[q, 1] + w2 * a[q, 2] + w3 * a[q, 3] + cross[b, f, 4] * a[q, 4]
-            for e in range(FEATURES):
-                own += gram[b, f, e] * change[j, e]
-                grams[j, f, e] += gram[b, f, e]
-            force[j, f] += own
+            force[j, f] += w0 * a[q, 0] + w1 * a[q, 1] + w2 * a[q, 2] + w3 * a[q, 3] + cross[b, f, 4] * a[q, 4]
             for e in range(width - 9):
                 common[j, f, e] += by[f, 9 + e]
             moved = change[j, f]
@@ -329,10 +321,24 @@ def add_features_kernel(
                 mixed[column, e] += sign * common[j, f, e]
             if width > COLUMNS_SEEN:
                 mixed[column, clock_column] += sign * common[j, f, COLUMNS_SEEN - 9]
+    for r in range(size):
+        for c in range(size):
+            corner[r, c] += mixed[r, c] + mixed[c, r]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_grams_kernel(
+    grams: FloatArray, column_of: IntArray, change: FloatArray, corner: FloatArray, gradient_shared: FloatArray
+) -> None:
+    """Adds what the lidar's parameters share with one another. grams: (L, 8, 8) of all planes; others: add_features_kernel."""
+    for j in range(grams.shape[0]):
+        for t in range(TERMS):
+            column, f, sign = column_of[j, TERM_COLUMN[t]], TERM_FEATURE[t], TERM_SIGN[t]
+            if column < 0:
+                continue
+            for e in range(FEATURES):
+                gradient_shared[column] += sign * grams[j, f, e] * change[j, e]
             for o in range(TERMS):
                 other = column_of[j, TERM_COLUMN[o]]
                 if other >= 0:
                     corner[column, other] += sign * TERM_SIGN[o] * grams[j, f, TERM_FEATURE[o]]
-    for r in range(size):
-        for c in range(size):
-            corner[r, c] += mixed[r, c] + mixed[c, r]

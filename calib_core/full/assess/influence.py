@@ -17,7 +17,7 @@ import numpy as np
 from calib_core.factors.imu import link_factors
 from calib_core.factors.laser_features import feature_changes
 from calib_core.factors.planes_seen import OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE
-from calib_core.full.assess.kernels import add_influences_kernel
+from calib_core.full.assess.kernels import add_influences_kernel, add_own_influences_kernel
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
@@ -98,10 +98,11 @@ def _of_bins(
     if len(lasers.laser) == 0:
         return Influences(moved, allowed)
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
+    F, change = _feature_response(problem, layout, border), feature_changes(problem.lidar.laser_changes(estimate))
     add_influences_kernel(
-        lasers.bin, lasers.laser, lasers.cross, lasers.gram, a, Q, _feature_response(problem, layout, border),
-        feature_changes(problem.lidar.laser_changes(estimate)), moved, allowed,
+        lasers.bin, lasers.laser, lasers.cross, a, Q, F, change, moved, allowed,
     )  # fmt: skip
+    add_own_influences_kernel(lasers.bin[lasers.of], lasers.laser[lasers.of], lasers.gram, F, change, moved, allowed)
     return Influences(moved, allowed)
 
 

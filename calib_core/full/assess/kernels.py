@@ -8,12 +8,11 @@ import numpy as np
 from calib_core.types import Float32Array, FloatArray, IntArray
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_influences_kernel(
     bins: IntArray,
     laser: IntArray,
     cross: FloatArray,
-    gram: Float32Array,
     a: FloatArray,
     Q: FloatArray,
     F: FloatArray,
@@ -21,13 +20,12 @@ def add_influences_kernel(
     moved: FloatArray,
     allowed: FloatArray,
 ) -> None:
-    """Adds to each bin's moved (Q, 7) and allowed (Q, 7, 7) what its lasers' clusters have moved and allowed the seven.
+    """Adds to each bin's moved (Q, 7) and allowed (Q, 7, 7) what where its lasers' points lie has moved and allowed.
 
-    bins, laser: (B,).   cross: (B, 8, 5), gram: (B, 8, 8).   a: (Q, 5), Q: (Q, 4, 7) of the bins.   F: (L, 8, 7), change: (L, 8)
-    of the lasers.
+    bins, laser: (B,).   cross: (B, 8, 5).   a: (Q, 5), Q: (Q, 4, 7) of the bins.   F: (L, 8, 7), change: (L, 8) of the lasers.
     """
     features, seven = F.shape[1], F.shape[2]
-    by_gram, by_cross = np.empty((features, seven)), np.empty((4, seven))
+    by_cross = np.empty((4, seven))
     pull, push, mixed = np.empty(features), np.empty(4), np.empty((seven, seven))
     for b in range(bins.shape[0]):
         q, j = bins[b], laser[b]
@@ -40,14 +38,7 @@ def add_influences_kernel(
                 push[c] += value * by
                 for s in range(seven):
                     by_cross[c, s] += value * F[j, f, s]
-            total += cross[b, f, 4] * a[q, 4]
-            by_gram[f] = 0.0
-            for e in range(features):
-                value = gram[b, f, e]
-                total += value * change[j, e]
-                for s in range(seven):
-                    by_gram[f, s] += value * F[j, e, s]
-            pull[f] = total
+            pull[f] = total + cross[b, f, 4] * a[q, 4]
         for s in range(seven):
             total = 0.0
             for f in range(features):
@@ -63,6 +54,34 @@ def add_influences_kernel(
         for s in range(seven):
             for t in range(seven):
                 allowed[q, s, t] += mixed[s, t] + mixed[t, s]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_own_influences_kernel(
+    bins: IntArray,
+    laser: IntArray,
+    gram: Float32Array,
+    F: FloatArray,
+    change: FloatArray,
+    moved: FloatArray,
+    allowed: FloatArray,
+) -> None:
+    """Adds to them what the lasers' features have by themselves. gram: (U, 8, 8), bins, laser: (U,) of each."""
+    features, seven = F.shape[1], F.shape[2]
+    by_gram = np.empty((features, seven))
+    for u in range(gram.shape[0]):
+        q, j = bins[u], laser[u]
+        for f in range(features):
+            pull = 0.0
+            by_gram[f] = 0.0
+            for e in range(features):
+                value = gram[u, f, e]
+                pull += value * change[j, e]
+                for s in range(seven):
+                    by_gram[f, s] += value * F[j, e, s]
+            for s in range(seven):
+                moved[q, s] -= F[j, f, s] * pull
+        for s in range(seven):
             for f in range(features):
                 way = F[j, f, s]
                 for t in range(seven):

@@ -14,7 +14,7 @@ import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel
 from calib_core.factors.laser_features import feature_changes, features_squares
-from calib_core.factors.laser_kernels import add_features_kernel
+from calib_core.factors.laser_kernels import add_features_kernel, add_grams_kernel
 from calib_core.factors.planes_seen import COLUMNS, planes_seen_kernel
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
@@ -42,7 +42,7 @@ class LidarFactors:
         a = self.planes_seen(estimate)
         total = np.einsum("bi,bij,bj->", a, self.bins.scatter, a, optimize=True)
         if len(self.bins.lasers.laser):
-            total += float(features_squares(self.bins.lasers, a, self.laser_changes(estimate)).sum())
+            total += float(features_squares(self.bins.lasers, a, self.laser_changes(estimate), self.bins.plane).sum())
         return float(total)
 
     def add_to(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
@@ -84,13 +84,15 @@ class LidarFactors:
         lasers, bins = self.bins.lasers, self.bins
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
-        system.cost += 0.5 * float(features_squares(lasers, a, change).sum())
+        system.cost += 0.5 * float(features_squares(lasers, a, change, bins.plane).sum())
+        column_of, by_feature = np.where(places >= 0, start + places, -1), feature_changes(change)
+        add_grams_kernel(lasers.grams.sum(axis=0), column_of, by_feature, system.corner, system.gradient_shared)
 
         def one(first: int, last: int) -> ArrowSystem:
             own = replace(_with_own_sums(system), gradient=np.zeros_like(system.gradient))
             add_features_kernel(
-                lasers.bin, bins.knot, bins.plane, lasers.laser, J, a, lasers.cross, lasers.gram,
-                np.where(places >= 0, start + places, -1), feature_changes(change), layout.every_plane().start,
+                lasers.bin, bins.knot, bins.plane, lasers.laser, J, a, lasers.cross, column_of, by_feature,
+                layout.every_plane().start,
                 start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1]),
                 own.gradient, own.border, own.corner, own.gradient_shared, first, last,
             )  # fmt: skip
@@ -109,12 +111,14 @@ class LidarFactors:
         return total
 
     def squares(self, estimate: Estimate) -> FloatArray:
-        """Sum of weighted squared distances of every bin's points, (B,)."""
-        a = self.planes_seen(estimate)
-        total = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
+        """Sum of weighted squared distances of every plane's points, (P,)."""
+        a, planes = self.planes_seen(estimate), len(estimate.normals)
+        own = np.einsum("bi,bij,bj->b", a, self.bins.scatter, a, optimize=True)
+        total = np.bincount(self.bins.plane, own, planes).astype(np.float64)
         if len(self.bins.lasers.laser):
-            total += self._by_bin(features_squares(self.bins.lasers, a, self.laser_changes(estimate)))
-        return np.asarray(total)
+            more = features_squares(self.bins.lasers, a, self.laser_changes(estimate), self.bins.plane)
+            total[: len(more)] += more
+        return total
 
     def _by_bin(self, of_cluster: FloatArray) -> FloatArray:
         """Summed over the lasers' clusters (C,) of each bin: (B,)."""

@@ -148,7 +148,7 @@ def gather_lasers(
         return LaserFactors.empty()
     of_group, sums = of_group[use], micro.sums
     n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
-    keys, cross, gram = move_and_sum_features(
+    keys, cross, of = move_and_sum_features(
         sums,
         use,
         back @ poses.R,
@@ -156,7 +156,8 @@ def gather_lasers(
         of_group,
         (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use],
     )
-    return LaserFactors(np.searchsorted(bins, keys // lasers), keys % lasers, cross, gram)
+    gram = sums.gram if len(use) == len(sums.gram) else sums.gram[use]
+    return LaserFactors.made(np.searchsorted(bins, keys // lasers), keys % lasers, cross, gram, of, bins % n_planes)
 
 
 def _instants(time_s: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -20,7 +20,7 @@ def plane_residuals(problem: JointProblem, estimate: Estimate) -> list[tuple[flo
         mine = bins.plane == j
         total = float(weight[mine].sum())
         out.append(
-            (float(np.sqrt(max(chi2[mine].sum(), 0.0) / total)) if total > 0 else 0.0, int(bins.count[mine].sum()))
+            (float(np.sqrt(max(float(chi2[j]), 0.0) / total)) if total > 0 else 0.0, int(bins.count[mine].sum()))
         )
     return out
 
@@ -31,7 +31,7 @@ def plane_chi2(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, F
     chi2 = problem.lidar.squares(estimate)
     planes = len(estimate.normals)
     points = np.bincount(bins.plane, bins.count, planes).astype(np.float64)
-    return np.bincount(bins.plane, chi2, planes) / np.maximum(points, 1), points
+    return chi2 / np.maximum(points, 1), points
 
 
 def moved_in_gate(problem: JointProblem, before: Estimate, after: Estimate) -> float:

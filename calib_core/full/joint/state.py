@@ -158,7 +158,7 @@ class Bins:
             plane=self.plane[mine],
             scatter=self.scatter[mine],
             count=self.count[mine],
-            lasers=self.lasers.within(mine),
+            lasers=self.lasers.within(mine, self.plane),
         )
 
 

@@ -176,16 +176,12 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     """Mutation: the cross term once instead of twice."""
     rng = np.random.default_rng(5)
     y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
-    factors = LaserFactors(
-        np.zeros(1, np.int64),
-        np.ones(1, np.int64),
-        (f.T @ y)[None],
-        (f.T @ f)[None],
-    )
+    one = np.zeros(1, np.int64)
+    factors = LaserFactors.made(one, one + 1, (f.T @ y)[None], (f.T @ f)[None], one, one)
     a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 10))
     moved = feature_changes(change)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
-    assert features_squares(factors, a, change)[0] == pytest.approx(after @ after - before @ before)
+    assert features_squares(factors, a, change, one)[0] == pytest.approx(after @ after - before @ before)
     offset, *others, height = change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:]
     expected = np.array([offset, *others])
     expected[[0, 4]] -= height

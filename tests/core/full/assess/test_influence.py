@@ -10,7 +10,7 @@ import pytest
 from calib_core.full.assess.considered import consider
 from calib_core.full.assess.disagreement import Disagreement, judge, roots, together
 from calib_core.full.assess.influence import Influences, factor_influences
-from calib_core.full.assess.kernels import add_influences_kernel
+from calib_core.full.assess.kernels import add_influences_kernel, add_own_influences_kernel
 from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
@@ -67,7 +67,8 @@ def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
     cross, gram = np.swapaxes(f, 1, 2) @ y, np.swapaxes(f, 1, 2) @ f
     a, Q, F, change = (rng.normal(size=shape) for shape in ((3, 5), (3, 4, 7), (3, 8, 7), (3, 8)))
     moved, allowed = np.zeros((3, 7)), np.zeros((3, 7, 7))
-    add_influences_kernel(bins, laser, cross, gram.astype(np.float32), a, Q, F, change, moved, allowed)
+    add_influences_kernel(bins, laser, cross, a, Q, F, change, moved, allowed)
+    add_own_influences_kernel(bins, laser, gram.astype(np.float32), F, change, moved, allowed)
     for q in range(3):
         u, P = np.zeros(7), np.zeros((7, 7))
         for b in np.flatnonzero(bins == q):

@@ -64,11 +64,13 @@ class Case:
             if ((self.pair == q) & (unit == j)).any()
         ]
         mine = [(self.pair == q) & (unit == j) for q, j in clusters]
-        lasers = LaserFactors(
+        lasers = LaserFactors.made(
             np.array([q for q, _ in clusters]),
             np.array([j for _, j in clusters]),
             np.array([self.f[m].T @ self.y[m] for m in mine]),
             np.array([self.f[m].T @ self.f[m] for m in mine]),
+            np.arange(len(clusters)),
+            base.bins.plane,
         )
         bins = Bins(
             base.bins.knot, base.bins.plane, scatter, np.full(len(pairs), POINTS), plain.OFFSET_S, lasers, laid_out
@@ -177,7 +179,8 @@ def test_bins_know_of_what_their_lasers_have_changed() -> None:
     np.testing.assert_allclose(
         case.problem.lidar.sums(case.estimate), np.bincount(case.pair, r, bins), rtol=1e-9, atol=1e-9
     )
-    np.testing.assert_allclose(case.problem.lidar.squares(case.estimate), np.bincount(case.pair, r**2, bins), rtol=1e-9)
+    of_planes = np.bincount(case.problem.bins.plane[case.pair], r**2, len(case.estimate.normals))
+    np.testing.assert_allclose(case.problem.lidar.squares(case.estimate), of_planes, rtol=1e-9)
 
 
 def test_an_ideal_pair_of_sensors_adds_no_column() -> None:
