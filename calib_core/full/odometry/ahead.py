@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 
 from calib_core.full.odometry.register import sample_points
+from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.threads import workers
 from calib_core.types import FloatArray, Scan
 
-#: Scans taken at once: handing over work costs as much as one of them.
-_AT_ONCE = 8
 _Sample = tuple[FloatArray, FloatArray]
 
 
@@ -33,14 +32,14 @@ class Ahead:
 
     def sample(self, position: int, direction: int) -> _Sample:
         """Of one scan (K, 3) [m], (K,) [s]. direction: 1 or -1, of the march: the next ones are begun with."""
-        block = position // _AT_ONCE
+        block = position // FOLLOWING.ahead_scans
         ahead = (block, block + direction)
         self._taken = {each: self._taken.get(each) or workers().submit(self._samples, each) for each in ahead}
         return self._taken[block].result()[position - self._positions(block).start]
 
     def _positions(self, block: int) -> range:
-        first = max(block * _AT_ONCE, self._within.start)
-        return range(first, max(first, min((block + 1) * _AT_ONCE, self._within.stop)))
+        first = max(block * FOLLOWING.ahead_scans, self._within.start)
+        return range(first, max(first, min((block + 1) * FOLLOWING.ahead_scans, self._within.stop)))
 
     def _samples(self, block: int) -> list[_Sample]:
         return [sample_points(self._scans[position], self._count) for position in self._positions(block)]

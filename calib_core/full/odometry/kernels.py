@@ -208,7 +208,7 @@ def equations_kernel(
 ) -> None:
     """Fills sums (3, 24) with w r r', w t r r', w t^2 r r', upper triangles, and gradient (12,) with w d [r, t r].
 
-    r: (6,) of a point-to-plane distance after turn and place; the rates' rows are these times t.   n_lidar: (P, 3) in the
+    With r (6,) of a point-to-plane distance after turn and place; the rates' rows are these times t.   n_lidar: (P, 3) in the
     lidar's axes.   worth: (P,) factors of the weights of planes.   scale: [m] of the redescending weight.
     """
     row, product, time = np.empty(6), np.zeros((_BLOCK, _ROW)), np.empty((_BLOCK, 2))

@@ -17,10 +17,8 @@ from calib_core.full.odometry.kernels import Counting, Motion, register_kernel, 
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.sample_kernels import places_kernel, take_kernel
 from calib_core.full.odometry.settings import TrackSettings
-from calib_core.types import POINT_DTYPE, FloatArray, IntArray, Scan
+from calib_core.types import FloatArray, IntArray, Scan
 
-#: Words of a point's record, and the one that holds its time (POINT_DTYPE).
-_WORDS, _TIME = POINT_DTYPE.itemsize // 4, 4
 #: What of a scan's motion a tie's twelve are of: those of its pose, and of its change within the sweep.
 TURN, PLACE, RATE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 
@@ -52,18 +50,18 @@ def evenly_spread(n: int, count: int) -> IntArray:
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
     """Evenly spread points of a scan and their times after its first point: (K, 3) [m], (K,) [s]. Deterministic."""
-    points, n = np.ascontiguousarray(scan.points), len(scan.points)
+    points, n = scan.points, len(scan.points)
     which = evenly_spread(n, count) if n > count else np.arange(n)
     xyz, tau = np.empty((len(which), 3)), np.empty(len(which))
-    floats, ints = points.view(np.float32).reshape(n, _WORDS), points.view(np.int32).reshape(n, _WORDS)
-    take_kernel(floats, ints, _TIME, which, xyz, tau)
+    take_kernel(points["xyz"], points["offset_ns"], which, xyz, tau)
     return xyz, tau
 
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """A registration and what its points did. x_map_m: (K, 3).   plane: (K,) index, -1 for none within reach.   blind: (3,)
-    map, unit: the direction of position that fewest points tell.
+    """A registration and what its points did. x_map_m: (K, 3).   plane: (K,) index, -1 for none within reach.
+
+    blind: (3,) map, unit: the direction of position that fewest points tell.
     """
 
     motion: ScanMotion

@@ -27,15 +27,10 @@ def places_kernel(n: int, count: int) -> IntArray:
 
 
 @numba.njit(cache=True, nogil=True)
-def take_kernel(
-    floats: Float32Array, ints: CountArray, time: int, which: IntArray, xyz: FloatArray, tau: FloatArray
-) -> None:
-    """Fills xyz (K, 3) [m] and tau (K,) [s] with some points of records that begin with x y z.
-
-    floats, ints: (N, W) views of the records' words.   time: the word that holds the time [ns].   which: (K,).
-    """
+def take_kernel(points: Float32Array, times_ns: CountArray, which: IntArray, xyz: FloatArray, tau: FloatArray) -> None:
+    """Fills xyz (K, 3) [m] and tau (K,) [s] with some of points (N, 3) and their times (N,), columns of records. which: (K,)."""
     for i in range(which.shape[0]):
         k = which[i]
         for a in range(3):
-            xyz[i, a] = floats[k, a]
-        tau[i] = ints[k, time] * 1e-9
+            xyz[i, a] = points[k, a]
+        tau[i] = times_ns[k] * 1e-9

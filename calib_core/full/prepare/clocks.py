@@ -32,16 +32,15 @@ class FirstLook:
     farthest_m: float
 
 
-#: Scans that are looked at together: enough for calls to cost little beside what they do, few enough for the memory.
-_AT_ONCE = 32
-
-
 def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
     """At every scan, once, on all threads. stamps_ns: (M,) of the scans, where they are known."""
     scans = recording.scans
     stamps = np.array([scan.stamp_ns for scan in scans], dtype=np.int64) if stamps_ns is None else stamps_ns
     period_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 1 else recording.lidar.period_s
-    some = [range(first, min(first + _AT_ONCE, len(scans))) for first in range(0, len(scans), _AT_ONCE)]
+    some = [
+        range(first, min(first + SWEEPS.scans_at_once, len(scans)))
+        for first in range(0, len(scans), SWEEPS.scans_at_once)
+    ]
     looks = list(workers().map(lambda places: _look_at([scans[k].points for k in places], period_s), some))
     sweeps, counts, facing, farthest = zip(*looks, strict=True)
     return FirstLook(

@@ -29,8 +29,8 @@ def test_places_are_the_multiples_of_the_golden_ratio(n: int, count: int) -> Non
 
 @pytest.mark.parametrize("n", [0, 40, 5000])
 def test_samples_hold_what_the_records_hold(n: int) -> None:
-    """Of clouds that lie on disk, that are a part of another one, and of none. Mutations: the intensity for the time; records of
-    another width; seconds for nanoseconds.
+    """Of clouds that lie on disk, that are a part of another one, and of none. Mutations: the first of the records for
+    those asked for; nanoseconds for seconds.
     """
     whole = _scan(2 * n)
     parts = [_scan(n).points, whole.points[::2], np.frombuffer(_scan(n).points.tobytes() or bytearray(), POINT_DTYPE)]
