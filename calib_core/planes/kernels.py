@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 @numba.njit(cache=True, nogil=True)
@@ -26,3 +26,31 @@ def support_kernel(
             count += (abs(along + w) < tolerance[i]) & (abs(along) > least_along[i])
         support[h] = count
     return support
+
+
+@numba.njit(cache=True, nogil=True)
+def band_kernel(
+    points: FloatArray,
+    least_along: FloatArray,
+    tolerance: FloatArray,
+    free: BoolArray,
+    normal: FloatArray,
+    offset: float,
+    narrow_m: float,
+    least_share: float,
+    inliers: BoolArray,
+) -> FloatArray:
+    """Fills inliers (N,) with the free points seen face on within a band of a plane; their signed distances (K,) in order.
+
+    The band is narrow_m wide, but least_share of each point's tolerance at the least, and all of it at the most.
+    """
+    a, b, c = normal[0], normal[1], normal[2]
+    distance, held = np.empty(points.shape[0]), 0
+    for i in range(points.shape[0]):
+        along = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
+        band = min(tolerance[i], max(narrow_m, least_share * tolerance[i]))
+        inliers[i] = free[i] and abs(along) > least_along[i] and abs(along + offset) < band
+        if inliers[i]:
+            distance[held] = along + offset
+            held += 1
+    return distance[:held]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calib_core.geometry import plane_axes
-from calib_core.planes.kernels import support_kernel
+from calib_core.planes.kernels import band_kernel, support_kernel
 from calib_core.planes.same import same_place
 from calib_core.planes.settings import SegmentSettings
 from calib_core.types import BoolArray, FloatArray
@@ -48,10 +48,11 @@ def fit_plane(points_m: FloatArray, weights: FloatArray | None = None) -> tuple[
     points_m: (N, 3).   weights: (N,) or None.   Returns normal (3,), offset_m, std_m (3,) ascending: the first is the
     thickness, the other two the spread within the plane.
     """
-    w = np.ones(len(points_m)) if weights is None else weights
-    centre = (w[:, None] * points_m).sum(axis=0) / w.sum()
+    w, whole = (1.0, len(points_m)) if weights is None else (weights[:, None], weights.sum())
+    weighted = points_m if weights is None else w * points_m
+    centre = weighted.sum(axis=0) / whole
     centred = points_m - centre
-    values, vectors = np.linalg.eigh((centred * w[:, None]).T @ centred / w.sum())
+    values, vectors = np.linalg.eigh((centred * w).T @ centred / whole)
     normal = vectors[:, 0]
     return normal, -float(normal @ centre), np.sqrt(np.maximum(values, 0.0))
 
@@ -167,20 +168,18 @@ def _refine(
 ) -> PlaneFit | None:
     """Least squares on the inliers, the band shrinking to three robust sigmas of what it holds."""
     normal, offset = start
-    band = tolerance
-    inliers = np.zeros(len(points), dtype=bool)
+    least_along, narrow_m = s.min_incidence * ranges, np.inf
+    inliers, before = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool)
     for _ in range(s.refits):
-        along = points @ normal
-        distance, before = along + offset, inliers
-        inliers = free & (np.abs(along) > s.min_incidence * ranges) & (np.abs(distance) < band)
-        if inliers.sum() < s.min_points // 2:
+        inliers, before = before, inliers
+        mine = band_kernel(points, least_along, tolerance, free, normal, offset, narrow_m, s.least_band, inliers)
+        if len(mine) < s.min_points // 2:
             return None
         if np.array_equal(inliers, before):
             break
-        mine = distance[inliers]
         sigma = _NORMAL_MAD * np.median(np.abs(mine - np.median(mine)))
         normal, offset, _ = fit_plane(points[inliers])
-        band = np.minimum(tolerance, np.maximum(s.band_sigmas * sigma, s.least_band * tolerance))
+        narrow_m = s.band_sigmas * sigma
     if offset < 0:  # the viewpoint is the origin here: its signed distance is the offset, made positive
         normal, offset = -normal, -offset
     residual = points[inliers] @ normal + offset

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -134,12 +133,12 @@ def judged(ctx: Run, followed: Followed, lidar: LidarTrack, rotation: RotationSt
 
 def leaps(ctx: Run, followed: Followed, rotation: RotationStart) -> IntArray:
     """The motions, by number, from which the next one is turned as the gyroscope has not felt it, bridged ones aside."""
-    turning, scans = GyroTurning.of(ctx, rotation), ctx.recording.scans
-    found = []
-    for k, (one, other) in enumerate(pairwise(followed.motions)):
-        turn = turning.between(scans[one.position].stamp_ns, scans[other.position].stamp_ns)
-        if turn is None or min(one.share, other.share) == 0:
-            continue
-        if float(np.linalg.norm(log(turn.T @ one.R.T @ other.R))) > AGREEING.leap_rad:
-            found.append(k)
-    return np.array(found, np.int64)
+    motions, turning = followed.motions, GyroTurning.of(ctx, rotation)
+    t_s = ctx.clocks.scan_s[[m.position for m in motions]] - rotation.time_offset_s
+    # What the gyroscope turned and what the track did, as one lidar's.
+    felt = turning.gyro.at(t_s) @ rotation.R_imu_lidar
+    shown = np.array([m.R for m in motions])
+    felt, shown = (np.swapaxes(R[:-1], 1, 2) @ R[1:] for R in (felt, shown))
+    apart_rad = np.linalg.norm(log(np.swapaxes(felt, 1, 2) @ shown), axis=1)
+    told = (t_s >= turning.first_s) & (t_s <= turning.last_s) & np.array([m.share > 0 for m in motions])
+    return np.flatnonzero(told[:-1] & told[1:] & (apart_rad > AGREEING.leap_rad))

@@ -22,10 +22,13 @@ from calib_core.full.initialise.time_offset import (
     masked_correlation,
     turns_of,
 )
+from calib_core.full.initialise.told_once import told_once
 from calib_core.geometry import mean_rotation, nearest_rotation
+from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray
 
 
+@told_once
 def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[RotationStart]:
     """Time offset and rotation, best first; more than one where several lags explain the motion about as well."""
     gyro = GyroTurns(imu_s, gyro_rad_s)
@@ -36,24 +39,23 @@ def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray)
 
 def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]]) -> list[RotationStart]:
     """The rotation at each lag, the lag refined on the residual; best first. lags: with their correlations."""
-    starts = []
-    for lag, correlation in lags:
-        offsets = lag + _around()
-        values = np.array(
-            [np.inf if f is None else f.residual for f in _fit_rotations(turns, gyro, offsets, correlation)]
-        )
-        k = int(np.argmin(values))
-        if not np.isfinite(values[k]):
-            continue
-        offset = offsets[k]
-        if 0 < k < len(values) - 1 and np.isfinite(values[[k - 1, k + 1]]).all():
-            left, mid, right = values[k - 1 : k + 2] ** 2
-            bend = left - 2 * mid + right
-            offset += ROTATING.step_s * 0.5 * (left - right) / bend if bend > 0 else 0.0
-        refined = _fit_rotations(turns, gyro, np.array([offset]), correlation)[0]
-        if refined is not None:
-            starts.append(refined)
-    return sorted(starts, key=lambda s: s.residual)
+    fits = workers().map(lambda lag: _fit_lag(turns, gyro, *lag), lags)
+    return sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.residual)
+
+
+def _fit_lag(turns: Turns, gyro: GyroTurns, lag_s: float, correlation: float) -> RotationStart | None:
+    """The rotation about a lag, at the lag that leaves least; None where too few turns are in common."""
+    offsets = lag_s + _around()
+    values = np.array([np.inf if f is None else f.residual for f in _fit_rotations(turns, gyro, offsets, correlation)])
+    k = int(np.argmin(values))
+    if not np.isfinite(values[k]):
+        return None
+    offset = offsets[k]
+    if 0 < k < len(values) - 1 and np.isfinite(values[[k - 1, k + 1]]).all():
+        left, mid, right = values[k - 1 : k + 2] ** 2
+        bend = left - 2 * mid + right
+        offset += ROTATING.step_s * 0.5 * (left - right) / bend if bend > 0 else 0.0
+    return _fit_rotations(turns, gyro, np.array([offset]), correlation)[0]
 
 
 def _around() -> FloatArray:

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from calib_core.full.odometry.kernels import spread_kernel
+from calib_core.full.odometry.kernels import Surfaces
+from calib_core.full.odometry.reach_kernels import spread_kernel
 from calib_core.full.odometry.settings import MAP
 from calib_core.geometry import plane_axes
 from calib_core.planes.same import apart, same_points
@@ -45,6 +46,10 @@ class PlaneMap:
         made = PlaneMap.of(planes)
         made.reach = np.ones((made.given, 1, 1), np.bool_)
         return made
+
+    def surfaces(self, outside_m: float) -> Surfaces:
+        """As compiled loops take them. outside_m: a point off a plane's known part counts as so much further away."""
+        return Surfaces(self.normals, self.offsets_m, self.axes, self.reach, MAP.cell_m, outside_m)
 
     def seed(self, x_map_m: FloatArray, near_m: float = MAP.near_m) -> None:
         """Let every plane reach wherever points lie on it. x_map_m: (N, 3)."""

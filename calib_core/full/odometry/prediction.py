@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.settings import TrackSettings
 from calib_core.geometry import exp
-from calib_core.types import FloatArray, Scan
+from calib_core.types import FloatArray
 
 _NONE = np.zeros(3)
 
@@ -34,11 +33,8 @@ def other_places(predicted: ScanMotion, s: TrackSettings, *, thorough: bool) -> 
     return starts
 
 
-def predict(
-    previous: ScanMotion, scans: Sequence[Scan], position: int, s: TrackSettings
-) -> tuple[ScanMotion, FloatArray]:
-    """Constant velocity to the next scan, with the information of that guess."""
-    dt = (scans[position].stamp_ns - scans[previous.position].stamp_ns) * 1e-9
+def predict(previous: ScanMotion, position: int, dt: float, s: TrackSettings) -> tuple[ScanMotion, FloatArray]:
+    """Constant velocity to the next scan, dt [s] later, with the information of that guess."""
     steps = max(abs(dt) / s.tie_s, s.least_tie_steps)
     predicted = replace(
         previous,

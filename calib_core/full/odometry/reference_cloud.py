@@ -49,8 +49,9 @@ def propose_planes(
             fits = merged
     patch = np.full(len(cloud), -1, dtype=np.int16)
     patches = []
+    ranges_m = np.linalg.norm(cloud, axis=1)
     for j, plane in enumerate(named_planes(fits)):
-        near = near_plane(cloud, plane) & (patch < 0)
+        near = near_plane(cloud, plane, ranges_m) & (patch < 0)
         patch[near] = j
         patches.append(make_patch(plane, cloud[near]))
     on_event(StageEvent(stage="planes", fraction=1.0, text=f"{len(patches)} planes"))

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calib_core.full.odometry.ahead import Ahead
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.prediction import other_places, other_starts, predict
 from calib_core.full.odometry.register import (
@@ -55,8 +56,9 @@ def track(
     known = planes if isinstance(planes, PlaneMap) else PlaneMap.of(planes)
     first = _first(scans, known, reference, s, turning)
     runs: list[list[ScanMotion]] = []
+    ahead = Ahead(scans, s.sample, within or range(len(scans)))
     for direction in (1, -1):
-        tracker = _Tracker(scans, known, s, direction, first, turning, within or range(len(scans)))
+        tracker = _Tracker(scans, ahead, known, s, direction, first, turning)
         for done in tracker.run():
             if on_progress is not None:
                 on_progress(min(1.0, (done + sum(map(len, runs))) / len(scans)))
@@ -87,12 +89,12 @@ class _Tracker:
     """One direction's march away from the reference. followed: what it came to, in the order of the march."""
 
     scans: Sequence[Scan]
+    ahead: Ahead
     known: PlaneMap
     s: TrackSettings
     direction: int
     first: ScanMotion
     turning: Turning | None
-    within: range
     followed: list[ScanMotion] = field(default_factory=list)
     _share: float = 1.0
     _rms: float = 0.0
@@ -112,7 +114,7 @@ class _Tracker:
         good = oriented = previous = self.first
         self._pace_m_s = self.first.v_m_s
         position = self.first.position + self.direction
-        while 0 <= position < len(self.scans) and position in self.within:
+        while position in self.ahead:
             away_s = self._between_s(good.position, position)
             lost_s = s.bridge_s if self.turning is None else s.coast_s
             if self._between_s(oriented.position, position) > max(lost_s, s.bridged_periods * self._period_s(position)):
@@ -145,21 +147,20 @@ class _Tracker:
         """
         if before is good:
             return
-        dt = (self.scans[after.position].stamp_ns - self.scans[before.position].stamp_ns) * 1e-9
-        leap = after.p - (before.p + before.v_m_s * dt)
-        whole = (self.scans[after.position].stamp_ns - self.scans[good.position].stamp_ns) * 1e-9
+        leap = after.p - (before.p + before.v_m_s * self.ahead.between_s(before.position, after.position))
+        whole = self.ahead.between_s(good.position, after.position)
         for k in range(len(self.followed) - 2, -1, -1):
             m = self.followed[k]
             if m.position == good.position:
                 break
             blind = self._blind.get(m.position)
             if blind is not None:
-                t = (self.scans[m.position].stamp_ns - self.scans[good.position].stamp_ns) * 1e-9
+                t = self.ahead.between_s(good.position, m.position)
                 along = blind * (blind @ leap)
                 self.followed[k] = replace(m, p=m.p + along * (t / whole), v_m_s=m.v_m_s + along / whole)
 
     def _between_s(self, one: int, other: int) -> float:
-        return abs(self.scans[other].stamp_ns - self.scans[one].stamp_ns) * 1e-9
+        return abs(self.ahead.between_s(one, other))
 
     def _period_s(self, position: int) -> float:
         """Time to the neighbouring scan the march comes from."""
@@ -168,12 +169,13 @@ class _Tracker:
     def _register(self, previous: ScanMotion, position: int, damping_s: float | None) -> Registered | None:
         """The scan registered from where it is predicted, from other starts where that is doubtful; None where it is lost."""
         s = self.s
-        points, tau = sample_points(self.scans[position], s.sample)
+        points, tau = self.ahead.sample(position, self.direction)
         if len(points) < s.fewest_points:
             return None
         # Where a direction is seen for a moment of the sweep only, the way from the last scan tells its velocity better.
         mixed = replace(previous, v_m_s=0.5 * (previous.v_m_s + self._pace_m_s))
-        predicted, tie = predict(mixed, self.scans, position, s)
+        dt = self.ahead.between_s(previous.position, position)
+        predicted, tie = predict(mixed, position, dt, s)
         turned = self._turned(previous, position)
         known_rad = None
         if turned is not None:
@@ -185,7 +187,6 @@ class _Tracker:
         step = None if self.turning is None else self.turning.step(previous.position, position)
         scales_m = None
         if step is not None:
-            dt = (self.scans[position].stamp_ns - self.scans[previous.position].stamp_ns) * 1e-9
             predicted = replace(predicted, p=previous.p + step, v_m_s=step / dt)
             tie[PLACE], tie[VELOCITY] = 1 / s.step_m**2, 1 / s.step_m_s**2
             scales_m = s.near_scales_m
@@ -216,7 +217,7 @@ class _Tracker:
         """The last motion turned on to a scan by what else tells of turning; None where nothing does."""
         if self.turning is None:
             return None
-        turn = self.turning.between(self.scans[previous.position].stamp_ns, self.scans[position].stamp_ns)
+        turn = self.turning.between(self.ahead.stamps_ns[previous.position], self.ahead.stamps_ns[position])
         rate = rate_within(self.scans[position], self.turning)
         if turn is None or rate is None:
             return None
@@ -240,15 +241,14 @@ class _Tracker:
 
     def _between(self, one: ScanMotion, other: ScanMotion) -> tuple[FloatArray, FloatArray]:
         """Rate [rad/s] and velocity [m/s] that lead from one motion to another, (3,) each."""
-        dt = (self.scans[other.position].stamp_ns - self.scans[one.position].stamp_ns) * 1e-9
+        dt = self.ahead.between_s(one.position, other.position)
         return log(one.R.T @ other.R) / dt, (other.p - one.p) / dt
 
     def _bridge(self, before: ScanMotion, after: ScanMotion) -> None:
         """Motions between two that were found, at constant velocity."""
-        stamps = [self.scans[m.position].stamp_ns for m in (before, after)]
         omega, v = self._between(before, after)
         for position in range(before.position + self.direction, after.position, self.direction):
-            t = (self.scans[position].stamp_ns - stamps[0]) * 1e-9
+            t = self.ahead.between_s(before.position, position)
             turned = self._turned(before, position)
             R, rate = (before.R @ exp(omega * t), omega) if turned is None else (turned.R, turned.omega_rad_s)
             self.followed.append(ScanMotion(position, R, before.p + v * t, rate, v, 0.0, np.inf, np.inf, np.inf))
@@ -260,7 +260,7 @@ class _Tracker:
         if not rough:
             self._share += s.newest * (motion.share - self._share)
             self._rms += s.newest * (float(np.clip(motion.rms_m, s.least_rms_m, self._most_rms_m)) - self._rms)
-        self.known.spread(straighten(found.points_m, found.tau_s, motion), motion.p)
+        self.known.spread(found.x_map_m, motion.p)
         self.known.count(found.plane[found.plane >= 0])
         self._since += 1
         turned = float(np.linalg.norm(log(self._grown_R.T @ motion.R)))

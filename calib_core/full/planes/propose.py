@@ -22,6 +22,9 @@ from calib_core.presets.lidar import FARTHEST_M, NEAREST_M
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Plane, PlanePatch, PlaneProposals, Scan
 
+#: A prime beyond all cells of a side: a row and a column are one number.
+_ROW_KEY = 1_000_003
+
 
 def scan_points(scan: Scan, field_of_view_deg: float | None = None) -> FloatArray:
     """The scan's points (N, 3) [m] in the lidar frame, within the field of view."""
@@ -89,12 +92,15 @@ def named_planes(fits: Sequence[PlaneFit]) -> list[Plane]:
     return [Plane(f"plane {j + 1}", f.normal, f.offset_m) for j, f in enumerate(fits)]
 
 
-def near_plane(cloud_m: FloatArray, plane: Plane) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Points on a plane, by the segmentation's own tolerance."""
+def near_plane(
+    cloud_m: FloatArray, plane: Plane, ranges_m: FloatArray | None = None
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Points on a plane, by the segmentation's own tolerance. ranges_m: (N,) of the points, where that is known."""
     s = SegmentSettings()
-    tolerance = s.distance_m + s.distance_per_range * np.linalg.norm(cloud_m, axis=1)
-    face_on = np.abs(cloud_m @ plane.normal) > s.min_incidence * np.linalg.norm(cloud_m, axis=1)
-    return np.asarray(face_on & (np.abs(cloud_m @ plane.normal + plane.offset_m) < tolerance))
+    away_m = np.linalg.norm(cloud_m, axis=1) if ranges_m is None else ranges_m
+    along_m = cloud_m @ plane.normal
+    near = np.abs(along_m + plane.offset_m) < s.distance_m + s.distance_per_range * away_m
+    return np.asarray((np.abs(along_m) > s.min_incidence * away_m) & near)
 
 
 def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) -> PlanePatch:
@@ -106,7 +112,8 @@ def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) ->
         corners = uv[ConvexHull(uv).vertices]
     except (QhullError, ValueError):
         corners = uv[:0]
-    cells = np.unique(np.floor(uv / PATCHES.cell_m).astype(np.int64), axis=0)
+    row, column = np.floor(uv / PATCHES.cell_m).astype(np.int64).T
+    cells = np.unique(row * _ROW_KEY + column)
     distance = points_m @ plane.normal + plane.offset_m
     return PlanePatch(
         plane=plane,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from calib_core.full.prepare.settings import SWEEPS
 from calib_core.full.run import Clocks
+from calib_core.threads import workers
 from calib_core.types import ComplexArray, FloatArray, IntArray, PointArray, Recording
 
 
@@ -29,33 +32,56 @@ class FirstLook:
     farthest_m: float
 
 
-def look(recording: Recording) -> FirstLook:
-    """At every scan, once."""
-    stamps = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
+def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
+    """At every scan, once, on all threads. stamps_ns: (M,) of the scans, where they are known."""
+    scans = recording.scans
+    stamps = np.array([scan.stamp_ns for scan in scans], dtype=np.int64) if stamps_ns is None else stamps_ns
     period_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 1 else recording.lidar.period_s
-    sweeps, counts, facing, farthest_m = [], [], np.zeros((2, len(stamps)), dtype=np.complex128), 0.0
-    for place, scan in enumerate(recording.scans):
-        points = scan.points
-        sweeps.append(int(points["offset_ns"].max()) * 1e-9 if len(points) else 0.0)
-        counts.append(len(points))
-        sample = points[:: max(1, len(points) // SWEEPS.sampled_points)]
-        facing[:, place] = _facing(sample, sweeps[-1], period_s)
-        farthest_m = float(np.fmax.reduce(np.linalg.norm(sample["xyz"], axis=1), initial=farthest_m))
-    return FirstLook(stamps, np.array(sweeps), np.array(counts, dtype=np.int64), period_s, facing, farthest_m)
+    some = [
+        range(first, min(first + SWEEPS.scans_at_once, len(scans)))
+        for first in range(0, len(scans), SWEEPS.scans_at_once)
+    ]
+    looks = list(workers().map(lambda places: _look_at([scans[k].points for k in places], period_s), some))
+    sweeps, counts, facing, farthest = zip(*looks, strict=True)
+    return FirstLook(
+        stamps,
+        np.concatenate(sweeps),
+        np.concatenate(counts),
+        period_s,
+        np.concatenate(facing, axis=1),
+        max(farthest),
+    )
 
 
-def _facing(points: PointArray, sweep_s: float, period_s: float) -> ComplexArray:
-    """(2,) mean of the directions of some of a sweep's points, turned back to the middle of the sweep either way."""
-    out = np.zeros(2, dtype=np.complex128)
-    if not len(points) or period_s <= 0.0:
+def _look_at(clouds: Sequence[PointArray], period_s: float) -> tuple[FloatArray, IntArray, ComplexArray, float]:
+    """Of some scans their sweeps, points, facing (2, M) and the longest range."""
+    counts = np.array([len(points) for points in clouds], dtype=np.int64)
+    sweep_s = np.array([int(points["offset_ns"].max()) * 1e-9 if len(points) else 0.0 for points in clouds])
+    samples = [points[:: max(1, len(points) // SWEEPS.sampled_points)] for points in clouds]
+    every, sizes = np.concatenate(samples), [len(sample) for sample in samples]
+    farthest_m = float(np.fmax.reduce(np.linalg.norm(every["xyz"], axis=1), initial=0.0))
+    return sweep_s, counts, _facing(every, sizes, sweep_s, period_s), farthest_m
+
+
+def _facing(points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, period_s: float) -> ComplexArray:
+    """(2, M) means of the directions of some of each sweep's points, turned back to the middle of the sweep either way.
+
+    points: of all sweeps, one after the other.   sizes: how many of each.   sweep_s: (M,).
+    """
+    out = np.zeros((2, len(sizes)), dtype=np.complex128)
+    if period_s <= 0.0:
         return out
     x, y = points["xyz"][:, 0].astype(np.float64), points["xyz"][:, 1].astype(np.float64)
     away = np.hypot(x, y)
     seen = away > 0.0
     direction = (x[seen] + 1j * y[seen]) / away[seen]
-    turn = np.exp(2j * np.pi / period_s * (points["offset_ns"][seen] * 1e-9 - 0.5 * sweep_s))
-    if len(direction):
-        out[:] = np.mean(direction * turn.conj()), np.mean(direction * turn)
+    middle_s = np.repeat(0.5 * sweep_s, sizes)[seen]
+    turn = np.exp(2j * np.pi / period_s * (points["offset_ns"][seen] * 1e-9 - middle_s))
+    ends = np.concatenate([[0], np.cumsum(seen)])[np.cumsum(sizes)]
+    for k, (first, end) in enumerate(pairwise([0, *ends.tolist()])):
+        if end > first:
+            one, by = direction[first:end], turn[first:end]
+            out[:, k] = np.mean(one * by.conj()), np.mean(one * by)
     return out
 
 

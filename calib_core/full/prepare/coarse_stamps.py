@@ -48,11 +48,16 @@ def scan_step(stamps_ns: IntArray, topic: str) -> StampStep | None:
 def point_step(scans: Sequence[Scan], topic: str) -> StampStep | None:
     """Of the points' times after their scan's, whose phases spread over any step: there are hundreds of instants in a sweep."""
     places: IntArray = np.unique(np.linspace(0, len(scans) - 1, min(len(scans), STEPS.scans)).astype(np.int64))
-    times = [np.unique(scans[int(place)].points["offset_ns"].astype(np.int64)) for place in places]
+    times: list[IntArray] = []
+    least_ns = round(STEPS.least_of_points_s * 1e9)
+    for place in places:
+        times.append(np.unique(scans[int(place)].points["offset_ns"].astype(np.int64)))
+        if _step_ns(times[-1], least_ns=least_ns) == 0:  # what some are no multiples of, all of them are not
+            return None
     if not times or max(len(each) for each in times) < STEPS.fewest_instants:
         return None
     every = np.concatenate(times)
-    step_ns = _step_ns(every, least_ns=round(STEPS.least_of_points_s * 1e9))
+    step_ns = _step_ns(every, least_ns=least_ns)
     if step_ns == 0:
         return None
     return _of_step(f"the times of the points on {topic or 'the lidar'}", step_ns, 1.0, 1.0, len(every))

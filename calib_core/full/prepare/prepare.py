@@ -50,9 +50,10 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     require_order(recording.imu.stamps_ns, "IMU readings")
-    steps = _steps(recording, settings)
+    stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
+    steps = _steps(recording, stamps_ns, settings)
     recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
-    stamped = look(recording)
+    stamped = look(recording, stamps_ns)
     require_order(stamped.stamps_ns, "scans")
     sieve = _sieve(recording, stamped.period_s, settings, on_event)
     recording, seen, sweeps_mean_std_s = begun_evenly(recording, stamped, settings, on_event)
@@ -76,13 +77,13 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     )  # fmt: skip
 
 
-def _steps(recording: Recording, settings: CalibrateSettings) -> tuple[StampStep, ...]:
+def _steps(recording: Recording, stamps_ns: IntArray, settings: CalibrateSettings) -> tuple[StampStep, ...]:
     """Of stamps and times that a clock's ticks cut, but for those that the user takes as they are."""
     found: list[StampStep | None] = []
     if settings.imu_sampling != "as-stamped":
         found.append(imu_step(recording.imu))
     if settings.lidar_sampling != "as-stamped":
-        topic, stamps_ns = recording.lidar.topic, np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
+        topic = recording.lidar.topic
         found += [scan_step(stamps_ns, topic), point_step(recording.scans, topic)]
     return tuple(step for step in found if step is not None)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.geometry import plane_axes
-from calib_core.planes.kernels import support_kernel
+from calib_core.planes.kernels import band_kernel, support_kernel
 from calib_core.planes.segment import (
     PlaneFit,
     _merge,
@@ -171,3 +171,21 @@ def test_points_of_planes_are_counted_as_array_arithmetic_counts_them() -> None:
     along = normals @ points.T
     expected = ((np.abs(along + offsets[:, None]) < tolerance) & (np.abs(along) > least_along)).sum(axis=1)
     np.testing.assert_array_equal(support_kernel(points, tolerance, least_along, normals, offsets), expected)
+
+
+@pytest.mark.parametrize("narrow_m", [np.inf, 0.03, 0.0])
+def test_points_within_the_band_are_those_that_numpy_finds(narrow_m: float) -> None:
+    """A twin in NumPy. Mutations: the tolerance no longer the most of the band; its share no longer the least; taken points
+    count; points seen edge on do.
+    """
+    rng = np.random.default_rng(5)
+    points, free = rng.normal(size=(2000, 3)), rng.random(2000) < 0.7
+    tolerance, least_along, inliers = rng.uniform(0.02, 0.2, 2000), rng.uniform(0.0, 0.6, 2000), np.empty(2000, bool)
+    normal = np.array([0.6, 0.0, 0.8])
+    mine = band_kernel(points, least_along, tolerance, free, normal, -0.4, narrow_m, 0.3, inliers)
+    along = points @ normal
+    band = np.minimum(tolerance, np.maximum(narrow_m, 0.3 * tolerance))
+    expected = free & (np.abs(along) > least_along) & (np.abs(along - 0.4) < band)
+    np.testing.assert_array_equal(inliers, expected)
+    np.testing.assert_allclose(mine, (along - 0.4)[expected], atol=1e-15)
+    assert 5 < len(mine) < 500

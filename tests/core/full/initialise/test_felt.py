@@ -12,7 +12,7 @@ from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.geometry import exp
+from calib_core.geometry import exp, log
 
 RATE = np.array([0.3, -0.2, 0.4])
 IMU_S = np.arange(0.0, 3.0, 0.005)
@@ -41,10 +41,9 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
     """Twenty scans at a constant rate, one pose from the tenth on turned by twice what is allowed: one leap; none between
     bridged scans. Mutations: the lidar's turn taken the other way; bridged scans count.
     """
-    scans = [SimpleNamespace(stamp_ns=k * 100_000_000) for k in range(20)]
     ctx: Any = SimpleNamespace(
-        recording=SimpleNamespace(scans=scans, imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
-        clocks=SimpleNamespace(imu_s=IMU_S, lidar_epoch_ns=0),
+        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
+        clocks=SimpleNamespace(imu_s=IMU_S, scan_s=0.1 * np.arange(20), lidar_epoch_ns=0),
     )
     aside = exp(np.array([0.0, 2.0 * AGREEING.leap_rad, 0.0]))
     nothing = np.zeros(3)
@@ -55,3 +54,35 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
         ]
         followed: Any = SimpleNamespace(motions=motions)
         np.testing.assert_array_equal(leaps(ctx, followed, ROTATION), expected)
+        np.testing.assert_array_equal(_leaps_one_by_one(ctx, motions), expected)
+
+
+def _leaps_one_by_one(ctx: Any, motions: list[ScanMotion]) -> list[int]:
+    """The twin: turn after turn, as the tracker asks for them."""
+    turning, found = GyroTurning.of(ctx, ROTATION), []
+    for k in range(len(motions) - 1):
+        one, other = motions[k], motions[k + 1]
+        felt = turning.between(one.position * 100_000_000, other.position * 100_000_000)
+        if felt is not None and min(one.share, other.share) > 0:
+            turned = np.linalg.norm(log(felt.T @ one.R.T @ other.R))
+            found += [k] if turned > AGREEING.leap_rad else []
+    return found
+
+
+def test_leaps_are_told_within_the_gyroscope_recording_alone() -> None:
+    """Every second motion of a track that outlasts the IMU by a second stands still: leaps all over, but for where nothing was
+    felt. Mutation: spans told that leave the recording.
+    """
+    ctx: Any = SimpleNamespace(
+        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
+        clocks=SimpleNamespace(imu_s=IMU_S, scan_s=0.1 * np.arange(40), lidar_epoch_ns=0),
+    )
+    nothing = np.zeros(3)
+    motions = [
+        ScanMotion(k, exp((0.1 * k + (4.0 * AGREEING.leap_rad if k % 2 else 0.0)) * RATE), nothing, RATE, nothing)
+        for k in range(40)
+    ]
+    followed: Any = SimpleNamespace(motions=motions)
+    found = leaps(ctx, followed, ROTATION)
+    np.testing.assert_array_equal(found, _leaps_one_by_one(ctx, motions))
+    assert 20 < len(found) < 30

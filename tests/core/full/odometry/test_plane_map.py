@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, register
 from calib_core.full.odometry.settings import MAP, TrackSettings
-from calib_core.types import FloatArray, Plane
+from calib_core.types import BoolArray, FloatArray, Plane
 
 _FLOOR = Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0)
 _TABLE = Plane("table", np.array([0.0, 0.0, 1.0]), 0.6)
@@ -128,3 +129,51 @@ def test_only_planes_that_were_seen_often_are_handed_on() -> None:
         planes.count(np.repeat([0, 3], 40))
     handed = planes.planes(given)
     assert [p.name for p in handed] == ["floor", "x", "y", "plane 4"]
+
+
+def _spread_one_by_one(planes: PlaneMap, x_map: FloatArray, eye: FloatArray) -> BoolArray:
+    """The twin: rounds over all points in their order, by NumPy."""
+    reach = planes.reach.copy()
+    width = reach.shape[1]
+    value, eye_at = x_map @ planes.normals.T + planes.offsets_m, planes.normals @ eye + planes.offsets_m
+    away = np.linalg.norm(x_map - eye, axis=1)
+    near = np.where(value < eye_at, np.abs(value), np.inf)
+    owner = np.where(near.min(axis=1) < MAP.near_m + MAP.near_per_m * away, np.argmin(near, axis=1), -1)
+    for _ in range(MAP.spread_passes):
+        before = reach.copy()
+        for i in np.flatnonzero(owner >= 0):
+            row, column = np.floor(planes.axes[owner[i]] @ x_map[i] / MAP.cell_m).astype(int) + width // 2
+            if reach[owner[i], row, column]:
+                k = 1 + int(away[i] / (MAP.widen_cells * MAP.cell_m))
+                reach[owner[i], row - k : row + k + 1, column - k : column + k + 1] = True
+                owner[i] = -1
+        if np.array_equal(reach, before):
+            break
+    return reach
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_planes_reach_on_in_rounds_as_point_by_point(reverse: bool) -> None:
+    """From a seed on, over floor and walls, in the points' order. Mutations: points seen from behind speak; those that
+    wait are forgotten after a round; one round more or less; a far point opens no more cells than a near one.
+    """
+    rng = np.random.default_rng(5)
+    planes = PlaneMap.of([_FLOOR, *_WALLS])
+    planes.seed(_patch(rng, np.array([3.0, 2.0, -1.0]), np.array([3.4, 2.4, -1.0]), 20))
+    planes.seed(_patch(rng, np.array([4.0, 2.0, -0.8]), np.array([4.0, 2.4, 0.0]), 20))
+    points = np.vstack(
+        [
+            _patch(rng, np.array([-20.0, -3.0, -1.0]), np.array([4.0, 3.0, -1.0]), 1200, 0.03),
+            _patch(rng, np.array([4.0, -9.0, -0.9]), np.array([4.0, 3.0, 0.8]), 900, 0.03),
+        ]
+    )
+    points = points[np.argsort(points[:, 0] + points[:, 1])]
+    points = points[::-1].copy() if reverse else points
+    eye = np.array([0.5, 0.2, 0.1])
+    expected, before = _spread_one_by_one(planes, points, eye), planes.reach.copy()
+    planes.spread(points, eye)
+    np.testing.assert_array_equal(planes.reach, expected)
+    assert planes.reach.sum() > 2 * before.sum()
+    planes.reach[:] = before
+    planes.spread(points, np.array([0.5, 0.2, -3.0]))  # from under the floor
+    np.testing.assert_array_equal(planes.reach[0], before[0])
