@@ -11,6 +11,7 @@ when it is called: SciPy and Open3D take their time, and `unsweep --help` needs 
 
 from __future__ import annotations
 
+import gc
 import importlib
 import threading
 from collections.abc import Sequence
@@ -98,11 +99,32 @@ def inspect(
     )
 
 
+#: SciPy's parts in the order in which a solve comes to them. None is imported above a module: each waits for its first use.
+_LATER = ("scipy.special", "scipy.spatial", "scipy.ndimage", "scipy.fft", "scipy.sparse.linalg", "scipy.optimize")
+
+
 def get_ready() -> None:
-    """Import what `calibrate` needs on a thread of its own, while a recording is being read: a second saved."""
+    """Import what `calibrate` needs on a thread of its own, while a recording is being read: a second saved.
+
+    For a process of one calibration: what is there once all is imported is never again looked through for rings of garbage.
+    """
+    collecting = gc.isenabled()
+    gc.disable()  # modules stay: to look through them again and again while there come more takes an eighth of that second
     # What reading needs is imported first: two threads that import the same things wait for one another.
     importlib.import_module("calib_core.readers.load")
-    threading.Thread(target=importlib.import_module, args=("calib_core.calibrate",)).start()
+    threading.Thread(target=_import_the_rest, args=(collecting,)).start()
+
+
+def _import_the_rest(collecting: bool) -> None:
+    """What reading waits for comes first, what no solve asks for in its first moments last."""
+    try:
+        importlib.import_module("calib_core.readers.scans").load_loops()
+        for name in ("calib_core.calibrate", *_LATER):
+            importlib.import_module(name)
+    finally:
+        gc.freeze()
+        if collecting:
+            gc.enable()
 
 
 def load(

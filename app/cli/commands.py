@@ -23,6 +23,7 @@ from calib_core.result import CalibrationResult
 
 if TYPE_CHECKING:
     from app.results.evidence import StepListener
+    from calib_core.events import OnEvent
     from calib_core.types import Recording, Trajectory
 
 
@@ -83,12 +84,10 @@ def calibrate(chosen: argparse.Namespace) -> None:
         check_writable(chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
-    from app.results.evidence import StepListener
-
     with listener(manner) as on_event:
-        steps = StepListener(on_event)
-        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps)
-    if chosen.report is not None:
+        steps = None if chosen.report is None else _remembering(on_event)
+        done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps or on_event)
+    if chosen.report is not None and steps is not None:
         _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
     _give_result(done.result, chosen.output, manner)
     if done.result.status == "refused":
@@ -218,6 +217,13 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], None]] = {
     "simulate": simulate,
     "compile-kernels": compile_kernels,
 }
+
+
+def _remembering(on_event: OnEvent) -> StepListener:
+    """Who remembers the solve's steps for a report; what a report needs takes its time to import."""
+    from app.results.evidence import StepListener
+
+    return StepListener(on_event)
 
 
 def _write_report(

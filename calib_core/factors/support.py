@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from calib_core.factors.cell_kernels import count_kernel
 from calib_core.geometry import plane_axes
@@ -153,6 +153,8 @@ def _off_the_others(off: Float32Array, on: IntArray, flat: BoolArray) -> BoolArr
 
 def _without_islands(inside: BoolArray, on: IntArray, share: float) -> BoolArray:
     """The cells in patches of at least this share of all returns. Cells two apart belong together: rings leave gaps."""
-    patch, count = ndimage.label(ndimage.binary_dilation(inside, np.ones((3, 3)), iterations=1), np.ones((3, 3)))
+    patch, count = scipy.ndimage.label(
+        scipy.ndimage.binary_dilation(inside, np.ones((3, 3)), iterations=1), np.ones((3, 3))
+    )
     returns = np.bincount(patch[inside], on[inside], count + 1)
     return np.asarray(inside & (returns >= share * returns.sum())[patch])

@@ -6,7 +6,7 @@ A bent line is linear between even nodes, and a least-squares fit: its normal eq
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solveh_banded
+import scipy
 
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -35,7 +35,7 @@ def _through(number: IntArray, t: FloatArray, used: BoolArray, cells: int) -> Fl
         return np.asarray(straight, dtype=np.float64)
     cell, right = places(number, cells)
     left = np.where(used, t - straight, 0.0)
-    node = solveh_banded(normal_equations(cell, right, used, cells), onto_nodes(cell, right, left, cells))
+    node = scipy.linalg.solveh_banded(normal_equations(cell, right, used, cells), onto_nodes(cell, right, left, cells))
     return np.asarray(straight + (1 - right) * node[cell] + right * node[cell + 1], dtype=np.float64)
 
 

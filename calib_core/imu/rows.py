@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numba
 import numpy as np
-from scipy.linalg import solveh_banded
+import scipy
 
 from calib_core.imu.clock_line import fits_as_well, line_of, normal_equations, onto_nodes, places
 from calib_core.types import BoolArray, FloatArray, IntArray
@@ -70,7 +70,7 @@ class Row:
         cell, right = places(self.number, self.cells)
         normal = normal_equations(cell, right, self.used, self.cells)
         goal = onto_nodes(cell, right, weight, self.cells)
-        return float(goal @ solveh_banded(normal, goal))
+        return float(goal @ scipy.linalg.solveh_banded(normal, goal))
 
 
 def even_rows(t: FloatArray) -> list[Row]:

@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from calib_core.geometry import plane_axes
 from calib_core.planes.kernels import band_kernel, support_kernel
@@ -142,7 +142,7 @@ def _best_hypothesis(
     thinned = min(1.0, s.sought / min(len(pick), s.neighbours))
     among = cloud[rng.choice(len(pick), round(thinned * len(pick)), replace=False)]
     neighbours = min(len(among), s.sought)
-    _, near = cKDTree(among).query(cloud[first], k=neighbours)
+    _, near = scipy.spatial.cKDTree(among).query(cloud[first], k=neighbours)
     column = rng.integers(neighbours // 4, neighbours, size=(s.hypotheses, 2))
     each = np.arange(s.hypotheses)
     a, b, c = cloud[first], among[near[each, column[:, 0]]], among[near[each, column[:, 1]]]

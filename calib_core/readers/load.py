@@ -22,6 +22,7 @@ from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, p
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.one_clock import on_one_clock
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
+from calib_core.readers.scans import StoredScans
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
 from calib_core.readers.timing.synthesise import point_timing
@@ -85,19 +86,20 @@ def _load_open(
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
     parts, cloud_s = parts_of_a_scan(info.period_s, sample), info.period_s
+    scans = StoredScans.sized(lidar_topic.count * sum(cloud.points.size for cloud in sample) // len(sample))
     del sample  # tens of megabytes that the pass below does not need
     gathering = None
     if parts > 1:
         gathering = Gathering(lasting_ns(parts, cloud_s))
         findings = (*findings, gathered_finding(lidar_topic.name, parts, cloud_s))
         info = replace(info, period_s=parts * cloud_s)
-    reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering)
+    reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering, scans=scans)
     reading.run(lidar_topic, imu_topic, span)
     raw_imu, set_findings = on_one_clock(
         reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s, settings
     )
     cleaned = clean_imu(raw_imu, settings, imu_topic.name)
-    scans = reading.scans.finish()
+    scans.finish()
     offset_ns = 0
     clock_findings: tuple[Finding, ...] = ()
     if settings.stamps == "header":

@@ -5,8 +5,11 @@ from __future__ import annotations
 import errno
 import itertools
 from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,11 +23,12 @@ from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.gather import Gathering
 from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.point_unit import require_metres
-from calib_core.readers.scans import ScanCounts, StoredScans, make_scan
+from calib_core.readers.scans import ScanCounts, StoredScans, Written, make_scan
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
+from calib_core.threads import usable_cores
 from calib_core.types import BoolArray, Evidence, Finding, Scan
 
 #: Scans that the detection of the point times looks at.
@@ -34,8 +38,18 @@ _SAMPLE_BYTES = 400 * (1 << 20)
 #: Less than this, of a recording that is damaged, is too little to calibrate from.
 MIN_SCANS_OF_DAMAGED = 20
 _EVENT_EVERY = 20
-_DECODERS = 3
-_Decoded = tuple[RawCloud, Scan | None, ScanCounts]
+#: Threads that decode, one core being left to whoever reads: more of them than cores only take turns.
+_DECODERS = max(1, min(3, usable_cores() - 1))
+
+
+class _Decoded(NamedTuple):
+    """One cloud. scan: None where no point is left.   written: it, where it was put away already."""
+
+    header_ns: int
+    receive_ns: int
+    scan: Scan | None
+    counts: ScanCounts
+    written: Written | None = None
 
 
 def span_ns(recording: OpenRecording, settings: ReadSettings) -> tuple[int | None, int | None]:
@@ -113,7 +127,7 @@ class Reading:
         self.imu = ImuCollector(imu.encoding)
         n_seen = 0
         pending: deque[tuple[int, Future[_Decoded]]] = deque()
-        # NumPy lets the interpreter go while it decodes: a few scans at once keep the disk's pace.
+        # NumPy lets the interpreter go while it decodes: scans are decoded while the next are read.
         with ThreadPoolExecutor(_DECODERS) as pool:
             for message in self.recording.messages((lidar.name, imu.name), start_ns=span[0], stop_ns=span[1]):
                 if message.topic == imu.name:
@@ -129,7 +143,7 @@ class Reading:
                 self._take(*pending.popleft())
         rest = None if self.gathering is None else self.gathering.rest()
         if rest is not None:
-            self._keep(rest)
+            self._add(self._written(rest))
         self._drop_impossible_stamps()
         if not len(self.scans):
             raise InputError(
@@ -172,32 +186,46 @@ class Reading:
     def _decode(self, message: RawMessage, index: int) -> _Decoded:
         cloud = self.decoder(message)
         scan, counts = make_scan(cloud, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
-        return cloud, scan, counts
+        if scan is None or self.gathering is not None:
+            return _Decoded(cloud.header_ns, cloud.receive_ns, scan, counts)
+        # Written by the thread that decoded it: whoever reads the recording goes on reading.
+        return _Decoded(cloud.header_ns, cloud.receive_ns, None, counts, self._written(scan))
 
     def _take(self, index: int, decoded: Future[_Decoded]) -> None:
         try:
-            cloud, scan, counts = decoded.result()
+            taken = decoded.result()
         except (MalformedMessage, ValueError, KeyError) as error:
             self.n_malformed += 1
             self.malformed_text = self.malformed_text or f"message {index}: {error}"
             return
         self.indices.append(index)
-        self.header_ns.append(cloud.header_ns)
-        self.receive_ns.append(cloud.receive_ns)
-        self.counts.append(counts)
-        if scan is not None and self.gathering is not None:
-            scan = self.gathering.add(scan)
-        if scan is not None:
-            self._keep(scan)
+        self.header_ns.append(taken.header_ns)
+        self.receive_ns.append(taken.receive_ns)
+        self.counts.append(taken.counts)
+        if taken.written is not None:
+            self._add(taken.written)
+        elif taken.scan is not None and self.gathering is not None:
+            scan = self.gathering.add(taken.scan)
+            if scan is not None:
+                self._add(self._written(scan))
 
-    def _keep(self, scan: Scan) -> None:
+    def _written(self, scan: Scan) -> Written:
+        with self._room_on_disk(scan.index):
+            return self.scans.write(scan)
+
+    def _add(self, written: Written) -> None:
+        with self._room_on_disk(written.entry.message):
+            self.scans.add(written)
+
+    @contextmanager
+    def _room_on_disk(self, index: int) -> Iterator[None]:
         try:
-            self.scans.append(scan)
+            yield
         except OSError as error:
             if error.errno != errno.ENOSPC:
                 raise
             raise InputError(
-                f"The disk that holds temporary files is full after {scan.index} scans of {self.recording.name};"
+                f"The disk that holds temporary files is full after {index} scans of {self.recording.name};"
                 " point TMPDIR at a disk with room for the recording.",
                 code="disk.full",
             ) from error

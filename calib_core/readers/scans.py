@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
-from calib_core.readers.clouds.kernels import mark_valid, pack_points
 from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_times
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, KeptScans, PointArray, Scan
 
@@ -103,6 +102,9 @@ class Selection:
 @np.errstate(invalid="ignore", over="ignore")  # damaged floats are masked, not warned of
 def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, range_max_m: float) -> Selection:
     """The returns inside the range whose time lies inside the sweep: the one place where points are masked."""
+    # Here and not above: a recording is opened, and looked at first, while numba is imported.
+    from calib_core.readers.clouds.kernels import mark_valid, pack_points
+
     points = cloud.points
     columns = _scratch.columns(points.size)
     for column, axis in zip((columns.x, columns.y, columns.z), "xyz", strict=True):
@@ -140,6 +142,14 @@ def make_scan(
     return selection.scan(index), selection.counts
 
 
+def load_loops() -> None:
+    """Load what `select_points` has compiled: its first call takes a quarter of a second longer than any other."""
+    point = np.zeros(1, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("time", "f4")])
+    point["x"] = 1.0
+    timing = PointTiming("time", "s", "header-first", 0.0, 1.0)
+    make_scan(RawCloud(0, 0, "", point, 1, 1), 0, timing, 0.0, 2.0)
+
+
 def _optional(points: StructArray, names: Sequence[str]) -> NDArray[np.generic] | int:
     known = points.dtype.names or ()
     name = next((name for name in names if name in known and points.dtype[name].shape == ()), None)
@@ -149,6 +159,22 @@ def _optional(points: StructArray, names: Sequence[str]) -> NDArray[np.generic] 
 def _octets(points: PointArray) -> memoryview:
     """The records' own bytes, not copied."""
     return np.ascontiguousarray(points).view(np.uint8).data
+
+
+class _Entry(NamedTuple):
+    """A scan of StoredScans. first: of its points among all, in the order they were written in."""
+
+    message: int
+    stamp_ns: int
+    first: int
+    n_points: int
+
+
+class Written(NamedTuple):
+    """A scan whose points are kept already. points: of one in memory."""
+
+    entry: _Entry
+    points: PointArray | None = None
 
 
 class StoredScans(KeptScans):
@@ -161,27 +187,56 @@ class StoredScans(KeptScans):
 
     def __init__(self, memory_bytes: int = MEMORY_BYTES) -> None:
         self._memory_bytes = memory_bytes
-        self._index: list[tuple[int, int, int, int]] = []  # message index, stamp_ns, first point, number of points
+        self._index: list[_Entry] = []
         self._arrays: list[PointArray] = []
+        self._writing = threading.Lock()
         self._file: IO[bytes] | None = None
         self._map: mmap.mmap | None = None
         self._read_bytes = 0
         self._n_points = 0
 
+    @staticmethod
+    def sized(n_points: int) -> StoredScans:
+        """For about so many points: those that will go to the file do so from the first on, and are never in memory."""
+        return StoredScans(0 if n_points * POINT_DTYPE.itemsize > MEMORY_BYTES else MEMORY_BYTES)
+
     def append(self, scan: Scan) -> None:
         """Add a scan at the end."""
-        self._index.append((scan.index, scan.stamp_ns, self._n_points, scan.points.size))
-        self._n_points += scan.points.size
-        if self._file is not None:
-            self._file.write(_octets(scan.points))
-            return
-        self._arrays.append(scan.points)
-        if self._n_points * POINT_DTYPE.itemsize > self._memory_bytes:
+        self.add(self.write(scan))
+
+    def write(self, scan: Scan) -> Written:
+        """Put a scan's points where they will stay, whatever its place among the scans; any thread may."""
+        with self._writing:
+            entry = _Entry(scan.index, scan.stamp_ns, self._n_points, scan.points.size)
+            self._n_points += scan.points.size
+            if self._file is None and self._n_points * POINT_DTYPE.itemsize <= self._memory_bytes:
+                return Written(entry, scan.points)
+            self._write_at(entry.first, scan.points)
+        return Written(entry)
+
+    def add(self, written: Written) -> None:
+        """Add a scan, written before, at the end."""
+        if self._file is None and written.points is not None:
+            self._arrays.append(written.points)
+        else:
+            self._empty_memory()
+            if written.points is not None:  # another one, later in order, was the first for which there was no room
+                with self._writing:
+                    self._write_at(written.entry.first, written.points)
+        self._index.append(written.entry)
+
+    def _empty_memory(self) -> None:
+        with self._writing:
+            for entry, points in zip(self._index, self._arrays, strict=False):  # the first scans of all, or none
+                self._write_at(entry.first, points)
+        self._arrays.clear()
+
+    def _write_at(self, first: int, points: PointArray) -> None:
+        if self._file is None:
             self._file = tempfile.TemporaryFile(prefix="unsweep-scans-")  # noqa: SIM115 - lives as long as the scans
             weakref.finalize(self, self._file.close)
-            for array in self._arrays:
-                self._file.write(_octets(array))
-            self._arrays.clear()
+        self._file.seek(first * POINT_DTYPE.itemsize)
+        self._file.write(_octets(points))
 
     def without(self, positions: Collection[int]) -> None:
         """Drop the scans at these positions."""
@@ -203,6 +258,7 @@ class StoredScans(KeptScans):
     def finish(self) -> StoredScans:
         """Itself, ready to be read."""
         if self._file is not None:
+            self._empty_memory()
             self._file.flush()
             self._map = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
         return self
@@ -215,12 +271,12 @@ class StoredScans(KeptScans):
     @property
     def stamps_ns(self) -> list[int]:
         """Each scan's stamp, without reading its points."""
-        return [entry[1] for entry in self._index]
+        return [entry.stamp_ns for entry in self._index]
 
     @property
     def message_indices(self) -> list[int]:
         """Which message of its topic each scan is."""
-        return [entry[0] for entry in self._index]
+        return [entry.message for entry in self._index]
 
     def __len__(self) -> int:
         return len(self._index)

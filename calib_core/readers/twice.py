@@ -77,6 +77,9 @@ def repeated(cloud: RawCloud, timing: PointTiming) -> BoolArray:
     for column in columns:
         key = (key ^ _bits(column)) * _SPREADING
         key ^= key >> np.uint64(32)
+    ordered = np.sort(key)  # a fifth of what it takes to tell which they are
+    if not (ordered[1:] == ordered[:-1]).any():
+        return np.zeros(points.size, np.bool_)
     again = np.ones(points.size, np.bool_)
     again[np.unique(key, return_index=True)[1]] = False
     return again & _returned(cloud)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincinv
+import scipy
 
 from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences
 from calib_core.full.assess.settings import PARTS
@@ -131,7 +131,7 @@ def judge(name: str, clusters: Influences, whiten: FloatArray, root: FloatArray)
     nothing = np.zeros((CALIBRATION, CALIBRATION))
     if mean <= 0.0 or variance <= 0.0:
         return Disagreement(name, 1.0, nothing)
-    limit = variance / mean * float(gammaincinv(mean**2 / variance, PARTS.confidence))
+    limit = variance / mean * float(scipy.special.gammaincinv(mean**2 / variance, PARTS.confidence))
     ratio = float(np.sqrt(statistic / mean))
     if statistic <= limit:
         return Disagreement(name, ratio, nothing)

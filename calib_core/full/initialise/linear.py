@@ -14,8 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
+import scipy
 
 from calib_core.full.initialise.settings import LINEAR
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
@@ -107,12 +106,12 @@ def _fitting(
         gravity = np.zeros(3)
         solution = np.zeros(3 * m + 9)
         every = np.concatenate([np.repeat(weight, 3), np.ones(3 * len(use))])
-        weighted = sparse.diags(every) @ rows
+        weighted = scipy.sparse.diags(every) @ rows
         for _ in range(LINEAR.passes):
             prior, target = _start_priors(m, gravity, gravity_m_s2)
-            matrix = sparse.vstack([weighted, prior]).tocsc()
+            matrix = scipy.sparse.vstack([weighted, prior]).tocsc()
             vector = np.concatenate([every * rhs, target])
-            solution = spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
+            solution = scipy.sparse.linalg.spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
             gravity = solution[3 * m : 3 * m + 3]
         residual = rows @ solution - rhs
         found = LinearStart(
@@ -135,7 +134,7 @@ def _linear_rows(
     m: int,
     std_p: float,
     std_v: float,
-) -> sparse.csr_matrix:
+) -> scipy.sparse.csr_matrix:
     """Whitened rows of both equations over v (3 m), g, p_c, b_a."""
     n = len(use)
     eye = np.broadcast_to(np.eye(3), (n, 3, 3))
@@ -153,23 +152,23 @@ def _linear_rows(
             )
             triplets.append((row.ravel(), col.ravel(), (values / std).ravel()))
     row, col, value = (np.concatenate([t[i] for t in triplets]) for i in range(3))
-    return sparse.csr_matrix((value, (row, col)), shape=(6 * n, 3 * m + 9))
+    return scipy.sparse.csr_matrix((value, (row, col)), shape=(6 * n, 3 * m + 9))
 
 
-def _start_priors(m: int, gravity: FloatArray, magnitude: float) -> tuple[sparse.csr_matrix, FloatArray]:
+def _start_priors(m: int, gravity: FloatArray, magnitude: float) -> tuple[scipy.sparse.csr_matrix, FloatArray]:
     """Weak priors that keep undetermined directions finite: p_c within metres of zero, bias small, |g| known."""
     size = 3 * m + 9
     std = (LINEAR.any_velocity_m_s,) * m + (LINEAR.any_gravity_m_s2, LINEAR.lever_arm_m, LINEAR.bias_m_s2)
     diagonal = 1.0 / np.repeat(std, 3)
-    rows = [sparse.diags(diagonal)]
+    rows = [scipy.sparse.diags(diagonal)]
     target = np.zeros(size)
     norm = float(np.linalg.norm(gravity))
     if norm > LINEAR.least_gravity_m_s2:
         row = np.zeros((1, size))
         row[0, 3 * m : 3 * m + 3] = gravity / norm / LINEAR.gravity_std_m_s2
-        rows.append(sparse.csr_matrix(row))
+        rows.append(scipy.sparse.csr_matrix(row))
         target = np.append(target, magnitude / LINEAR.gravity_std_m_s2)
-    return sparse.vstack(rows).tocsr(), target
+    return scipy.sparse.vstack(rows).tocsr(), target
 
 
 def _double_integral(t: FloatArray, values: FloatArray, marks: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from calib_core.full.initialise.settings import LAGS, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -136,10 +136,10 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     if min(len(lidar_t), len(imu_t)) < ROTATING.least_s * rate:
         return []
     R0 = mean_rotation(track.R)
-    position = gaussian_filter1d(track.at(lidar_t)[1], width_s * rate, axis=0)
+    position = scipy.ndimage.gaussian_filter1d(track.at(lidar_t)[1], width_s * rate, axis=0)
     lidar = np.gradient(np.gradient(position, 1 / rate, axis=0), 1 / rate, axis=0) @ R0
     force = np.stack([np.interp(imu_t, imu_s, accel_m_s2[:, i]) for i in range(3)], axis=1)
-    force = gaussian_filter1d(force, width_s * rate, axis=0)
+    force = scipy.ndimage.gaussian_filter1d(force, width_s * rate, axis=0)
     force -= force.mean(axis=0)
     lidar -= lidar.mean(axis=0)
     a, b = np.linalg.norm(lidar, axis=1), np.linalg.norm(force, axis=1)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from calib_core.full.initialise.settings import LAGS
 from calib_core.full.initialise.start import LidarTrack
@@ -105,10 +105,10 @@ def masked_correlation(a: FloatArray, b: FloatArray, mask_b: FloatArray) -> tupl
     """Pearson's correlation of a with b at every shift, over the samples that overlap, and how many do."""
     # scipy.signal has this ready, but takes a second to import.
     size = len(a) + len(b) - 1
-    fast = fft.next_fast_len(size, real=True)
+    fast = scipy.fft.next_fast_len(size, real=True)
 
     def cross(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.asarray(fft.irfft(fft.rfft(x, fast) * fft.rfft(y[::-1], fast), fast)[:size])
+        return np.asarray(scipy.fft.irfft(scipy.fft.rfft(x, fast) * scipy.fft.rfft(y[::-1], fast), fast)[:size])
 
     ones = np.ones_like(a)
     n = np.maximum(cross(ones, mask_b), 1.0)

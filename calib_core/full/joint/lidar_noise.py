@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import PlaneExtents
@@ -89,7 +89,7 @@ def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray
         return start
     if len(rows) == 1:
         return replace(start, range_std_m=_told(variances[0] / rows[0, 0]), surface_std_m=MEASURING.least_std_m)
-    solution, _ = nnls(rows * weights[:, None], variances * weights)
+    solution, _ = scipy.optimize.nnls(rows * weights[:, None], variances * weights)
     return replace(start, range_std_m=_told(solution[0]), surface_std_m=_told(solution[1]))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from calib_core.full.odometry.kernels import Surfaces
 from calib_core.full.odometry.reach_kernels import spread_kernel
@@ -130,4 +130,4 @@ class PlaneMap:
         size = self.reach.shape[1]
         seen = np.zeros((size, size), np.bool_)
         seen[row, column] = True
-        self.reach[j] |= ndimage.binary_dilation(seen, np.ones((3, 3)))
+        self.reach[j] |= scipy.ndimage.binary_dilation(seen, np.ones((3, 3)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import ShouldCancel, never_cancel
@@ -109,8 +109,8 @@ def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) ->
     uv = points_m @ axes.T
     foot = -plane.offset_m * plane.normal
     try:
-        corners = uv[ConvexHull(uv).vertices]
-    except (QhullError, ValueError):
+        corners = uv[scipy.spatial.ConvexHull(uv).vertices]
+    except (scipy.spatial.QhullError, ValueError):
         corners = uv[:0]
     row, column = np.floor(uv / PATCHES.cell_m).astype(np.int64).T
     cells = np.unique(row * _ROW_KEY + column)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import gammaincinv
+import scipy
 
 from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.types import FloatArray, IntArray
@@ -89,7 +89,7 @@ def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tup
     noise = float(share @ (1.0 / weight[judged]))
     beyond = float(share @ mean[judged] ** 2) - noise
     variance = 2.0 * float(np.sum((share / weight[judged]) ** 2))
-    most = variance / noise * float(gammaincinv(noise**2 / variance, JUDGEMENT.confidence))
+    most = variance / noise * float(scipy.special.gammaincinv(noise**2 / variance, JUDGEMENT.confidence))
     return (float(np.sqrt(beyond)) if beyond > most - noise else 0.0), float(np.sqrt(noise))
 
 

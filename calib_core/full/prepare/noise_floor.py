@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammainc, gammaincinv
+import scipy
 
 from calib_core.full.prepare.settings import SPECTRUM
 from calib_core.full.prepare.tapers import slepian_tapers, without_line
@@ -117,9 +117,9 @@ def _level(power: FloatArray, freedom: float) -> tuple[float, BoolArray]:
     """
     half = 0.5 * freedom
     quarter = 0.5 * SPECTRUM.least_noise
-    level = float(np.quantile(power, quarter)) * half / float(gammaincinv(half, quarter))
-    cut = float(gammaincinv(half, SPECTRUM.line_quantile)) / half
-    kept_mean = float(gammainc(half + 1.0, half * cut)) / SPECTRUM.line_quantile
+    level = float(np.quantile(power, quarter)) * half / float(scipy.special.gammaincinv(half, quarter))
+    cut = float(scipy.special.gammaincinv(half, SPECTRUM.line_quantile)) / half
+    kept_mean = float(scipy.special.gammainc(half + 1.0, half * cut)) / SPECTRUM.line_quantile
     noise = np.zeros(power.shape, np.bool_)
     for _ in range(SPECTRUM.passes):
         inside = power <= cut * level

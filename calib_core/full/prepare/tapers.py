@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
+import scipy
 
 from calib_core.types import FloatArray
 
@@ -17,7 +17,7 @@ def slepian_tapers(size: int, half_bandwidths: float, count: int) -> FloatArray:
     n = np.arange(size)
     diagonal = ((size - 1 - 2 * n) / 2.0) ** 2 * np.cos(2.0 * np.pi * half_bandwidths / size)
     beside = n[1:] * (size - n[1:]) / 2.0
-    _, vectors = eigh_tridiagonal(diagonal, beside, select="i", select_range=(size - count, size - 1))
+    _, vectors = scipy.linalg.eigh_tridiagonal(diagonal, beside, select="i", select_range=(size - count, size - 1))
     return np.ascontiguousarray(vectors[:, ::-1].T, dtype=np.float64)
 
 

@@ -66,8 +66,7 @@ def deskew_suspicion(scans: Sequence[Scan], imu: ImuData, coarse_offset_ns: int,
 def azimuth_misfit_rad(scan: Scan) -> float | None:
     """Root mean square distance of the fullest ring's azimuth from a straight line over time; None off a full turn."""
     points = scan.points
-    rings, counts = np.unique(points["ring"], return_counts=True)
-    ring = points[points["ring"] == rings[int(np.argmax(counts))]]
+    ring = points[points["ring"] == int(np.argmax(np.bincount(points["ring"])))]
     if ring.size < _MIN_POINTS:
         return None
     ring = ring[np.argsort(ring["offset_ns"], kind="stable")]

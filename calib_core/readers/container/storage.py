@@ -10,23 +10,19 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
-from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader as Ros1Reader
-from rosbags.rosbag1 import reader as ros1
-from rosbags.rosbag2 import Reader as Ros2Reader
-from rosbags.rosbag2 import storage_mcap
-
-from calib_core.readers.container.compression import bounded_bz2, bounded_lz4, bounded_zstd, zstd
+from calib_core.readers.container.compression import zstd
 from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.wire import Encoding
 
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+
+    from calib_core.readers.container.ros1_index import Ros1Index
+    from calib_core.readers.container.ros2_index import Reader as Ros2Index
+
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-# rosbags unpacks a chunk whole, however large it comes out (7 kB of bz2 become 6.6 GB), and has no setting for it.
-storage_mcap.DECOMPRESSORS.update(lz4=bounded_lz4, zstd=bounded_zstd)
-_ROS1_DECOMPRESSORS = {**ros1.decompressors, "bz2": bounded_bz2, "lz4": bounded_lz4}
-_BOUNDED = {unbounded: _ROS1_DECOMPRESSORS[name] for name, unbounded in ros1.decompressors.items()}
 
 
 class StorageError(Exception):
@@ -111,14 +107,10 @@ class RosbagsStorage:
     def __init__(self, path: Path, recover: Callable[[str], Storage]) -> None:
         self._path = path
         self._recover = recover
-        self._reader: Ros1Reader | Ros2Reader
         is_ros1 = path.suffix == ".bag"
         try:
-            self._reader = Ros1Reader(path) if is_ros1 else Ros2Reader(path)
+            self._reader = _reader(path, is_ros1=is_ros1)
             self._reader.open()
-            if isinstance(self._reader, Ros1Reader):
-                chunks = self._reader.chunks
-                chunks.update({k: c._replace(decompressor=_BOUNDED[c.decompressor]) for k, c in chunks.items()})
         except Exception as error:  # rosbags lets struct, sqlite and decompression errors through
             raise StorageError(str(error) or type(error).__name__) from error
         self.topics = merged_topics([_summary(c, "ros1" if is_ros1 else "cdr") for c in self._reader.connections])
@@ -169,6 +161,17 @@ class RosbagsStorage:
 
     def close(self) -> None:
         self._reader.close()
+
+
+def _reader(path: Path, *, is_ros1: bool) -> Ros1Index | Ros2Index:
+    """One family's reader: the other one's libraries, with all their message types, need not be imported."""
+    if is_ros1:
+        from calib_core.readers.container.ros1_index import Ros1Index
+
+        return Ros1Index(path)
+    from calib_core.readers.container.ros2_index import Reader
+
+    return Reader(path)
 
 
 def _summary(connection: Connection, encoding: Encoding) -> TopicSummary:

@@ -83,10 +83,19 @@ def sweep_edges(
             headers.append(cloud.header_ns)
             firsts.append(_whole_ns(inside.min(), ns_per_unit))
             lasts.append(_whole_ns(inside.max(), ns_per_unit))
-            steps.append(float(np.median(np.diff(np.unique(inside)))) * ns_per_unit if np.ptp(inside) > 0 else 0.0)
+            steps.append(_usual_step(inside) * ns_per_unit)
     step_ns = round(float(np.median(steps))) if steps else 0
     arrays = [np.array(column, np.int64) for column in (headers, firsts, lasts)]
     return SweepEdges(absolute, period_s, window, arrays[0], arrays[1], arrays[2], step_ns)
+
+
+def _usual_step(values: IntArray | FloatArray) -> float:
+    """The median difference between neighbours of the distinct values (N,), 0 where there is but one."""
+    step = np.diff(values)
+    if step.size and step.min() < 0:  # points that are sent in the order of their times need no sorting
+        step = np.diff(np.sort(values))
+    step = step[step > 0]
+    return float(np.median(step)) if step.size else 0.0
 
 
 def _window_ns(low: FloatArray, high: FloatArray, period_ns: float, *, absolute: bool) -> tuple[float, float]:

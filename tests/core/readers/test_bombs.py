@@ -206,7 +206,7 @@ limits = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(limits)
 limits.LIMITS = dataclasses.replace(limits.LIMITS, chunk_bytes=int(sys.argv[3]))
 from calib_core.readers.container.opening import open_recording
-from calib_core.readers.container import compression
+from calib_core.readers.container import compression, ros1_index
 def peak():  # of this program alone: getrusage also knows what started it
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) * 1024

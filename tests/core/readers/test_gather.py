@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.readers.clouds.cloud import RawCloud
-from calib_core.readers.gather import Gathering, parts_of_a_scan
+from calib_core.readers.gather import Gathering, _bearings, parts_of_a_scan
 from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from calib_core.types import POINT_DTYPE, Recording, Scan
@@ -121,3 +121,20 @@ def test_a_part_that_comes_late_does_not_go_back_in_time() -> None:
     assert rest.stamp_ns == 20
     np.testing.assert_array_equal(rest.points["offset_ns"], [0, 0, 0, 50, 50, 50])
     assert gathering.rest() is None
+
+
+@pytest.mark.parametrize("gap", range(15))
+def test_bearings_are_those_of_all_points(gap: int) -> None:
+    """Points all round but for a gap, in which lies a lone one or none. Oracle: each point's bin by itself. Mutation: the few
+    that are asked first taken for all.
+    """
+    azimuth = np.linspace(-np.pi, np.pi, 720, endpoint=False) + 1e-3
+    azimuth[(azimuth > 0.5) & (azimuth < 0.5 + 0.02 * gap)] = 0.4
+    if gap % 2:
+        azimuth[gap] = 0.5 + 0.01 * gap
+    points = np.zeros(720, [("x", "f4"), ("y", "f4"), ("z", "f4")])
+    points["x"], points["y"] = np.cos(azimuth), np.sin(azimuth)
+    seen = np.zeros(72, np.bool_)
+    for x, y in zip(points["x"].tolist(), points["y"].tolist(), strict=True):
+        seen[int((np.arctan2(y, x) + np.pi) / (2.0 * np.pi) * 72)] = True
+    np.testing.assert_array_equal(_bearings(RawCloud(0, 0, "", points, 720, 1)), seen)

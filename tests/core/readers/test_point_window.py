@@ -12,6 +12,7 @@ from calib_core.errors import PointTimeError
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.scans import make_scan
 from calib_core.readers.timing.point_time import detect_point_time
+from calib_core.readers.timing.point_window import _usual_step
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
 from tests.core.readers.test_point_time import N, cloud, expected
@@ -117,3 +118,19 @@ def test_relative_times_cannot_be_called_absolute() -> None:
     clouds = [cloud(k, "t", "<f4", lambda t, s: t) for k in range(N)]
     with pytest.raises(PointTimeError, match=r"begin anew with every scan.*\.$"):
         detect_point_time(clouds, ReadSettings(point_time_reference="absolute"), topic="/p")
+
+
+@pytest.mark.parametrize("kind", ["<f8", "<i8"])
+@pytest.mark.parametrize("order", ["as taken", "by ring", "shuffled", "one value"])
+def test_the_usual_step_is_that_of_the_distinct_values_in_order(order: str, kind: str) -> None:
+    """Oracle: np.unique. Mutation: no sorting at all; steps of zero counted."""
+    rng = np.random.default_rng(5)
+    values = np.repeat(np.cumsum(rng.integers(1, 5, 400)), 3).astype(kind)
+    if order == "by ring":
+        values = np.ascontiguousarray(values.reshape(-1, 3).T).ravel()
+    elif order == "shuffled":
+        values = rng.permutation(values)
+    elif order == "one value":
+        values = values[:3]
+    steps = np.diff(np.unique(values))
+    assert _usual_step(values) == (float(np.median(steps)) if steps.size else 0.0)

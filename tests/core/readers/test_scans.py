@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
-from calib_core.readers.scans import StoredScans
+from calib_core.readers.scans import MEMORY_BYTES, StoredScans
 from calib_core.types import POINT_DTYPE, Scan
 
 
@@ -41,6 +43,33 @@ def test_storage_changes_nothing(memory_bytes: int) -> None:
     stored.without([0, 39])
     assert [stored[0].index, stored[-1].index] == [3, 114]
     np.testing.assert_array_equal(stored[10].points, given[11].points)
+
+
+@pytest.mark.parametrize("memory_bytes", [0, 20_000, 60_000, 1 << 30])
+def test_scans_written_in_any_order_by_threads_come_in_the_order_they_were_added_in(memory_bytes: int) -> None:
+    """Mutations: what is in memory written at the end of the file; a scan that was in memory when another had opened the file
+    taken for one of the first.
+    """
+    given = scans(60)
+    stored = StoredScans(memory_bytes)
+    shuffled = np.random.default_rng(1).permutation(60)
+    with ThreadPoolExecutor(4) as pool:
+        places = dict(zip(shuffled.tolist(), pool.map(lambda k: stored.write(given[k]), shuffled), strict=True))
+    for k in range(60):
+        stored.add(places[k])
+    stored.finish()
+    for a, b in zip(given, stored, strict=True):
+        assert (a.index, a.stamp_ns) == (b.index, b.stamp_ns)
+        np.testing.assert_array_equal(a.points, b.points)
+
+
+def test_many_points_are_never_held_in_memory() -> None:
+    """Mutation: the limit compared with points instead of bytes."""
+    many = MEMORY_BYTES // POINT_DTYPE.itemsize + 1
+    for n_points, held in ((many, 0), (many - 1, 1)):
+        stored = StoredScans.sized(n_points)
+        stored.append(scans(1)[0])
+        assert len(stored._arrays) == held
 
 
 def test_beyond_the_limit_nothing_stays_in_memory() -> None:
