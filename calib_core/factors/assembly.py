@@ -13,7 +13,7 @@ import numpy as np
 from calib_core.types import FloatArray, IntArray
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _bias_columns(left: int, start: int, nodes: int, column: IntArray) -> None:
     """Fills column (C,) from its fourth on: of the node on the left, its gyroscope's and accelerometer's; then of the next.
 
@@ -27,7 +27,7 @@ def _bias_columns(left: int, start: int, nodes: int, column: IntArray) -> None:
             column[12 + c] = start + 3 * (nodes + left + 1) + c
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _put_in_place(
     own: FloatArray, force: FloatArray, column: IntArray, corner: FloatArray, gradient_shared: FloatArray
 ) -> None:
@@ -40,7 +40,7 @@ def _put_in_place(
             corner[column[e], column[c]] += own[c, e]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_links_kernel(
     first: FloatArray,
     second: FloatArray,
@@ -137,7 +137,7 @@ def add_links_kernel(
             own[:], force[:] = 0.0, 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_bins_kernel(
     knot: IntArray,
     plane: IntArray,

@@ -22,7 +22,7 @@ class Grids(NamedTuple):
     half: int
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def cell_of(value_m: float, cell_m: float, width: int) -> int:
     """Row or column of an in-plane coordinate in a grid `width` cells wide about the origin; the rim takes what is beyond."""
     return min(max(int(np.floor(value_m / cell_m)) + width // 2, 0), width - 1)

@@ -22,7 +22,7 @@ COLUMNS = 19
 OF_KNOT, OF_CALIBRATION, OF_PLANE, OF_CLOCK = slice(0, 9), slice(9, 16), slice(16, 19), slice(19, 20)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _moved_knot(
     J: FloatArray,
     m: FloatArray,
@@ -53,7 +53,7 @@ def _moved_knot(
         J[3, 6 + c] = -delta_s * n[c]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _moved_rest(
     J: FloatArray,
     m: FloatArray,
@@ -79,7 +79,7 @@ def _moved_rest(
     J[3, 18] = 1.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def planes_seen_kernel(
     knot: IntArray,
     plane: IntArray,

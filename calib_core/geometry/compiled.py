@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.types import FloatArray
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def exp_into(x: float, y: float, z: float, R: FloatArray) -> None:
     """Fills R (3, 3) with the rotation of a rotation vector [rad]."""
     xx, yy, zz = x * x, y * y, z * z
@@ -23,7 +23,7 @@ def exp_into(x: float, y: float, z: float, R: FloatArray) -> None:
     R[2, 0], R[2, 1], R[2, 2] = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (xx + yy)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def multiply_into(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Out = A B, (3, 3) each: a library's product would take longer to call than to do."""
     for r in range(3):
@@ -31,14 +31,14 @@ def multiply_into(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
             out[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def turn_into(A: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """Out = A x.   A: (3, 3).   x, out: (3,)."""
     for r in range(3):
         out[r] = A[r, 0] * x[0] + A[r, 1] * x[1] + A[r, 2] * x[2]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def invert_lower(L: FloatArray, inverse: FloatArray) -> None:
     """Fills inverse (N, n, n) with those of lower triangular matrices L (N, n, n)."""
     n = L.shape[1]
@@ -54,7 +54,7 @@ def invert_lower(L: FloatArray, inverse: FloatArray) -> None:
                 inverse[k, r, c] = value / L[k, r, r]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def log_of(R: FloatArray) -> FloatArray:
     """The rotation vector (3,) [rad] of a rotation. Digits are lost towards pi, where so3.log is to be taken."""
     axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])

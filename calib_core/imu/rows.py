@@ -168,7 +168,7 @@ def _tracked(t: FloatArray, period: float) -> IntArray:
     return np.asarray(number - number[0])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _track(t: FloatArray, period: float, number: IntArray) -> None:
     expected, step, count = t[0], period, 0
     for leg in range(2):

@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def support_kernel(
     points: FloatArray, tolerance: FloatArray, least_along: FloatArray, normals: FloatArray, offsets: FloatArray
 ) -> IntArray:
@@ -28,7 +28,7 @@ def support_kernel(
     return support
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def band_kernel(
     points: FloatArray,
     least_along: FloatArray,

@@ -13,7 +13,7 @@ import numpy as np
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def take_rows(factors: FloatArray, rows: FloatArray, count: int, row: FloatArray) -> None:
     """Takes so many rows, each times its factor, from a row: three at a time, so that it is fetched a third as often."""
     columns = row.shape[0]
@@ -27,7 +27,7 @@ def take_rows(factors: FloatArray, rows: FloatArray, count: int, row: FloatArray
             row[c] -= factor * rows[j, c]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def eliminate_kernel(diagonal: FloatArray, lower: FloatArray, W: FloatArray) -> bool:
     """The forward pass in place: diagonal (K, n, n) becomes L_k, lower (K - 1, n, n) becomes M_{k+1}, W (K, n, S) from B.
 
@@ -71,7 +71,7 @@ def eliminate_kernel(diagonal: FloatArray, lower: FloatArray, W: FloatArray) -> 
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def substitute_kernel(L: FloatArray, M: FloatArray, y: FloatArray) -> None:
     """The way back in place: y (K, n) becomes x with L_k' x_k = y_k - M_{k+1}' x_{k+1}. L, M: of eliminate_kernel."""
     knots, n, _ = L.shape
@@ -87,7 +87,7 @@ def substitute_kernel(L: FloatArray, M: FloatArray, y: FloatArray) -> None:
             y[k, i] = value / L[k, i, i]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def touched_kernel(border: FloatArray, known: IntArray, size: int, first: int, last: int) -> BoolArray:
     """Which of so many shared columns are anything but zero at the knots first..last (exclusive) of a border (K, n, C).
 
@@ -102,7 +102,7 @@ def touched_kernel(border: FloatArray, known: IntArray, size: int, first: int, l
     return touched
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def fill_kernel(
     diagonal: FloatArray,
     lower: FloatArray,

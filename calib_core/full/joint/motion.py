@@ -76,7 +76,7 @@ class Motion:
         )
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _between_knots(
     imu_s: FloatArray,
     nearest: IntArray,

@@ -69,20 +69,20 @@ class Counting(NamedTuple):
     inlier_m: float
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def room_for(n: int) -> Seen:
     """To see so many points in."""
     plane, inside = np.empty(n, np.int64), np.empty(n, np.bool_)
     return Seen(plane, np.empty(n), np.empty(n), inside, np.empty((n, 3)), np.empty((n, 3)))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _value(j: int, x: float, y: float, z: float, s: Surfaces) -> float:
     """Signed distance of a point from a plane."""
     return s.offsets[j] + s.normals[j, 0] * x + s.normals[j, 1] * y + s.normals[j, 2] * z
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _reaches(j: int, x: float, y: float, z: float, s: Surfaces) -> bool:
     """Whether a plane's known cells hold a point."""
     width = s.reach.shape[1]
@@ -91,13 +91,13 @@ def _reaches(j: int, x: float, y: float, z: float, s: Surfaces) -> bool:
     return s.reach[j, cell_of(u, s.cell_m, width), cell_of(w, s.cell_m, width)]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _behind(j: int, x: float, y: float, z: float, n_lidar: FloatArray) -> bool:
     """Whether a ray comes upon a plane from behind."""
     return n_lidar[j, 0] * x + n_lidar[j, 1] * y + n_lidar[j, 2] * z > 0
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _nearest(
     x: float, y: float, z: float, x2: float, y2: float, z2: float, s: Surfaces, n_lidar: FloatArray
 ) -> tuple[int, float, float, bool]:
@@ -114,7 +114,7 @@ def _nearest(
     return best, distance, apart, within
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _turned_within(x: float, y: float, z: float, t: float, omega: FloatArray) -> tuple[float, float, float]:
     """A point seen so long after its sweep's begin, in the lidar's axes at the begin, to second order of the turn."""
     cx, cy, cz = omega[1] * z - omega[2] * y, omega[2] * x - omega[0] * z, omega[0] * y - omega[1] * x
@@ -125,7 +125,7 @@ def _turned_within(x: float, y: float, z: float, t: float, omega: FloatArray) ->
     )
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _in_map(
     x: float, y: float, z: float, t: float, R: FloatArray, p: FloatArray, v: FloatArray
 ) -> tuple[float, float, float]:
@@ -137,7 +137,7 @@ def _in_map(
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def straighten_kernel(points: FloatArray, tau: FloatArray, at: Motion, x_map: FloatArray) -> None:
     """Fills x_map (N, 3) with a scan's points in the map frame, turned within the sweep to second order."""
     R, p, omega, v = at
@@ -146,7 +146,7 @@ def straighten_kernel(points: FloatArray, tau: FloatArray, at: Motion, x_map: Fl
         x_map[i, 0], x_map[i, 1], x_map[i, 2] = _in_map(x, y, z, tau[i], R, p, v)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _simply_nearest(
     x: FloatArray, y: FloatArray, z: FloatArray, held: int, s: Surfaces, least: FloatArray, which: FloatArray
 ) -> None:
@@ -166,7 +166,7 @@ def _simply_nearest(
             least[k] = away if less else before
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def look_kernel(points: FloatArray, tau: FloatArray, s: Surfaces, at: Motion, seen: Seen) -> None:
     """Fills `seen` (N,) with what points (N, 3), seen at tau (N,) after the scan's start, are under a motion."""
     R, p, omega, v = at
@@ -195,7 +195,7 @@ def look_kernel(points: FloatArray, tau: FloatArray, s: Surfaces, at: Motion, se
                 )
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def equations_kernel(
     tau: FloatArray,
     normals: FloatArray,
@@ -244,7 +244,7 @@ def equations_kernel(
             held = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _unfold(sums: FloatArray, hessian: FloatArray) -> None:
     """Fills (12, 12) of [r, t r] from the upper triangles of w r r', w t r r', w t^2 r r'."""
     place = 0
@@ -255,7 +255,7 @@ def _unfold(sums: FloatArray, hessian: FloatArray) -> None:
             place += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _weigh(seen: Seen, within_m: float, most: float, least: int, worth: FloatArray) -> None:
     """Fills worth (P,): factors that let no plane count for more than so many points, its own error stays however many it has.
 
@@ -269,7 +269,7 @@ def _weigh(seen: Seen, within_m: float, most: float, least: int, worth: FloatArr
         worth[j] = 0.0 if worth[j] < least else 1.0 / (1.0 + worth[j] / most)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def descend_kernel(
     points: FloatArray,
     tau: FloatArray,
@@ -308,7 +308,7 @@ def descend_kernel(
         v += step[9:]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def balanced_kernel(seen: Seen, near_m: float, planes: int, count: int) -> IntArray:
     """About `count` of the points (N,) with the planes as equal as they can be, spread evenly over each; in order.
 
@@ -344,7 +344,7 @@ def balanced_kernel(seen: Seen, near_m: float, planes: int, count: int) -> IntAr
     return few[:at]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _some_of(seen: Seen, few: IntArray) -> Seen:
     """What some of the points are seen as, but for where they are in the map."""
     some = room_for(few.shape[0])
@@ -356,7 +356,7 @@ def _some_of(seen: Seen, few: IntArray) -> Seen:
     return some
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def register_kernel(
     points: FloatArray,
     tau: FloatArray,

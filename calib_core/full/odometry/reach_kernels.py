@@ -9,7 +9,7 @@ from calib_core.factors.cell_kernels import cell_of
 from calib_core.types import BoolArray, FloatArray
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _owner(
     x: float, y: float, z: float, normals: FloatArray, offsets: FloatArray, eye_at: FloatArray, near_m: float
 ) -> int:
@@ -23,7 +23,7 @@ def _owner(
     return owner
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _fill(reach: BoolArray, plane: int, row: int, column: int, around: int) -> bool:
     """Adds a cell's neighbours; whether one was new."""
     width, changed = reach.shape[1], False
@@ -35,7 +35,7 @@ def _fill(reach: BoolArray, plane: int, row: int, column: int, around: int) -> b
     return changed
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def spread_kernel(
     x_map: FloatArray,
     normals: FloatArray,

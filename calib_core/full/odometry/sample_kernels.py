@@ -11,7 +11,7 @@ from calib_core.types import CountArray, Float32Array, FloatArray, IntArray
 _GOLDEN = 0.6180339887498949
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def places_kernel(n: int, count: int) -> IntArray:
     """Places among n, in order, that the first multiples of the golden ratio fall on, modulo one."""
     taken = np.zeros(n, np.bool_)
@@ -26,7 +26,7 @@ def places_kernel(n: int, count: int) -> IntArray:
     return places[:at]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def take_kernel(points: Float32Array, times_ns: CountArray, which: IntArray, xyz: FloatArray, tau: FloatArray) -> None:
     """Fills xyz (K, 3) [m] and tau (K,) [s] with some of points (N, 3) and their times (N,), columns of records. which: (K,)."""
     for i in range(which.shape[0]):

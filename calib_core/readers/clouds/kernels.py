@@ -17,7 +17,7 @@ from calib_core.types import BoolArray, Float32Array, FloatArray
 _ROUND = 6755399441055744.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def mark_valid(
     x: Float32Array,
     y: Float32Array,
@@ -48,7 +48,7 @@ def mark_valid(
     return n_returned, n_kept, first_ns
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def pack_points(
     x: Float32Array,
     y: Float32Array,
