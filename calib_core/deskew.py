@@ -16,7 +16,9 @@ def lidar_poses(trajectory: Trajectory, stamps_s: FloatArray) -> tuple[FloatArra
     t = trajectory.times_s
     k = np.clip(np.searchsorted(t, stamps_s, side="right") - 1, 0, len(t) - 2)
     f = np.clip((stamps_s - t[k]) / (t[k + 1] - t[k]), 0.0, 1.0)[:, None]
-    turn = log(np.swapaxes(trajectory.R_map_lidar[k], 1, 2) @ trajectory.R_map_lidar[k + 1])
+    # A sweep's thousand instants lie between a dozen knots.
+    spans, of_span = np.unique(k, return_inverse=True)
+    turn = log(np.swapaxes(trajectory.R_map_lidar[spans], 1, 2) @ trajectory.R_map_lidar[spans + 1])[of_span]
     R = trajectory.R_map_lidar[k] @ exp(f * turn)
     return R, (1 - f) * trajectory.p_map_lidar[k] + f * trajectory.p_map_lidar[k + 1]
 
