@@ -17,6 +17,7 @@ from calib_core.full.odometry.register import ScanMotion, register, sample_point
 from calib_core.full.odometry.settings import MAP, PAIRS, TrackSettings
 from calib_core.geometry import log
 from calib_core.planes.segment import segment_planes
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray, Scan
 
 
@@ -36,8 +37,10 @@ def pair_turns(scans: Sequence[Scan], *, seed: int = 0) -> PairTurns:
     """The turns of every other pair of scans, of the middle of a long recording only."""
     first, turns, stds = [], [], []
     begin = max(0, (len(scans) - 2 * PAIRS.pairs) // 2)
-    for position in range(begin, min(begin + 2 * PAIRS.pairs, len(scans) - 1), 2):
-        turn = _turn(scans[position], scans[position + 1], position, seed)
+    positions = range(begin, min(begin + 2 * PAIRS.pairs, len(scans) - 1), 2)
+    pairs = [workers().submit(_turn, scans[at], scans[at + 1], at, seed) for at in positions]
+    for position, pair in zip(positions, pairs, strict=True):
+        turn = pair.result()
         if turn is not None:
             first.append(position)
             turns.append(log(turn.R))
