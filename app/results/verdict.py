@@ -69,6 +69,8 @@ def verdict(result: CalibrationResult) -> str:
     )
     if result.status == "weak":
         weak = result.observability.weak_directions
+        if but and not weak:
+            return f"Weak: its parts contradict each other, so that what is stated may be too little; {known}"
         return f"Weak: {but}{weak[0].text}" if weak else f"Weak: {but}{known}"
     return f"Calibrated, but {but}{known}" if but else f"Calibrated: {known}"
 

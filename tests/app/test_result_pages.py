@@ -10,7 +10,7 @@ from rich.console import Console
 from app.cli.summary import result_summary
 from app.results.report import report_page
 from app.results.verdict import two_digits, verdict
-from calib_core.result import WeakDirection
+from calib_core.result import Message, WeakDirection
 from tests.app.support import world
 
 
@@ -25,6 +25,20 @@ def test_the_verdict_says_how_well_the_worst_axis_is_known():
         WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=4.0, text="Turn more.")
     )
     assert verdict(weak) == "Weak: Turn more."
+
+
+def test_an_answer_that_contradicts_itself_is_weak_in_its_first_words():
+    """Mutations: as if the error bars allowed for it; without the error bars; the disagreement of a weak axis told instead of it."""
+    torn = world.make_result("weak")
+    torn.messages.append(Message(code="solve.disagreement", level="warning", text="the parts disagree 8.4 times"))
+    assert verdict(torn) == (
+        "Weak: its parts contradict each other, so that what is stated may be too little; one standard deviation is 0.030 deg, "
+        "3.0 mm and 0.40 ms at most."
+    )
+    torn.observability.weak_directions.append(
+        WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=4.0, text="Turn more.")
+    )
+    assert verdict(torn).endswith("Turn more.")
 
 
 def test_an_offset_that_was_held_has_no_sigma():

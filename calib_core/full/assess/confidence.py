@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from calib_core.full.assess.considered import Considered, consider
 from calib_core.full.assess.disagreement import Apart, Disagreement, disagreements, take_apart, together
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
+from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
@@ -36,6 +38,11 @@ class Confidence:
     considered: Considered | None
     found: tuple[Disagreement, ...]
     apart: Apart
+
+    @property
+    def is_torn(self) -> bool:
+        """Whether stretches of time contradict each other: no error bar is wide enough then to be relied on."""
+        return is_torn(self.found)
 
 
 def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
@@ -73,6 +80,11 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
     return Confidence(knowledge, considered, found, apart)
 
 
+def is_torn(found: Sequence[Disagreement]) -> bool:
+    """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time."""
+    return any(each.name == "time" and each.is_beyond_noise and each.ratio > PARTS.torn for each in found)
+
+
 def _say_steps(run: Run, knowledge: Knowledge) -> None:
     steps_std_s = run.clocks.steps_std_s
     else_std_s = np.sqrt(max(knowledge.covariance[TIME_OFFSET, TIME_OFFSET] - steps_std_s**2, 0.0))
@@ -82,10 +94,11 @@ def _say_steps(run: Run, knowledge: Knowledge) -> None:
 
 
 def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
+    torn = ", and may be too narrow all the same: do not rely on them, and record again" if is_torn(found) else ""
     parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
     run.say(
         "warning",
         "solve.disagreement",
         f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
-        f"gives, or a fault that nothing models; the error bars are widened, most along {named_direction(beyond)}",
+        f"gives, or a fault that nothing models; the error bars are widened, most along {named_direction(beyond)}{torn}",
     )

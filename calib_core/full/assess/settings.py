@@ -59,6 +59,10 @@ class Parts:
     #: judged: of the recording's length: each still holds seconds of motion, and eight pulls tell a covariance from noise.
     #: How widened error bars are, where parts disagree, depends on it.
     time_blocks: int = 8
+    #: measured: stretches of time that disagree by more times what noise allows contradict each other. With a shaken IMU (8.4
+    #: times) and with cheap sensors taken for ideal (6.3) answers were off by squares of 120 and 97 where 7 is usual, for all the
+    #: widening.
+    torn: float = 5.0
     #: judged: walls are bent over metres, panels and doors are about one wide. How widened error bars are, where walls are
     #: bent, depends on it.
     cell_m: float = 1.0
