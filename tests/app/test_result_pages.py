@@ -28,7 +28,7 @@ def test_the_verdict_says_how_well_the_worst_axis_is_known():
 
 
 def test_an_answer_that_contradicts_itself_is_weak_in_its_first_words():
-    """Mutations: as if the error bars allowed for it; without the error bars; the disagreement of a weak axis told instead of it."""
+    """Mutations: as if the error bars allowed for it; without them; the disagreement told instead of a weak axis."""
     torn = world.make_result("weak")
     torn.messages.append(Message(code="solve.disagreement", level="warning", text="the parts disagree 8.4 times"))
     assert verdict(torn) == (
