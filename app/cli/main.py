@@ -100,7 +100,8 @@ def _defect_sentence(error: Exception) -> str:
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    """Being asked to end is the same as Ctrl-C: clean up, write nothing."""
+    """Being asked to end is the same as Ctrl-C: clean up, write nothing. Asked again, as `timeout` does, it is under way."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 

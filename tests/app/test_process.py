@@ -51,6 +51,29 @@ print("not reached")
 """
 
 
+_BUSY = """
+import atexit, os, signal, threading, time
+from concurrent.futures import ThreadPoolExecutor
+from app.process import leave
+def work():
+    time.sleep(0.5)
+    print("worked", flush=True)
+ThreadPoolExecutor(1).submit(work)
+atexit.register(lambda: print("cleared", flush=True))
+threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGTERM)).start()
+leave(130)
+"""
+
+
+def test_who_leaves_waits_for_threads_before_what_they_read_is_closed() -> None:
+    """An interrupted solve had ended by a segmentation fault. And asked once more to end meanwhile, it says nothing of it.
+
+    Mutations: what was registered first; no wait at all; a second signal heard.
+    """
+    done = subprocess.run([sys.executable, "-c", _BUSY], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split(), done.stderr) == (130, ["worked", "cleared"], "")
+
+
 def test_who_leaves_has_told_all_and_cleared_away() -> None:
     """Mutations: without what was registered for the end; without the last lines; another exit code."""
     done = subprocess.run([sys.executable, "-c", _LEAVING], capture_output=True, text=True, check=False)
