@@ -69,11 +69,15 @@ class Counting(NamedTuple):
     inlier_m: float
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def room_for(n: int) -> Seen:
+def room(n: int) -> Seen:
     """To see so many points in."""
     plane, inside = np.empty(n, np.int64), np.empty(n, np.bool_)
     return Seen(plane, np.empty(n), np.empty(n), inside, np.empty((n, 3)), np.empty((n, 3)))
+
+
+#: The same for compiled loops. None may hand a record back to Python: making it there calls its class, in which a signal may be
+#: answered, and the compiled side does not look whether that went well.
+room_for = numba.njit(cache=True, nogil=True, error_model="numpy")(room)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -365,12 +369,12 @@ def register_kernel(
     tie: FloatArray,
     counting: Counting,
     at: Motion,
-) -> tuple[Seen, FloatArray]:
-    """Moves a predicted motion to where some of the points (N, 3) want it, and how all of them are seen then.
+    seen: Seen,
+) -> FloatArray:
+    """Moves a predicted motion to where some of the points (N, 3) want it; `seen` is how all of them are seen then.
 
-    Second, (6, 6): what these tell of turn and place, under the last scale, with no plane counting for more than it is sure.
+    Returns (6, 6): what these tell of turn and place, under the last scale, with no plane counting for more than it is sure.
     """
-    seen = room_for(points.shape[0])
     look_kernel(points, tau, s, at, seen)
     few = balanced_kernel(seen, scales_m[0], s.normals.shape[0], counting.points)
     some_m, some_s = points[few, :], tau[few]
@@ -385,4 +389,4 @@ def register_kernel(
         for b in range(a, 6):
             sure[a, b] = sure[b, a] = sums[0, place]
             place += 1
-    return seen, sure
+    return sure

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.full.odometry.kernels import Counting, Motion, register_kernel, straighten_kernel
+from calib_core.full.odometry.kernels import Counting, Motion, register_kernel, room, straighten_kernel
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.sample_kernels import places_kernel, take_kernel
 from calib_core.full.odometry.settings import TrackSettings
@@ -91,8 +91,9 @@ def register(
     s, scales = settings, scales_m or settings.scales_m
     at = Motion(start.R.copy(), start.p.copy(), start.omega_rad_s.copy(), start.v_m_s.copy())
     counting = Counting(s.points, s.plane_points, s.sure_points, s.least_points, s.inlier_m)
-    seen, sure = register_kernel(
-        points_m, tau_s, planes.surfaces(s.outside_m), np.array(scales), s.fit_std_m**2 * tie, counting, at
+    seen = room(len(points_m))
+    sure = register_kernel(
+        points_m, tau_s, planes.surfaces(s.outside_m), np.array(scales), s.fit_std_m**2 * tie, counting, at, seen
     )
     told = 1.0 / np.repeat([s.unknown_std if known_rad is None else known_rad, s.unknown_std], 3) ** 2
     covariance = np.linalg.inv(sure / s.lidar_std_m**2 + np.diag(told))

@@ -18,6 +18,7 @@ from calib_core.full.odometry.kernels import (
     equations_kernel,
     look_kernel,
     register_kernel,
+    room,
     room_for,
     straighten_kernel,
 )
@@ -246,7 +247,8 @@ def test_a_registration_descends_among_some_points_and_sees_all() -> None:
     case = _registration(2, 0.5)
     scales, tie = (0.8, 0.4, 0.2), np.repeat([3.0, 4.0, 0.02, 0.1], 3)
     counting, moved = Counting(90, 15.0, 5.0, 4, 0.6), case.at
-    seen, sure = register_kernel(case.points, case.tau, case.surfaces(), np.array(scales), tie, counting, moved)
+    seen = room(len(case.points))
+    sure = register_kernel(case.points, case.tau, case.surfaces(), np.array(scales), tie, counting, moved, seen)
     first = room_for(len(case.points))
     look_kernel(case.points, case.tau, case.surfaces(), case.at, first)
     few = _balanced(np.where(np.abs(first.d) < scales[0], first.plane, -1), 90)
