@@ -264,17 +264,25 @@ class Surfaces:
 class Tones:
     """Where the IMU was shaken faster than it samples, sines in its readings are unknowns too."""
 
-    #: derived: the score's periodogram stands out by so much beside its mean by chance: over six channels and thousands of
-    #: frequencies exp(-20) is once in ten thousand recordings. Walls that bend by 5 mm, once settled, make 4 to 6.
-    stands_out: float = 20.0
-    #: measured: two persons who walk among the planes have made 20 and more. The same before planes are judged.
-    stands_out_in_company: float = 100.0
-    #: measured: cheap sensors make 50 to 850 of the motion itself, persons who are still among the planes some thousands; a
-    #: tone that carries the motion off hundreds of thousands. The same while the sensors are still taken for ideal.
+    #: derived: by chance twice what a tone lowers the cost is chi-square of 24 degrees: so much is once in two hundred million
+    #: tried. Measured at rest: walls bent by 5 mm 15 to 18, cheap sensors 15; a tone of 0.05 m/s2 57 to 318.
+    explains: float = 50.0
+    #: measured before planes are judged: bent walls 71; tones that matter 250 to 6600.
+    explains_in_company: float = 120.0
+    #: measured where the sensors were just let go: bent walls 29, cheap sensors 18; tones of 0.3 m/s2 900 to 8600. A tone that
+    #: is none would have planes thrown out.
+    explains_at_once: float = 300.0
+    #: measured: beside the median over its neighbours nothing stood out by more than 15 to 30 in calm recordings, unseen shaking
+    #: by 22 to 1000. Tones are looked for from here on; what is one is told by what it explains. Time alone depends on it.
+    beside: float = 20.0
+    #: judged: turns to either side that are neighbours. Nearer, a tone's own foot would be its measure; further, what the
+    #: motion takes up changes.
+    neighbours: int = 8
+    #: measured: how loud the score was of cheap sensors held at what they are meant to be, 50 to 850, of persons who are still
+    #: among the planes some thousands; of a tone that carries the motion off hundreds of thousands.
     shouts: float = 10_000.0
-    #: measured: bent walls make 58 before the lidar's noise is known and planes are judged, a tone that would have planes
-    #: thrown out thousands. The same then.
-    stands_out_at_once: float = 200.0
+    #: measured: so loud was a tone that the sensors' parameters had taken upon themselves, and louder than without them.
+    taken: float = 200.0
     #: judged: most tones at a time: so many unknowns more still leave the motion to be told. More lines than that are left
     #: in the readings, and widen the error bars.
     most: int = 8
@@ -290,13 +298,16 @@ class Tones:
     #: by 1 - sinc^2(1/8), 5 % at the most.
     padded: int = 4
     #: judged: turns at rest with all points, which show what a part of them does not. Time depends on it.
-    turns: int = 2
+    turns: int = 3
     #: derived: of a tone's frequency, beforehand, in units of one turn in the recording: the distance of the points at
     #: which the periodogram is read.
     resolution: float = 0.25
-    #: measured: three turns apart, two tones have been seen to part; nearer, their amplitudes in the room and with the IMU
-    #: say the same of a rig that turns. How near two of them may lie, in the same units.
-    apart: float = 4.0
+    #: derived: half of one turn in the recording is where the foot of a tone has its first zero to either side of where it has
+    #: come to: nearer, it is that tone's own. How near two of them may lie, in turns. Seen: of 0.95 and 0.984 Hz in 20 s the second
+    #: was left out at one turn, and its image in the lidar's view taken for one of 2.3 m/s2.
+    apart: float = 0.5
+    #: judged: so many frequencies of the loudest and as many of those beside their neighbours are tried. Time depends on it.
+    tried: int = 3
 
     @property
     def most_rounds(self) -> int:

@@ -12,7 +12,7 @@ from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes, mark_planes
-from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling, Tones
+from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
@@ -22,7 +22,7 @@ from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
-from calib_core.full.joint.tones import admit_rest, admit_tones, admitted_from, loudest, say_tones
+from calib_core.full.joint.tones import admit_rest, admit_tones, found_tones, loudest, say_tones
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 
@@ -81,10 +81,10 @@ def coarse_rounds(data: JointData, state: Estimation, schedule: Schedule) -> Est
     for k, each in enumerate(rounds):
         part = data.portion(k / len(rounds), (k + 1) / len(rounds))
         state, moved = moving_round(part, state, each, schedule.sampling)
-        # Where one tone shouts, others are there: before the sensors' parameters, which would take them upon themselves.
+        # One that shouts: before the sensors' parameters, which would take it upon themselves.
         tones = schedule.tones
-        least = tones.stands_out if state.nuisance.tones_hz else tones.shouts
-        state = admit_tones(part.portion(1.0, 1.0), state, tones, each, schedule.sampling, least=least)
+        least, loud = tones.explains_at_once, tones.shouts
+        state = admit_tones(part.portion(1.0, 1.0), state, tones, each, schedule.sampling, least=least, loud=loud)
     return until_steady(data.portion(1.0, 1.0), state, schedule, rounds[-1], moved) if schedule.coarse else state
 
 
@@ -126,7 +126,7 @@ def with_new_planes(data: JointData, state: Estimation, schedule: Schedule) -> E
 def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """The sensors' own parameters, without what is no plane by far before, and once these are known."""
     state, moved = first_with_sensors(data, without_clutter(data, state, schedule), schedule)
-    least = schedule.tones.stands_out_at_once
+    least = schedule.tones.explains_at_once
     state = admit_tones(data, state, schedule.tones, schedule.sensors, schedule.sampling, least=least)
     if schedule.planes is not None:
         state = drop_planes(data, state, schedule.planes)
@@ -159,10 +159,10 @@ def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -
     if not data.run.noise.shaken:
         return after, moved
     louder = loudest(data, after, tones)
-    if louder < tones.stands_out_at_once or louder < loudest(data, state, tones):
+    if louder < tones.taken or louder < loudest(data, state, tones):
         return after, moved
     held, round_ = replace(data, sensors=Nuisance()), schedule.coarse[-1]
-    toned = admit_tones(held, state, tones, round_, sampling, least=tones.stands_out_at_once)
+    toned = admit_tones(held, state, tones, round_, sampling, least=tones.explains_at_once)
     if toned is state:
         return after, moved
     return moving_round(data, admit_sensors(data, toned), schedule.sensors, sampling)
@@ -176,7 +176,7 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     if rules is None:
         state = settle(data, state, schedule.settling, schedule.sampling)
     else:
-        judge = partial(without_doubtful, data, rules=rules, tones=schedule.tones)
+        judge = partial(without_doubtful, data, schedule=schedule, rules=rules)
         state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:
@@ -199,7 +199,9 @@ def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) ->
     rules, before = schedule.tones, state
     nearly = replace(schedule.settling, rounds=rules.settling_rounds)
     for _ in range(rules.most):
-        after = admit_tones(data, state, rules, schedule.sensors, schedule.sampling, least=rules.stands_out_in_company)
+        # Where one tone is, others are: bands of an engine come in several lines.
+        least = rules.explains if state.nuisance.tones_hz else rules.explains_in_company
+        after = admit_tones(data, state, rules, schedule.sensors, schedule.sampling, least=least)
         if after is state:
             break
         # What is left stands out from less once the gates are narrow again.
@@ -207,9 +209,10 @@ def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) ->
     return state if state is before else settle(data, state, schedule.settling, schedule.sampling)
 
 
-def without_doubtful(data: JointData, state: Estimation, rules: PlaneSet, tones: Tones) -> Estimation:
+def without_doubtful(data: JointData, state: Estimation, schedule: Schedule, rules: PlaneSet) -> Estimation:
     """Without what is no plane, unless something shakes the IMU unseen: it would be held against them, and is known later."""
-    if loudest(data, state, tones) > admitted_from(data, tones, tones.stands_out_in_company):
+    tones = schedule.tones
+    if found_tones(data, state, tones, schedule.sensors, schedule.sampling, least=tones.explains_in_company):
         return state
     return drop_planes(data, state, rules, settled=True)
 

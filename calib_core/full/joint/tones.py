@@ -2,24 +2,28 @@
 
 At an optimum, the links' residuals say towards which change of the readings, at which instant, the whole problem pulls: the
 score. Where the model is right, its periodogram is chance, exponential with a mean of at most 1 in units of the links' own
-information (the motion takes up a part of it). A tone stands out by hundreds and thousands.
+information. The motion and the sensors' parameters take up a part of it, at one frequency next to all: a tone stands out beside
+its neighbours, and which one it is says what it explains (tone_choice.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
+import scipy
 
 from calib_core.factors.imu import link_factors
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Round, Sampling, Tones
 from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.round import one_round
+from calib_core.full.joint.round import associate, coarse_stride, gate_of, one_round
 from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.prepare.nuisance import TONE
 from calib_core.types import FloatArray
 
@@ -33,50 +37,87 @@ class Periodogram:
 
     def of_tones(self, rules: Tones) -> FloatArray:
         """The louder channel's (F,), 0 where no tone can be told: with too few turns, or integrated to nothing."""
-        power = self.power.max(axis=1)
-        power[(self.hz < rules.fewest_turns * self.turn_hz(rules)) | (self.hz > rules.highest * self.hz[-1])] = 0.0
-        return power
+        return self._told(self.power.max(axis=1), rules)
+
+    def beside_neighbours(self, rules: Tones) -> FloatArray:
+        """(F,) the same with each channel in units of what it is by chance, which its median over so many turns around tells.
+
+        The motion and the sensors' parameters leave a thousandth of it at one frequency, all of it at another.
+        """
+        around = 2 * rules.neighbours * rules.padded + 1
+        usual = scipy.ndimage.median_filter(self.power, size=(around, 1), mode="nearest") / np.log(2.0)
+        return self._told((self.power / np.maximum(usual, np.finfo(float).tiny)).max(axis=1), rules)
 
     def turn_hz(self, rules: Tones) -> float:
         """One turn in the recording."""
         return float(rules.padded * self.hz[1])
 
-
-def admitted_from(data: JointData, rules: Tones, least: float) -> float:
-    """How far a tone has to stand out: by `least`; where the sensors are held at what they are meant to be, and nothing
-    shakes the IMU, by what no sensor makes of the motion itself."""
-    held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
-    return max(least, rules.shouts) if held and not data.run.noise.shaken else least
+    def _told(self, power: FloatArray, rules: Tones) -> FloatArray:
+        power[(self.hz < rules.fewest_turns * self.turn_hz(rules)) | (self.hz > rules.highest * self.hz[-1])] = 0.0
+        return power
 
 
 def admit_tones(
-    data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, *, least: float
+    data: JointData,
+    state: Estimation,
+    rules: Tones,
+    round_: Round,
+    sampling: Sampling,
+    *,
+    least: float,
+    loud: float = 0.0,
 ) -> Estimation:
-    """With the tones that stand out by `least` or more, one after the other: beside a strong one a weak one shows nothing.
+    """With the tones that lower the cost by `least` or more, one after the other: beside a strong one a weak one shows nothing.
 
-    What is louder with a tone than without it was none.
+    loud: as `found_tones` has it. After which more is to be explained than before was none.
     """
-    if len(state.nuisance.tones_hz) >= rules.most:
-        return state
-    heard, least = listen(data, state, rules), admitted_from(data, rules, least)
-    while found := beside_known(data, state, heard, rules, least):
-        after = told(data, with_tone(data, state, found[0], rules), round_, sampling)
-        left = listen(data, after, rules)
-        if left.power.max() > heard.power.max():
+    found = found_tones(data, state, rules, round_, sampling, least=least, loud=loud)
+    while found:
+        after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
+        left = found_tones(data, after, rules, round_, sampling, least=least)
+        if left and left[0].decrease > found[0].decrease:
             break
-        state, heard = after, left
+        state, found = after, left
     return state
 
 
 def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
-    """With all that stand out now: for a state at rest with all points, from which the way back is long."""
-    least = admitted_from(data, rules, rules.stands_out)
-    found = beside_known(data, state, listen(data, state, rules), rules, least)
-    if not found:
-        return state
-    for hz in found:
-        state = with_tone(data, state, hz, rules)
-    return told(data, state, round_, sampling)
+    """The one that explains the most now: for a state at rest with all points, from which the way back is long."""
+    found = found_tones(data, state, rules, round_, sampling, least=rules.explains)
+    return told(data, with_tone(data, state, found[0].hz, rules), round_, sampling) if found else state
+
+
+def found_tones(
+    data: JointData,
+    state: Estimation,
+    rules: Tones,
+    round_: Round,
+    sampling: Sampling,
+    *,
+    least: float,
+    loud: float = 0.0,
+) -> list[Explaining]:
+    """Tones beside those that are known, the one that lowers the cost the most first.
+
+    loud: by how much the score has to stand out to begin with, where that is asked for. Where the sensors are held at what they
+    are meant to be, and nothing shakes the IMU, it is asked for: of the motion itself cheap sensors make what a tone would.
+    """
+    known = state.nuisance.tones_hz
+    if len(known) >= rules.most:
+        return []
+    held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
+    if held and not data.run.noise.shaken:
+        loud = max(loud, rules.shouts)
+    of = listen(data, state, rules)
+    power = float(of.of_tones(rules).max())
+    if power < loud or (power < least and of.beside_neighbours(rules).max() < rules.beside):
+        return []
+    tried = candidates(of, rules, known)
+    if state.observations is None:
+        state = associate(
+            data, state, gate_of(state, round_.gate_m, sampling), stride=coarse_stride(data, state, sampling)
+        )
+    return explaining(data, with_tones_tried(data, state, tried, rules), len(tried), least)
 
 
 def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:
@@ -89,12 +130,17 @@ def loudest(data: JointData, state: Estimation, rules: Tones) -> float:
     return float(listen(data, state, rules).of_tones(rules).max())
 
 
-def beside_known(data: JointData, state: Estimation, of: Periodogram, rules: Tones, least: float) -> list[float]:
-    """Frequencies [Hz] at which the score stands out beside the tones that are known, the loudest first."""
-    known = state.nuisance.tones_hz
-    # From scan to scan: a sweep's own points end before the next one begins.
-    sweep_hz = 1.0 / float(np.median(np.diff(data.run.clocks.scan_s)))
-    return standing_out(of, rules, least, known, sweep_hz)[: rules.most - len(known)]
+def with_tones_tried(data: JointData, state: Estimation, tried_hz: Sequence[float], rules: Tones) -> Estimation:
+    """With more tones among the unknowns, and the points on planes as they are."""
+    toned = state
+    for hz in tried_hz:
+        toned = with_tone(data, toned, hz, rules)
+    points = state.observations
+    if points is not None and len(points.nuisance):
+        more = toned.nuisance.size - state.nuisance.size
+        laid_out = np.insert(points.nuisance, toned.nuisance.places[TONE].stop - more, np.zeros(more))
+        points = replace(points, nuisance=laid_out)
+    return replace(toned, observations=points)
 
 
 def told(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
@@ -130,27 +176,36 @@ def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -
     )
 
 
-def standing_out(
-    of: Periodogram, rules: Tones, least: float, known_hz: Sequence[float], sweep_hz: float
-) -> list[float]:
-    """Frequencies [Hz] at which any channel's score stands out by `least` or more, the loudest first.
+def candidates(of: Periodogram, rules: Tones, known_hz: Sequence[float]) -> list[float]:
+    """Frequencies [Hz] at which a tone may be, of the loudest and of what stands out beside its neighbours the most.
 
-    known_hz: of tones that are in play already. Near them nothing new can be told, nor at their images: the lidar's view comes
-    round sweep_hz times a second.
+    The lidar's view comes round with each turn of its rotor: of a tone at 1.4 Hz what is seen at 10 - 1.4 and 10 + 1.4 may stand
+    out the most, as the motion takes up less there. It lies half their distance from nothing. Known ones, and what is too near
+    to one before, are none.
     """
-    turn_hz, power = of.turn_hz(rules), of.of_tones(rules)
-    sweeps_hz = np.arange(0.0, of.hz[-1] + sweep_hz, sweep_hz)
-
-    def silence(tone_hz: float) -> None:
-        for image_hz in np.concatenate([sweeps_hz + tone_hz, np.abs(sweeps_hz - tone_hz)]):
-            power[np.abs(of.hz - image_hz) < rules.apart * turn_hz] = 0.0
-
-    for tone_hz in known_hz:
-        silence(tone_hz)
+    turn_hz = of.turn_hz(rules)
     found: list[float] = []
-    while power.max() > least:
-        found.append(float(of.hz[np.argmax(power)]))
-        silence(found[-1])
+
+    def add(hz: float) -> None:
+        if hz > rules.fewest_turns * turn_hz and all(
+            abs(hz - each) > rules.apart * turn_hz for each in (*known_hz, *found)
+        ):
+            found.append(hz)
+
+    seen_hz = peaks_hz(of, of.beside_neighbours(rules), rules)
+    for hz in (*peaks_hz(of, of.of_tones(rules), rules), *seen_hz):
+        add(hz)
+    for one_hz, other_hz in combinations(seen_hz, 2):
+        add(0.5 * abs(one_hz - other_hz))
+    return found
+
+
+def peaks_hz(of: Periodogram, power: FloatArray, rules: Tones) -> list[float]:
+    """The frequencies [Hz] of the greatest (F,), a turn apart at least: nearer is one peak's foot."""
+    left, found = power.copy(), []
+    for _ in range(rules.tried):
+        found.append(float(of.hz[np.argmax(left)]))
+        left[np.abs(of.hz - found[-1]) < of.turn_hz(rules)] = 0.0
     return found
 
 

@@ -326,10 +326,10 @@ def test_rounds_are_bounded_by_what_there_is_to_propagate_to(half: Half) -> None
     """
     assert POLICY.most_rounds(10.0, 40.0) == 2 * (2 + 1 + 20)
     assert POLICY.most_rounds(40.0, 40.0) == 0
-    # Twice ten until the motion is steady; eight tones and two turns at rest, settled thrice after each; settled once more for
+    # Twice ten until the motion is steady; eight tones and three turns at rest, settled thrice after each; settled once more for
     # them all, and for bent walls. Planes are left out on the way to rest, and at rest, in three turns each.
-    tones = (8 + 2) * (2 + 3)
-    assert FULL.most_rounds(40.0, 40.0, 12) == 1 + 2 + 1 + 1 + 2 * 10 + tones + (1 + 3 + 3 + 2) * 12 + (1 + 2) * (
+    tones = (8 + 3) * (2 + 3)
+    assert FULL.most_rounds(40.0, 40.0, 12) == 1 + 2 + 1 + 1 + 2 * 10 + tones + (1 + 3 + 3 + 2) * 12 + (1 + 3) * (
         12 + 12
     )
     assert half.data.most_rounds > propagate(half.data, half.state, half.schedule).rounds

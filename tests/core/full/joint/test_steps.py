@@ -15,7 +15,8 @@ from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import PlaneSet, Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import FULL, Schedule
-from calib_core.full.joint.tones import admitted_from, with_tone
+from calib_core.full.joint.tone_choice import Explaining
+from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 from tests.core.full.joint.test_replay import same
@@ -128,22 +129,23 @@ def test_coarse_rounds_and_the_first_with_sensors_end_steady(half: Half, monkeyp
     assert solve.with_sensors(half.data, state, schedule).rounds == 3
 
 
-def test_once_a_tone_shouts_others_are_listened_for(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before the sensors' parameters are known the motion itself makes hundreds of their scales; then, with the sensors' columns
-    first, the tones are still there.
+def test_before_the_sensors_are_known_a_tone_has_to_shout(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The motion itself explains thousands by their scales before; then, with the sensors' columns first, the tones are still
+    there.
 
-    Mutations: the same threshold for all; tones forgotten where the sensors come in, or put before them.
+    Mutations: `loud` left out; tones forgotten where the sensors come in, or put before them.
     """
     asked: list[float] = []
 
-    def once(data: JointData, state: Estimation, rules: Tones, *_: object, least: float) -> Estimation:
-        asked.append(least)
+    def once(data: JointData, state: Estimation, rules: Tones, *_: object, least: float, loud: float) -> Estimation:
+        assert least == rules.explains_at_once
+        asked.append(loud)
         return with_tone(data, state, 1.4, rules) if len(asked) == 1 else state
 
     monkeypatch.setattr(solve, "admit_tones", once)
     monkeypatch.setattr(solve, "moving_round", lambda _data, state, *_: (state, 0.0))
     state = solve.coarse_rounds(half.data, half.state, FULL)
-    assert asked == [FULL.tones.shouts, FULL.tones.stands_out, FULL.tones.stands_out]
+    assert asked == [FULL.tones.shouts] * 3
     state = replace(state, estimate=replace(state.estimate, nuisance=np.arange(25.0)))
     after = solve.admit_sensors(half.data, state)
     assert after.nuisance.sensors == half.data.sensors
@@ -185,7 +187,7 @@ def test_a_tone_comes_before_sensors_that_would_take_it_upon_themselves(
     assert after.nuisance.sensors == half.data.sensors
     assert after.nuisance.tones_hz == ((0.8,) if first == "tone" else ())
     assert moved == len(after.nuisance.tones_hz)
-    assert asked == ([(0, FULL.tones.stands_out_at_once)] if first == "tone" else [])
+    assert asked == ([(0, FULL.tones.explains_at_once)] if first == "tone" else [])
 
 
 @pytest.mark.parametrize(
@@ -257,19 +259,23 @@ def test_a_solve_that_ends_singular_is_refused(half: Half) -> None:
         bounds.require_solution(replace(half.state, minimum=replace(half.state.minimum, solution=None)))
 
 
-@pytest.mark.parametrize(("times", "judges"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("shaken", [True, False])
 def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
-    monkeypatch: pytest.MonkeyPatch, half: Half, times: float, judges: bool
+    monkeypatch: pytest.MonkeyPatch, half: Half, shaken: bool
 ) -> None:
     """It would be held against them. Mutations: judged in any case; never; by another tone than one in company."""
-    tones, rules = FULL.tones, FULL.planes
+    rules = FULL.planes
     assert rules is not None
-    least = admitted_from(half.data, tones, tones.stands_out_in_company)
-    monkeypatch.setattr(solve, "loudest", lambda *_: times * least)
+
+    def found(*_: object, least: float) -> list[Explaining]:
+        assert least == FULL.tones.explains_in_company
+        return [Explaining(1.4, 2.0 * least)] if shaken else []
+
+    monkeypatch.setattr(solve, "found_tones", found)
     left = replace(half.state, rounds=77)
     monkeypatch.setattr(solve, "drop_planes", lambda *_, settled: left if settled else None)
-    after = solve.without_doubtful(half.data, half.state, rules, tones)
-    assert after is (left if judges else half.state)
+    after = solve.without_doubtful(half.data, half.state, FULL, rules)
+    assert after is (half.state if shaken else left)
 
 
 @pytest.mark.parametrize("ends", [True, False])

@@ -1,0 +1,57 @@
+"""Which of the frequencies that stand out are tones: by what each would lower the cost, all else following.
+
+Loud is not the same. The periodogram (tones.py) has what the problem pulls at the readings where the motion, the biases and the
+sensors' parameters already gave way: what a tone of one hertz has bent them by pulls loudest at half a hertz, where the hand
+moves. With the columns C of a tone beside all others J in the normal equations, their Schur complement has them follow
+
+    S = C' C - C' J (J' J)^-1 J' C,   g = -C' r (where the others are at rest),   decrease = g' S^-1 g / 2
+
+(Rao's score test). By chance twice that is chi-square of as many degrees as a tone has amplitudes. One linearisation with
+all candidates has every one's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.round import gathered
+from calib_core.full.prepare.nuisance import TONE
+from calib_core.imu.tones import PARAMETERS
+from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.solver.information import covariance
+
+
+@dataclass(frozen=True, slots=True)
+class Explaining:
+    """A tone of hz, and by how much it would lower the cost."""
+
+    hz: float
+    decrease: float
+
+
+def explaining(data: JointData, toned: Estimation, count: int, least: float) -> list[Explaining]:
+    """Those of the last `count` tones of a state that lower the cost by `least` each by itself, the best first.
+
+    toned: with all of them among the unknowns, at no size yet, and the observations of the state before.
+    """
+    problem = gathered(data, toned)
+    try:
+        solution = solve_arrow(problem.linearise(toned.estimate))
+    except NotPositiveDefinite:
+        return []
+    first = problem.layout(toned.estimate).nuisance().start
+    end = first + toned.nuisance.places[TONE].stop
+    of = np.arange(end - count * PARAMETERS, end)
+    others = np.setdiff1d(np.arange(len(solution.gradient_shared)), of)
+    S, g = solution.information, solution.gradient_shared
+    follow = S[np.ix_(of, others)] @ covariance(S[np.ix_(others, others)]).matrix
+    S, g = S[np.ix_(of, of)] - follow @ S[np.ix_(others, of)], g[of] - follow @ g[others]
+    each = [slice(k, k + PARAMETERS) for k in range(0, count * PARAMETERS, PARAMETERS)]
+    decreases = [0.5 * float(g[own] @ covariance(S[own, own]).matrix @ g[own]) for own in each]
+    found = [
+        Explaining(*one) for one in zip(toned.nuisance.tones_hz[-count:], decreases, strict=True) if one[1] > least
+    ]
+    return sorted(found, key=lambda one: -one.decrease)
