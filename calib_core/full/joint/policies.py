@@ -195,6 +195,9 @@ class Settling:
     #: more are the same. A twentieth of it is 3e-5 of a point's scatter, a thousandth of what the points of a round leave
     #: open of a motion (2000 unknowns of 800,000 points: 0.05).
     still: float = 5e-4
+    #: judged: where rounds lead each other about, cells and noise are held, and what a held round still moves by is told with all
+    #: points: a tenth of what this part of them leaves open.
+    led_about: float = 5e-3
     #: derived: rounds that move points by less than this part of their scatter, one or two millimetres, leave planes where
     #: they are to less than what plaster is allowed: those that are none go before the rest is told to the last digit.
     judged: float = 0.1
@@ -264,17 +267,19 @@ class Surfaces:
 class Tones:
     """Where the IMU was shaken faster than it samples, sines in its readings are unknowns too."""
 
-    #: derived: by chance twice what a tone lowers the cost is chi-square of 24 degrees: so much is once in two hundred million
-    #: tried. Measured at rest: walls bent by 5 mm 15 to 18, cheap sensors 15; a tone of 0.05 m/s2 57 to 318.
+    #: derived: by chance twice what a tone lowers the cost is chi-square of 24 degrees: so much is once in ten billion tried.
+    #: Measured at rest: walls bent by 5 mm 15 to 18, cheap sensors 15; a tone of 0.05 m/s2 57 to 318.
     explains: float = 50.0
     #: measured before planes are judged: bent walls 71; tones that matter 250 to 6600.
     explains_in_company: float = 120.0
     #: measured where the sensors were just let go: bent walls 29, cheap sensors 18; tones of 0.3 m/s2 900 to 8600. A tone that
     #: is none would have planes thrown out.
     explains_at_once: float = 300.0
-    #: measured: beside the median over its neighbours nothing stood out by more than 15 to 30 in calm recordings, unseen shaking
-    #: by 22 to 1000. Tones are looked for from here on; what is one is told by what it explains. Time alone depends on it.
+    #: measured: beside the median over its neighbours nothing stood out by more than 15 to 25 in calm recordings at rest, unseen
+    #: shaking by 22 to 300. Tones are looked for from here on; what is one is told by what it explains.
     beside: float = 20.0
+    #: measured: the same before, where persons and bent walls make 25 to 40 and tones that matter 77 to 6000.
+    beside_in_company: float = 40.0
     #: judged: turns to either side that are neighbours. Nearer, a tone's own foot would be its measure; further, what the
     #: motion takes up changes.
     neighbours: int = 8
@@ -303,8 +308,8 @@ class Tones:
     #: which the periodogram is read.
     resolution: float = 0.25
     #: derived: half of one turn in the recording is where the foot of a tone has its first zero to either side of where it has
-    #: come to: nearer, it is that tone's own. How near two of them may lie, in turns. Seen: of 0.95 and 0.984 Hz in 20 s the second
-    #: was left out at one turn, and its image in the lidar's view taken for one of 2.3 m/s2.
+    #: come to: nearer, it is that tone's own. How near two of them may lie, in turns. Seen: of 0.95 and 0.984 Hz in 20 s the
+    #: second was left out at one turn, and its image in the lidar's view taken for one of 2.3 m/s2.
     apart: float = 0.5
     #: judged: so many frequencies of the loudest and as many of those beside their neighbours are tried. Time depends on it.
     tried: int = 3

@@ -159,6 +159,9 @@ class Doubting:
     moved_percent: float = 95.0
     #: judged: surveys that go to and fro have done so in so many of them: two cycles of two, which chance does not make.
     to_and_fro: int = 4
+    #: measured: rounds on the way to rest move points by a third to a half of what the one before did, in one a little more
+    #: while the noise is learnt; a box whose cells come and go has led twelve rounds about. So many in a row do not move less.
+    wandering: int = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,25 +46,31 @@ def near_rest(
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
-    stays out. So would a noise that goes to and fro between two values: the last one stays.   judge: asked as soon as rounds
-    hardly move, or cease to move less; from what it leaves, all begins anew.   turns: most times that it does.
+    stays out. So would a noise that goes to and fro between two values: the last one stays. Where both lead each other about
+    and rounds come no nearer to rest, what all of the last surveys have seen stays, and the noise.   judge: asked as soon as
+    rounds hardly move, or cease to move less, and once more of what stays; from what it leaves, all begins anew.   turns: most
+    times that it does.
     """
     cells: list[BoolArray] = []
     noises: list[LidarNoise] = []
     moves: list[float] = []
     stillest = state
     surveyed: tuple[BoolArray, LidarNoise] | None = None
+    led_about, doubted = False, None
     for k in range(settling.rounds):
         if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
             state = anchored(data, state)
         learning = gate_of(state, settling.learning_m, sampling)
-        if not swings(cells):
+        if not (led_about or swings(cells)):
             state = survey(data, state, learning, sampling)
             assert state.support is not None
             cells.append(state.support.inside)
-            if swings(cells):
-                state = replace(state, support=PlaneExtents(state.support.normals, cells[-1] & cells[-2]))
-        if not noise_swings(noises, settling.still / learning.sigmas):
+            led_about = wanders(moves, settling)
+            if led_about or swings(cells):
+                seen = cells[-DOUBTING.wandering - 1 :] if led_about else cells[-2:]
+                state = replace(state, support=PlaneExtents(state.support.normals, np.all(seen, axis=0)))
+                judge = judge or doubted
+        if not (led_about or noise_swings(noises, settling.still / learning.sigmas)):
             state = measure(data, state, learning, sampling)
             noises.append(state.lidar_noise)
         gate = gate_of(state, settling.settling_m, sampling)
@@ -80,11 +86,13 @@ def near_rest(
             if left is not state:
                 return near_rest(data, left, settling, sampling, judge, turns - 1)
             if moves[-1] < settling.judged:
-                judge = None
+                judge, doubted = None, judge
         assert state.support is not None
         found, last = (state.support.inside, state.lidar_noise), surveyed
         if moves[-1] < settling.unmoved or (
-            moves[-1] < settling.still and is_same(found, last, settling.still / gate.sigmas)
+            moves[-1] < settling.led_about
+            if led_about
+            else moves[-1] < settling.still and is_same(found, last, settling.still / gate.sigmas)
         ):
             break
         surveyed = found
@@ -114,6 +122,13 @@ def is_same_noise(new: LidarNoise, old: LidarNoise, part: float) -> bool:
 def stalls(moves: Sequence[float], settling: Settling) -> bool:
     """Whether rounds have ceased to move points less and less: something in them does not stand still."""
     return len(moves) > settling.farther - 1 and moves[-1] > settling.stalled * moves[-2]
+
+
+def wanders(moves: Sequence[float], settling: Settling) -> bool:
+    """Whether rounds that hardly move points any more have ceased to come nearer to rest, so many in a row."""
+    last = np.array(moves[-DOUBTING.wandering - 1 :])
+    is_told = len(moves) > DOUBTING.wandering + 1 and moves[-1] < settling.judged
+    return is_told and bool(np.all(last[1:] > settling.stalled * last[:-1]))
 
 
 def goes_away(moves: Sequence[float], settling: Settling) -> bool:

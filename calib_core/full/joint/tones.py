@@ -110,7 +110,8 @@ def found_tones(
         loud = max(loud, rules.shouts)
     of = listen(data, state, rules)
     power = float(of.of_tones(rules).max())
-    if power < loud or (power < least and of.beside_neighbours(rules).max() < rules.beside):
+    beside = rules.beside if least <= rules.explains else rules.beside_in_company
+    if power < loud or (power < least and of.beside_neighbours(rules).max() < beside):
         return []
     tried = candidates(of, rules, known)
     if state.observations is None:

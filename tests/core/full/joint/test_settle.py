@@ -208,6 +208,58 @@ def test_a_noise_that_swings_is_held(monkeypatch: pytest.MonkeyPatch, begun: int
 
 
 @pytest.mark.parametrize(
+    ("moves", "wander"),
+    [
+        ([0.0475, 0.0066, 0.0021, 0.0052, 0.0039], True),  # seen: a box whose cells came and went
+        ([0.0475, 0.0066, 0.0021, 0.0052], False),  # one round that moves by more is on the way
+        ([0.3, 0.29, 0.28, 0.27], False),  # nowhere near
+        ([0.09, 0.08, 0.075], False),  # the first ones learn the noise
+        ([0.06, 0.021, 0.0055, 0.0012, 0.0001], False),
+    ],
+)
+def test_rounds_that_come_no_nearer_to_rest_wander(moves: list[float], wander: bool) -> None:
+    """Mutations: one in a row is enough; also while points still move; from the first round on."""
+    assert settling.wanders(moves, Settling()) == wander
+
+
+@pytest.mark.parametrize("condemned", [False, True])
+def test_where_rounds_wander_what_all_have_seen_stays_and_is_judged(
+    monkeypatch: pytest.MonkeyPatch, condemned: bool
+) -> None:
+    """A cell that is in each third survey, and moves that fall no more: the fifth round has what stays, the sixth is the last. By hand.
+
+    Mutations: the last survey's cells stay; surveyed or measured on; nobody asked again; rest asked for as elsewhere.
+    """
+    measured: list[int] = []
+
+    def surveyed(_: object, state: _Swinging, *__: object) -> _Swinging:
+        inside = np.zeros((1, 2, 2), dtype=bool)
+        inside[0, 0] = True, state.surveys % 3 == 1
+        return replace(state, support=PlaneExtents(np.eye(3)[:1], inside), surveys=state.surveys + 1)
+
+    def noise(_: object, state: _Swinging, *__: object) -> _Swinging:
+        measured.append(state.surveys)
+        return replace(state, lidar_noise=LidarNoise(0.02 + 1e-3 * len(measured), 0.001))
+
+    asked: list[int] = []
+
+    def judge(state: Any) -> Any:
+        asked.append(state.surveys)
+        return replace(state, estimate=2.0) if condemned and len(asked) == 2 else state
+
+    moves = iter([0.05, 0.02, 0.018, 0.017, 0.006, 0.004, 1e-7, 1e-8])
+    data, begin = _rounds_of(monkeypatch, lambda *_: next(moves), survey=surveyed, measure=noise)
+    end: Any = settling.near_rest(data, begin, Settling(), Sampling(), judge, 3)[0]
+    assert asked == ([1, 5, 6] if condemned else [1, 5])
+    assert end.estimate == (2.0 if condemned else 1.0)
+    assert measured == ([1, 2, 3, 4, 6, 7] if condemned else [1, 2, 3, 4])
+    assert next(moves) == (1e-8 if condemned else 1e-7)
+    if not condemned:
+        assert end.surveys == 5
+        assert end.support.inside.sum() == 1
+
+
+@pytest.mark.parametrize(
     ("moved", "asked_at", "rounds"),
     [
         # On the way to rest: judged from a tenth of a sigma on; what it leaves settles anew.
