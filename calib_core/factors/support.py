@@ -22,13 +22,15 @@ from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, In
 CELL_M = 0.2
 #: A cell's mean is off where it is beyond so many times what is usual on its plane, and beyond so many standard deviations of
 #: chance: what stands before the rim of a wall fills the rest of the cell with returns from there. A skirting board of 15 mm
-#: in a third of a cell moves its mean by 5.
+#: in a third of a cell moves its mean by 5. What reaches into the next cell by less than a mean tells is there for all that:
+#: cells beside one that is off are left out with it (_CROSS).
 _OFF_TIMES, _OFF_SIGMAS = 3.0, 3.0
 #: In the units of `off` (1: too far for any mean) what walls do anyway, where they are flatter than that: a thirtieth of a
 #: return's standard deviation, under a millimetre.
 _USUAL_OFF = 1 / 60
 #: Of one return in these units: half.
 _RETURN_STD = 0.5
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 #: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.
 HALF_CELLS = 500
 
@@ -131,7 +133,7 @@ class ExtentSurvey:
             on, beside = self.on[plane][box].astype(np.int64), self.beside[plane][box]
             seen = on >= least if within is None else (on >= least) & within[plane][box]
             flat = seen & (on >= share * (on + beside)) & (np.abs(self.off[plane][box]) <= on)
-            flat &= ~_off_the_others(self.off[plane][box], on, flat)
+            flat &= ~scipy.ndimage.binary_dilation(_off_the_others(self.off[plane][box], on, flat) & flat, _CROSS)
             if flat.any():
                 inside[plane][box] = _without_islands(flat, on, island)
         inside[:, [0, -1], :] = False

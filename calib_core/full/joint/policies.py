@@ -270,11 +270,12 @@ class Tones:
     #: derived: by chance twice what a tone lowers the cost is chi-square of 24 degrees: so much is once in ten billion tried.
     #: Measured at rest: walls bent by 5 mm 15 to 18, cheap sensors 15; a tone of 0.05 m/s2 57 to 318.
     explains: float = 50.0
-    #: measured before planes are judged: bent walls 71; tones that matter 250 to 6600.
-    explains_in_company: float = 120.0
-    #: measured where the sensors were just let go: bent walls 29, cheap sensors 18; tones of 0.3 m/s2 900 to 8600. A tone that
-    #: is none would have planes thrown out.
-    explains_at_once: float = 300.0
+    #: measured before planes are judged: bent walls 71, with boards, a door and a window besides 166; tones that matter 230 to
+    #: 6600.
+    explains_in_company: float = 200.0
+    #: measured where the sensors were just let go: bent walls 29, with the same besides 484, cheap sensors 18; tones that carry
+    #: the motion off 630 to 8600. A tone that is none would have planes thrown out.
+    explains_at_once: float = 600.0
     #: measured: beside the median over its neighbours nothing stood out by more than 15 to 25 in calm recordings at rest, unseen
     #: shaking by 22 to 300. Tones are looked for from here on; what is one is told by what it explains.
     beside: float = 20.0
@@ -311,6 +312,10 @@ class Tones:
     #: come to: nearer, it is that tone's own. How near two of them may lie, in turns. Seen: of 0.95 and 0.984 Hz in 20 s the
     #: second was left out at one turn, and its image in the lidar's view taken for one of 2.3 m/s2.
     apart: float = 0.5
+    #: measured: bent walls, a door ajar and boards at their feet explained tones of 10, 20, 29.6 and 30 Hz and up to 29 m/s2: a
+    #: sweep's harmonics, to either side of which a hand's motion goes up to one or two hertz. What shakes there moves by tenths
+    #: of a millimetre.
+    view_hz: float = 1.5
     #: judged: so many frequencies of the loudest and as many of those beside their neighbours are tried. Time depends on it.
     tried: int = 3
 

@@ -113,7 +113,10 @@ def found_tones(
     beside = rules.beside if least <= rules.explains else rules.beside_in_company
     if power < loud or (power < least and of.beside_neighbours(rules).max() < beside):
         return []
-    tried = candidates(of, rules, known)
+    # From scan to scan: a sweep's own points end before the next one begins.
+    tried = candidates(of, rules, known, 1.0 / float(np.median(np.diff(data.run.clocks.scan_s))))
+    if not tried:
+        return []
     if state.observations is None:
         state = associate(
             data, state, gate_of(state, round_.gate_m, sampling), stride=coarse_stride(data, state, sampling)
@@ -177,17 +180,21 @@ def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -
     )
 
 
-def candidates(of: Periodogram, rules: Tones, known_hz: Sequence[float]) -> list[float]:
+def candidates(of: Periodogram, rules: Tones, known_hz: Sequence[float], sweep_hz: float) -> list[float]:
     """Frequencies [Hz] at which a tone may be, of the loudest and of what stands out beside its neighbours the most.
 
     The lidar's view comes round with each turn of its rotor: of a tone at 1.4 Hz what is seen at 10 - 1.4 and 10 + 1.4 may stand
     out the most, as the motion takes up less there. It lies half their distance from nothing. Known ones, and what is too near
-    to one before, are none.
+    to one before, are none; nor is anything that the view's own coming round brings, sweep_hz times a second: walls that are not
+    flat, seen from a hand that moves.
     """
     turn_hz = of.turn_hz(rules)
     found: list[float] = []
 
     def add(hz: float) -> None:
+        turns = round(hz / sweep_hz)
+        if turns > 0 and abs(hz - turns * sweep_hz) < rules.view_hz:
+            return
         if hz > rules.fewest_turns * turn_hz and all(
             abs(hz - each) > rules.apart * turn_hz for each in (*known_hz, *found)
         ):

@@ -161,7 +161,8 @@ def test_what_was_seen_outside_of_an_outline_is_as_if_it_had_not_been() -> None:
 
 
 def test_cells_that_lie_off_the_others_are_left_out() -> None:
-    """A wall's edge with another that is not known: a tenth of the returns there are that one's, all on one side.
+    """A wall's edge with another that is not known: a tenth of the returns there are that one's, all on one side. The cell beside
+    it goes too: what stands there may reach into it by less than is told.
 
     A bent wall, whose cells are as far off each in its way, keeps them. Mutations: no such rule; the usual not looked at; chance
     not allowed for.
@@ -178,7 +179,7 @@ def test_cells_that_lie_off_the_others_are_left_out() -> None:
         return survey.finish().inside[0, 500, 500:520]
 
     edge = noise + np.where(column == 519, 0.5, 0.0)
-    np.testing.assert_array_equal(inside(edge), np.arange(20) < 19)
+    np.testing.assert_array_equal(inside(edge), np.arange(20) < 18)
     assert inside(noise + np.where(column % 2, 0.5, -0.5)).all()
     few = np.arange(len(column)) % 400 < np.where(column == 510, 8, 400)
     plane, cell, on = plane[few], cell[few], on[few]
@@ -186,17 +187,19 @@ def test_cells_that_lie_off_the_others_are_left_out() -> None:
 
 
 def test_cells_that_a_skirting_board_fills_a_third_of_are_left_out() -> None:
-    """15 mm of board in a third of a cell are 5 mm of its mean, of the 60 mm that no mean may reach.
+    """15 mm of board in a third of a cell are 5 mm of its mean, of the 60 mm that no mean may reach. A fiftieth of the next
+    one's, 0.3 mm, no mean tells: it is left out for its neighbour.
 
-    Seen on simulated rooms: the turn about one axis was wrong by 1.9 of its sigmas, always the same way. Mutation: an eighth of
-    a return's noise is called usual.
+    Seen on simulated rooms: the turn about one axis was wrong by 1.9 of its sigmas, always the same way; and by 1.2 in a minute
+    from those neighbours. Mutations: an eighth of a return's noise is called usual; neighbours stay.
     """
     rng = np.random.default_rng(4)
     row = np.repeat(np.arange(500, 510), 10_000)
     survey = ExtentSurvey.empty(NORMALS[:1])
-    board = (row == 500) & (np.arange(len(row)) % 3 == 0)
+    nth = np.arange(len(row))
+    board = (row == 500) & (nth % 3 == 0) | (row == 501) & (nth % 50 == 0)
     off = 0.5 * rng.normal(size=len(row)) + np.where(board, 15 / 60, 0.0)
     survey.add(
         np.zeros(len(row), np.int64), np.stack([row, np.full(len(row), 500)], axis=1), np.ones(len(row), bool), off
     )
-    np.testing.assert_array_equal(survey.finish().inside[0, 500:510, 500], np.arange(10) > 0)
+    np.testing.assert_array_equal(survey.finish().inside[0, 500:510, 500], np.arange(10) > 1)

@@ -226,7 +226,7 @@ def test_rounds_that_come_no_nearer_to_rest_wander(moves: list[float], wander: b
 def test_where_rounds_wander_what_all_have_seen_stays_and_is_judged(
     monkeypatch: pytest.MonkeyPatch, condemned: bool
 ) -> None:
-    """A cell that is in each third survey, and moves that fall no more: the fifth round has what stays, the sixth is the last. By hand.
+    """A cell that is in each third survey, moves that fall no more: the fifth round has what stays, the sixth is the last.
 
     Mutations: the last survey's cells stay; surveyed or measured on; nobody asked again; rest asked for as elsewhere.
     """

@@ -80,19 +80,22 @@ def test_a_line_stands_out_beside_its_neighbours_however_little_is_left_there() 
 
 
 def test_where_a_tone_may_be() -> None:
-    """The loudest first, what is seen of one as the lidar's view comes round, and half the distance of two such.
+    """The loudest first, what is seen of one as the lidar's view comes round, and half the distance of two such; but nothing
+    that the view itself brings, each tenth of a second.
 
-    Mutations: half distances left out; nothing silenced beside one; known ones tried again.
+    Mutations: half distances left out; nothing silenced beside one; known ones tried again; a sweep's harmonics tried.
     """
-    seen = with_lines((1.4625, 3, 60.0), (8.6, 1, 50.0), (11.4, 1, 40.0))
-    found = candidates(seen, RULES, ())
-    assert found[:3] == pytest.approx([1.4625, 8.6, 11.4])
-    assert [each for each in found if 1.3 < each < 1.6] == pytest.approx([1.4625, 1.4])
-    assert not any(abs(each - 1.4) < 0.04 for each in candidates(seen, RULES, (1.4,)))
-    assert candidates(with_lines((1.45, 3, 60.0), (1.4625, 3, 50.0)), RULES, ())[:1] == pytest.approx([1.45])
-    assert not any(
-        1.455 < each < 1.475 for each in candidates(with_lines((1.45, 3, 60.0), (1.4625, 3, 50.0)), RULES, ())
-    )
+
+    def tried(*lines: tuple[float, int, float], known: tuple[float, ...] = ()) -> list[float]:
+        return candidates(with_lines(*lines), RULES, known, 10.0)
+
+    seen = (1.4625, 3, 60.0), (8.6, 1, 50.0), (11.4, 1, 40.0)
+    assert [each for each in tried(*seen) if 1.3 < each < 1.6] == pytest.approx([1.4625, 1.4])
+    assert not any(abs(each - 1.4) < 0.02 for each in tried(*seen, known=(1.4,)))
+    near = (1.45, 3, 60.0), (1.4625, 3, 50.0)
+    assert tried(*near)[:1] == pytest.approx([1.45])
+    assert not any(1.455 < each < 1.475 for each in tried(*near))
+    assert not any(each > 8.5 for each in tried((9.6, 1, 900.0), (20.0, 3, 800.0), (29.6, 2, 700.0)))
 
 
 def test_chance_has_a_mean_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
