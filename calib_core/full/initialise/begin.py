@@ -33,7 +33,7 @@ from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
-from calib_core.full.odometry.travelled import travelled
+from calib_core.full.odometry.travelled import directions_faced, travelled, ways_faced
 from calib_core.full.odometry.turning import Turning
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
@@ -278,7 +278,7 @@ def _refuse_standing_clouds(ctx: Run, followed: Followed, gyro_rad_s: FloatArray
     gyro_rad_s: (Q, 3) without bias.
     """
     scans = len(ctx.recording.scans)
-    if followed.seen < AGREEING.whole * scans or _ways(followed.planes) < 3:
+    if followed.seen < AGREEING.whole * scans or ways_faced(followed.planes) < 3:
         return
     positions = np.array([m.position for m in followed.motions])
     R = np.array([m.R for m in followed.motions])
@@ -310,9 +310,9 @@ def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
     if stood:
         raise Refused(
             "planes.lost",
-            f"the lidar could not be followed: its planes face {_directions(followed.planes)}, and over the {followed.seen} of "
-            f"{scans} scans that they hold it hardly moved, while the gyroscope turns by {turned_deg:.0f} deg in the "
-            "recording; record where three planes that face different ways stay in view",
+            f"the lidar could not be followed: its planes face {directions_faced(followed.planes)}, and over the "
+            f"{followed.seen} of {scans} scans that they hold it hardly moved, while the gyroscope turns by {turned_deg:.0f} deg "
+            "in the recording; record where three planes that face different ways stay in view",
         )
     if unlike:
         raise Refused(
@@ -321,14 +321,3 @@ def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
             f"the gyroscope's (correlation {agreed.correlation:.2f}); record more slowly, where three planes that face "
             "different ways stay in view, with nobody close by",
         )
-
-
-def _ways(planes: Sequence[Plane]) -> int:
-    """In how many independent ways planes face: 1 to 3."""
-    spread = np.linalg.svd(np.array([plane.normal for plane in planes]), compute_uv=False)
-    return int(np.count_nonzero(spread[:3] > AGREEING.another_way * spread[0]))
-
-
-def _directions(planes: Sequence[Plane]) -> str:
-    """The same in words."""
-    return ("one way only", "two ways only", "three ways")[_ways(planes) - 1]

@@ -71,7 +71,7 @@ def follow_or_recall(run: Run, given: Sequence[Plane] | None, folder: Path | Non
     Raises Refused where there is no motion in them.
     """
     followed = _followed_or_recalled(run, given, folder)
-    require_motion(followed.motions, len(run.recording.scans))
+    require_motion(followed.motions, len(run.recording.scans), followed.planes)
     return followed
 
 

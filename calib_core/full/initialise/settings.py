@@ -129,9 +129,6 @@ class Agreeing:
     #: One beyond is a plane of its own.
     same_deg: float = 5.0
     same_m: float = 0.15
-    #: derived: planes face another way where the normals' singular value is this share of the first: of two normals 23 deg
-    #: between them.
-    another_way: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)

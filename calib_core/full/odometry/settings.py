@@ -208,6 +208,9 @@ class Following:
     #: measured: points of so many scans are taken at once ahead of the march: 0.57 ms, of which handing over is 0.01. Nothing
     #: but time depends on it.
     ahead_scans: int = 8
+    #: derived: planes face another way where the normals' singular value is this share of the first: of two normals 23 deg
+    #: between them.
+    another_way: float = 0.2
     #: judged: a lidar that turned and moved by less in a whole recording stood still: four times what registrations stray
     #: by (Standstill). Only which reason is told depends on it.
     stood_deg: float = 1.0

@@ -11,6 +11,7 @@ from calib_core.errors import Refused
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.geometry import log
+from calib_core.types import Plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,16 +38,28 @@ def travelled(motions: Sequence[ScanMotion]) -> Travelled:
     return Travelled(float(np.degrees(turn_rad)), move_m)
 
 
-def require_motion(motions: Sequence[ScanMotion], scans: int) -> None:
-    """Raises Refused where the followed ones of so many scans show no motion: it stood still, or the planes were lost too soon to
-    tell."""
+def ways_faced(planes: Sequence[Plane]) -> int:
+    """In how many independent ways planes face: 1 to 3."""
+    spread = np.linalg.svd(np.array([plane.normal for plane in planes]), compute_uv=False)
+    return int(np.count_nonzero(spread[:3] > FOLLOWING.another_way * spread[0]))
+
+
+def directions_faced(planes: Sequence[Plane]) -> str:
+    """The same in words."""
+    return ("one way only", "two ways only", "three ways")[ways_faced(planes) - 1]
+
+
+def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[Plane]) -> None:
+    """Raises Refused where the followed ones of so many scans show no motion: it stood still, or the planes, with which that was
+    tried, were lost too soon to tell."""
     way = travelled(motions)
     if not way.stood:
         return
     if len(motions) < FOLLOWING.followed_share * scans:
         lost = (
-            f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still; give "
-            "planes that stay in view (three that face different ways), or start the recording in front of them"
+            f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still: "
+            f"they face {directions_faced(planes)}; record where three planes that face different ways stay in view, or turn the "
+            "lidar so that they come into it"
         )
         raise Refused("planes.lost", lost)
     stood = (

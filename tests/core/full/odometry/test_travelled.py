@@ -11,6 +11,10 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.full.odometry.travelled import require_motion
 from calib_core.geometry import exp
+from calib_core.types import Plane
+
+TWO_WAYS = [Plane("wall", np.array([1.0, 0.0, 0.0]), 2.0), Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0)]
+SLANTED = Plane("slanted", np.array([0.6, 0.8, 0.0]), 1.5)
 
 
 def motions(count: int, *, turn_deg: float = 0.0, move_m: float = 0.0) -> Any:
@@ -24,7 +28,16 @@ def motions(count: int, *, turn_deg: float = 0.0, move_m: float = 0.0) -> Any:
 def test_a_lidar_that_stood_is_told_from_one_that_was_lost(followed: int, code: str) -> None:
     """Of a hundred scans. Mutations: one code for both; the share counted the other way; the last scan alone is asked."""
     with pytest.raises(Refused) as refusal:
-        require_motion(motions(followed, turn_deg=0.9, move_m=0.04), 100)
+        require_motion(motions(followed, turn_deg=0.9, move_m=0.04), 100, TWO_WAYS)
     assert refusal.value.code == code
-    require_motion(motions(followed, turn_deg=1.1), 100)
-    require_motion(motions(followed, move_m=0.06), 100)
+    require_motion(motions(followed, turn_deg=1.1), 100, TWO_WAYS)
+    require_motion(motions(followed, move_m=0.06), 100, TWO_WAYS)
+
+
+@pytest.mark.parametrize(("planes", "said"), [(1, "one way only"), (2, "two ways only"), (3, "three ways")])
+def test_where_planes_were_lost_at_once_it_is_said_how_they_face(planes: int, said: str) -> None:
+    """Seen: a lidar on its side between two pairs of walls was told to be given planes that stay in view. By hand; two that face
+    each other are one way. Mutations: planes counted; the smallest of the three not looked at."""
+    faced = [*TWO_WAYS[:planes], Plane("opposite", -TWO_WAYS[0].normal, 3.0), *([SLANTED] if planes == 3 else [])]
+    with pytest.raises(Refused, match=said):
+        require_motion(motions(3), 100, faced)
