@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 
 import numpy as np
@@ -102,23 +101,16 @@ def test_what_a_weak_one_left_open_is_in_its_row(tmp_path):
 
 
 @pytest.fixture
-def opened(tmp_path):
+def opened(tmp_path, browser):
     """The page in a browser, from its file."""
-    programme = os.environ.get("UNSWEEP_CHROMIUM")
-    if not programme:
-        pytest.skip("UNSWEEP_CHROMIUM names no browser")
-    from playwright.sync_api import sync_playwright
-
     Overview(tmp_path, ROWS, total=6).write(is_running=False)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=programme, args=["--no-sandbox"])
-        page = browser.new_page()
-        complaints = []
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.goto((tmp_path / PAGE_NAME).as_uri())
-        yield page
-        browser.close()
+    page = browser.new_page()
+    complaints = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto((tmp_path / PAGE_NAME).as_uri())
+    yield page
+    page.close()
     assert complaints == []
 
 

@@ -11,24 +11,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page
 
 import hatch_build
 from bench.rigs import cluttered
 from calib_core.simulate import simulate
+from tests.browser import LONGEST_WAIT_MS
 from tests.e2e.support import Api, Complaints, Server
 
 ROOT = Path(__file__).resolve().parents[2]
-CHROMIUM = os.environ.get("UNSWEEP_CHROMIUM", "/usr/bin/chromium")
-#: WebGL in software, named outright so that it is the same on every machine. Smooth edges cost it 20 times the work of the
-#: rest: seconds of a processor for each picture, which the solve that a test waits for would have.
-GRAPHICS = [
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--webgl-antialiasing-mode=none",
-]
-LONGEST_WAIT_MS = 30_000
 
 
 @pytest.fixture(scope="session")
@@ -104,18 +95,6 @@ def crowded(api: Api, folder: Path) -> tuple[str, str]:
     path = folder / "crowded.bag"
     simulate(cluttered(duration_s=8.0), path, seed=2)
     return api.solved(path)
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """Debian's Chromium, headless."""
-    if not Path(CHROMIUM).exists():
-        pytest.skip(f"no Chromium at {CHROMIUM}; `make test` installs it, UNSWEEP_CHROMIUM names another")
-    expect.set_options(timeout=LONGEST_WAIT_MS)
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=GRAPHICS)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(params=["dark"])
