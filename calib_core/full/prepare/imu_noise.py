@@ -74,22 +74,24 @@ def _of_triads(channels: FloatArray) -> FloatArray:
 
 
 def _at_low_frequencies(white: float, floors: Sequence[Floor], triad: slice) -> float:
-    """A triad's density: that of all frequencies where the first floor agrees with it, else the lowest floor there is.
+    """A triad's density: that of all frequencies where the first floor agrees with it and none is lower, else the lowest floor
+    there is.
 
-    Whatever else moves a sensor adds to a floor, and nothing takes from it at the frequencies where it is looked for.
+    Whatever else moves a sensor adds to a floor, and nothing takes from it at the frequencies where it is looked for. In a
+    standstill of two seconds with an engine on its lines are all there is to see.
     """
-    found: list[float] = []
+    found: list[tuple[float, float]] = []
     for floor in floors:
         density, std = floor.density[triad], floor.relative_std[triad]
         flat = np.isfinite(density)
         if not flat.any():
             continue
         level = float(np.sqrt(np.mean(density[flat] ** 2)))
-        chance = float(np.sqrt(np.mean(std[flat] ** 2) / flat.sum()))
-        if not found and abs(np.log(level / white)) < NOISE.white_sigmas * chance:
-            return white
-        found.append(level)
-    return min(found, default=white)
+        found.append((level, float(np.sqrt(np.mean(std[flat] ** 2) / flat.sum()))))
+    beside = [(float(np.log(level / white)), NOISE.white_sigmas * chance) for level, chance in found]
+    if found and (abs(beside[0][0]) >= beside[0][1] or any(apart < -chance for apart, chance in beside)):
+        return min(level for level, _ in found)
+    return white
 
 
 def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> slice | None:
