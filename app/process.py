@@ -12,7 +12,8 @@ import os
 import signal
 import sys
 import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 #: Numbers of the GNU library's mallopt: how much free memory at the end is kept, how much more is asked for at once, from which
@@ -33,6 +34,29 @@ def keep_freed_memory() -> None:
         wish(_TRIM_THRESHOLD, _KEPT_BYTES)
         wish(_TOP_PAD, _AT_ONCE_BYTES)
         wish(_MMAP_THRESHOLD, _OWN_PAGES_BYTES)
+
+
+@contextmanager
+def interrupts_unheard() -> Iterator[None]:
+    """What this thread starts meanwhile hears no Ctrl-C, which a terminal sends to all of a group, until `hear_no_interrupts`.
+
+    Before its first line runs it would have nobody to ask what to do then, and tell of every import that was cut off.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def hear_no_interrupts() -> None:
+    """For a process that another one ends: it decides what Ctrl-C means. Of those that it starts each decides for itself."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def leave(exit_code: int) -> NoReturn:

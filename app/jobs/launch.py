@@ -17,6 +17,7 @@ from typing import Protocol
 
 from app.jobs.orders import PARCEL, Begun, Order, Parcel
 from app.jobs.worker import run_worker
+from app.process import interrupts_unheard
 
 #: One core per job: many tiny products on many threads were ten times slower than on one.
 THREAD_CAPS = {
@@ -131,7 +132,7 @@ class ProcessLauncher:
         process = _SPAWN.Process(
             target=run_worker, args=(self._entry, orders, sender, cancel), name="unsweep-worker", daemon=True
         )
-        with _capped_threads():
+        with _capped_threads(), interrupts_unheard():
             process.start()
         orders.close()
         sender.close()  # so that the pipe ends when the child does

@@ -21,7 +21,7 @@ from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
 from app.limits import apply_limits, full_disk, out_of_memory
-from app.process import keep_freed_memory, leave
+from app.process import hear_no_interrupts, keep_freed_memory, leave
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
 from calib_core.errors import Cancelled, TopicError, UnsweepError
@@ -105,7 +105,7 @@ def _stay_with_server() -> None:
     if sys.platform != "win32":
         os.setpgid(0, 0)
         os.nice(PATIENCE)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    hear_no_interrupts()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
 
