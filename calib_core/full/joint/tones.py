@@ -74,7 +74,7 @@ def admit_tones(
     found = found_tones(data, state, rules, round_, sampling, least=least, loud=loud)
     while found:
         after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
-        left = found_tones(data, after, rules, round_, sampling, least=least)
+        left = found_tones(data, after, rules, round_, sampling, least=least, loud=loud)
         if left and left[0].decrease > found[0].decrease:
             break
         state, found = after, left

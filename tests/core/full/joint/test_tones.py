@@ -175,12 +175,21 @@ def test_points_are_laid_on_planes_where_nobody_has_since_some_were_dropped(half
 
 
 def test_a_tone_after_which_more_is_to_be_explained_was_none(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Mutations: gone on with; the one before given up too."""
+    """And each has to be as loud as the first, where that is asked for. Mutations: gone on with; the one before given up too; any
+    is heard after the first."""
+    asked: list[float] = []
     left = iter([[Explaining(1.4, 900.0)], [Explaining(3.0, 300.0)], [Explaining(0.5, 400.0)]])
-    monkeypatch.setattr(tones, "found_tones", lambda *_, **__: next(left))
+
+    def found(*_: object, least: float, loud: float) -> list[Explaining]:
+        assert least == 50.0
+        asked.append(loud)
+        return next(left)
+
+    monkeypatch.setattr(tones, "found_tones", found)
     monkeypatch.setattr(tones, "told", lambda _data, state, *_: state)
-    after = admit_tones(half.data, half.state, RULES, FULL.sensors, FULL.sampling, least=50.0)
+    after = admit_tones(half.data, half.state, RULES, FULL.sensors, FULL.sampling, least=50.0, loud=7.0)
     assert after.nuisance.tones_hz == (1.4,)
+    assert asked == [7.0, 7.0, 7.0]
 
 
 def test_who_wants_no_tone_does_not_listen(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
