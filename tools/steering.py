@@ -56,6 +56,7 @@ RECORDS = (
     ("initialise", "calib_core/full/initialise/settings.py", "Vectors"),
     ("initialise", "calib_core/full/initialise/settings.py", "Profile"),
     ("initialise", "calib_core/full/initialise/settings.py", "Agreeing"),
+    ("initialise", "calib_core/full/initialise/settings.py", "Guiding"),
     ("initialise", "calib_core/full/initialise/settings.py", "Rotating"),
     ("initialise", "calib_core/full/initialise/settings.py", "Linear"),
     ("initialise", "calib_core/full/initialise/settings.py", "Signs"),

@@ -1,6 +1,7 @@
 """The motion a solve starts from: the lidar followed by all structure that is found, with the gyroscope where that is little.
 
-    planes of the reference scan -> lidar-only track -> does its turning go with the gyroscope's?
+    planes of the reference scan -> lidar-only track, led by the IMU from the first motion that it has not felt (guide.py)
+    -> does its turning go with the gyroscope's?
     where it does not, or breaks off: turns between neighbouring scans -> lag and rotation -> the track again with the
     gyroscope's turning
 
@@ -25,6 +26,7 @@ from calib_core.full.initialise.agreement import (
     mean_rate,
 )
 from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
+from calib_core.full.initialise.guide import Guide
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -46,6 +48,7 @@ from calib_core.types import BoolArray, FloatArray, Plane, PlaneProposals
 Known = tuple[Followed, Judged | None]
 #: Lag and rotation from turns between neighbouring scans, and how well they agree; found once, by whoever asks first.
 Pairs = Callable[[], tuple[list[RotationStart], Agreement]]
+_BY_IMU = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
 
 
 def begin(
@@ -64,20 +67,10 @@ def begin(
     planes = joined([patch.plane for patch in found.patches], given or [])
     if not planes:
         raise no_planes(ctx.recording.scans)
-    near = follow(ctx, planes, reference, may_leave=False)
-    first = _led_on(ctx, near, planes, reference)
-    pairs = cache(partial(_pairs_start, ctx))  # some seconds
-    best, agreed = _aided(ctx, first, planes, reference, pairs)
-    aided = best
-    if agreed is not NO_AGREEMENT:
-        best = _felt(ctx, aided, planes, reference, at_fault, pairs)
+    near = follow(ctx, planes, reference, guide=partial(Guide, ctx), may_leave=False)
+    led = _led_throughout(ctx, near, planes, reference, at_fault) if near.led else None
+    best, agreed = led or _by_planes(ctx, planes, reference, at_fault, None if near.led else near)
     _refuse_lost(ctx, best, agreed)
-    if best is not aided:
-        text = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
-        ctx.say("info", "track.aided", text)
-    elif best is not first or (first is not near and first.reference == reference):
-        text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
-        ctx.say("info", "track.aided", text)
     scans = ctx.recording.scans
     if given is not None and best.reference != reference:
         best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
@@ -90,6 +83,47 @@ def begin(
             f"{len(scans)} scans",
         )
     return best
+
+
+def _led_throughout(
+    ctx: Run, near: Followed, planes: Sequence[Plane], reference: int, at_fault: float
+) -> tuple[Followed, Agreement] | None:
+    """The track that the IMU has led from where its planes led it astray; None where it does not go with the IMU throughout."""
+    imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    lidar = lidar_track(ctx, near)
+    agreed = agreement(lidar, imu_s, gyro_rad_s)
+    rotation = told_rotation(ctx, lidar)
+    whole = near.seen >= AGREEING.whole * len(ctx.recording.scans)
+    if not whole or agreed.correlation < AGREEING.trusted or rotation is None or rotation.open_axis_imu is not None:
+        return None
+    known: Known = near, judged(ctx, near.motions, lidar, rotation)
+    found = known[1]
+    if found is not None and found.faults > at_fault * near.seen:
+        known = _with_steps(ctx, known, planes, reference)
+    found = known[1]
+    if found is None or found.faults > at_fault * known[0].seen:
+        return None
+    ctx.say("info", "track.aided", _BY_IMU)
+    return known[0], agreed
+
+
+def _by_planes(
+    ctx: Run, planes: Sequence[Plane], reference: int, at_fault: float, near: Followed | None
+) -> tuple[Followed, Agreement]:
+    """The track by planes, with the IMU where that does not lead throughout or has gone astray. near: it, where known."""
+    near = near or follow(ctx, planes, reference, may_leave=False)
+    first = _led_on(ctx, near, planes, reference)
+    pairs = cache(partial(_pairs_start, ctx))  # some seconds
+    aided, agreed = _aided(ctx, first, planes, reference, pairs)
+    best = aided
+    if agreed is not NO_AGREEMENT:
+        best = _felt(ctx, aided, planes, reference, at_fault, pairs)
+    if best is not aided:
+        ctx.say("info", "track.aided", _BY_IMU)
+    elif best is not first or (first is not near and first.reference == reference):
+        text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
+        ctx.say("info", "track.aided", text)
+    return best, agreed
 
 
 def _led_on(ctx: Run, near: Followed, planes: Sequence[Plane], reference: int) -> Followed:
@@ -107,7 +141,7 @@ def _led_on(ctx: Run, near: Followed, planes: Sequence[Plane], reference: int) -
         again = _turned(ctx, planes, reference, starts, may_leave=False)
         if again is not None and again.seen >= AGREEING.whole * len(ctx.recording.scans):
             # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
-            require_measured_sweeps(ctx, judged(ctx, near, lidar, starts[0]).sound)
+            require_measured_sweeps(ctx, judged(ctx, near.motions, lidar, starts[0]).sound)
             return again
     return follow(ctx, planes, reference, known=near)
 
@@ -184,7 +218,7 @@ def _felt(
     rotation = told_rotation(ctx, lidar)
     if rotation is not None and rotation.open_axis_imu is not None:
         return first  # a turn that is open tells no steps
-    known: Known = first, None if rotation is None else judged(ctx, first, lidar, rotation)
+    known: Known = first, None if rotation is None else judged(ctx, first.motions, lidar, rotation)
     if known[1] is not None:
         if known[1].faults <= at_fault * first.seen:
             return first
@@ -236,7 +270,7 @@ def _sounder(ctx: Run, known: Known, planes: Sequence[Plane], reference: int, tu
     rotation = told_rotation(ctx, lidar)
     if rotation is None or rotation.open_axis_imu is not None:
         return known
-    other = judged(ctx, again, lidar, rotation)
+    other = judged(ctx, again.motions, lidar, rotation)
     if found is not None and (other.tells, again.seen - other.faults) <= (found.tells, best.seen - found.faults):
         return known
     return again, other

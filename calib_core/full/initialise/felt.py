@@ -18,7 +18,6 @@ from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.settings import AGREEING, LINEAR
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
-from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.run import Run
 from calib_core.geometry import log
@@ -51,7 +50,7 @@ class GyroTurning:
         R_c = self.rotation.R_imu_lidar
         return np.asarray(R_c.T @ R[0].T @ R[1] @ R_c)
 
-    def step(self, _position: int, _to: int, /) -> FloatArray | None:
+    def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
         """Nothing is known of steps."""
         return None
 
@@ -67,8 +66,9 @@ class Felt:
         """As the gyroscope has it."""
         return self.turning.between(start_ns, end_ns)
 
-    def step(self, position: int, to: int, /) -> FloatArray | None:
-        """(3,) map [m] from a scan to another, None where one between them is not known."""
+    def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray | None:
+        """(3,) map [m] from the last scan to another, None where one between them is not known."""
+        position = motions[-1].position
         first, last = min(position, to), max(position, to)
         parts = [self.steps_m.get(each) for each in range(first, last)]
         known = [part for part in parts if part is not None]
@@ -123,17 +123,17 @@ def told_rotation(ctx: Run, lidar: LidarTrack) -> RotationStart | None:
     return starts[0] if starts and starts[0].residual < AGREEING.fits else None
 
 
-def judged(ctx: Run, followed: Followed, lidar: LidarTrack, rotation: RotationStart) -> Judged:
+def judged(ctx: Run, motions: Sequence[ScanMotion], lidar: LidarTrack, rotation: RotationStart) -> Judged:
     """How a track stands beside the IMU. lidar: the same, on the lidar's clock."""
     imu_s, imu = ctx.clocks.imu_s, ctx.recording.imu
     magnitude_m_s2 = ctx.settings.gravity.magnitude_m_s2
     steps = linear_steps(lidar, imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude_m_s2)
-    return Judged(rotation, steps, followed.motions, leaps(ctx, followed, rotation))
+    return Judged(rotation, steps, motions, leaps(ctx, motions, rotation))
 
 
-def leaps(ctx: Run, followed: Followed, rotation: RotationStart) -> IntArray:
+def leaps(ctx: Run, motions: Sequence[ScanMotion], rotation: RotationStart) -> IntArray:
     """The motions, by number, from which the next one is turned as the gyroscope has not felt it, bridged ones aside."""
-    motions, turning = followed.motions, GyroTurning.of(ctx, rotation)
+    turning = GyroTurning.of(ctx, rotation)
     t_s = ctx.clocks.scan_s[[m.position for m in motions]] - rotation.time_offset_s
     # What the gyroscope turned and what the track did, as one lidar's.
     felt = turning.gyro.at(t_s) @ rotation.R_imu_lidar

@@ -87,8 +87,8 @@ def _fitting(
     t = stamps[inside]
     orientation = track.at(t)[0] @ start.R_imu_lidar.T
     rotated = (orientation @ accel_m_s2[inside][..., None])[..., 0]
-    VV, PP = _double_integral(t, rotated, track.start_s)
-    VVb, PPb = _double_integral(t, orientation.reshape(len(t), 9), track.start_s)
+    VV, PP = double_integral(t, rotated, track.start_s)
+    VVb, PPb = double_integral(t, orientation.reshape(len(t), 9), track.start_s)
     m = len(track.start_s)
     R_imu = track.R @ start.R_imu_lidar.T
     gaps = np.diff(track.start_s)
@@ -171,7 +171,7 @@ def _start_priors(m: int, gravity: FloatArray, magnitude: float) -> tuple[scipy.
     return scipy.sparse.vstack(rows).tocsr(), target
 
 
-def _double_integral(t: FloatArray, values: FloatArray, marks: FloatArray) -> tuple[FloatArray, FloatArray]:
+def double_integral(t: FloatArray, values: FloatArray, marks: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Integral, and integral of the integral, of samples over each interval between marks: (M - 1, C) each."""
     dt = np.diff(t)[:, None]
     single = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * dt * (values[1:] + values[:-1]), axis=0)])

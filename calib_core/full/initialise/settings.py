@@ -132,6 +132,27 @@ class Agreeing:
 
 
 @dataclass(frozen=True, slots=True)
+class Guiding:
+    """By how much of a track what leads it on is told, and from how much of it the next step."""
+
+    #: judged: a track is looked back at from so long on, and every so much later as long as it tells nothing: the lag of a
+    #: hand's swings is told by four or five of them. The sooner, the less is followed twice.
+    first_s: float = 6.0
+    again_s: float = 2.0
+    #: judged: over so much: what has led it astray before does not count for ever.
+    over_s: float = 8.0
+    #: judged: what leads it is told anew, from all of it, whenever it is so many times as long. Each takes as long as ten scans.
+    again_times: float = 2.0
+    #: derived: a velocity by positions to a centimetre over so long is right to 1 cm/s; a gravity wrong by a fifth of a degree
+    #: has done 4 cm by then. So many scans are as long as that at 20 Hz, and so few tell a line.
+    behind_s: float = 1.5
+    most_behind: int = 30
+    fewest_behind: int = 5
+    #: derived: what changes by 4 m/s2 in such a silence has moved by 5 mm at its end, a third of a step's standard deviation.
+    silence_s: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
 class Rotating:
     """The rotation at each lag."""
 
@@ -247,4 +268,4 @@ class Upright:
 
 
 LAGS, VECTORS, PROFILE, AGREEING, ROTATING = Lags(), Vectors(), Profile(), Agreeing(), Rotating()
-LINEAR, SIGNS, UPRIGHT = Linear(), Signs(), Upright()
+LINEAR, SIGNS, UPRIGHT, GUIDING = Linear(), Signs(), Upright(), Guiding()

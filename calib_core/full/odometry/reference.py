@@ -7,7 +7,7 @@ planes tell most, and the longest track is kept; the map frame is then that of i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.track import track
-from calib_core.full.odometry.turning import Turning, rate_within
+from calib_core.full.odometry.turning import Guide, Misled, Turning, rate_within
 from calib_core.full.planes.propose import named_planes, scan_points
 from calib_core.full.planes.settings import SEARCH
 from calib_core.full.run import Run
@@ -25,14 +25,21 @@ from calib_core.geometry import log
 from calib_core.planes.segment import determinacy, segment_planes
 from calib_core.types import FloatArray, Plane
 
+#: Who looks at a track, made anew for each.
+Guided = Callable[[], Guide] | None
+
 
 @dataclass(frozen=True)
 class Followed:
-    """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording."""
+    """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording.
+
+    led: whether its guide has led it somewhere.
+    """
 
     reference: int
     planes: list[Plane]
     motions: list[ScanMotion]
+    led: bool = False
 
     @property
     def seen(self) -> int:
@@ -59,7 +66,7 @@ class Followed:
             )
             for q in self.planes
         ]
-        return Followed(position, planes, moved)
+        return Followed(position, planes, moved, self.led)
 
     def worth(self, ctx: Run) -> float:
         """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU.
@@ -84,14 +91,16 @@ def follow(
     reference: int,
     *,
     turning: Turning | None = None,
+    guide: Guided = None,
     may_leave: bool = True,
     known: Followed | None = None,
 ) -> Followed:
     """The longest track. planes: of the reference scan, in its frame.   turning: where the lidar's turns are known.
+    guide: a new one for each track from this scan.
 
     may_leave: for another reference scan where that leads further.   known: the track from this one, where that is there.
     """
-    best = known or _longest_from(ctx, planes, reference, turning)
+    best = known or _longest_from(ctx, planes, reference, turning, guide)
     if not may_leave or best.leads_on(ctx):
         return best
     for _, position, found in _views(ctx, turning)[: FOLLOWING.starts]:
@@ -127,25 +136,36 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
     return sorted(views, key=lambda view: -view[0])
 
 
-def _longest_from(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> Followed:
+def _longest_from(
+    ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided = None
+) -> Followed:
     """The track from planes of the straightened reference scan where that moved, from the planes as they are where those fail."""
     straight = _straightened_planes(ctx, planes, reference, turning)
     if not straight:
-        return _attempt(ctx, planes, reference, turning)
-    best = _attempt(ctx, straight, reference, turning)
+        return _attempt(ctx, planes, reference, turning, guide)
+    best = _attempt(ctx, straight, reference, turning, guide)
     if best.seen > FOLLOWING.whole * len(ctx.recording.scans):
         return best
-    other = _attempt(ctx, planes, reference, turning)
+    other = _attempt(ctx, planes, reference, turning, guide)
     return best if best.seen >= other.seen else other
 
 
-def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> Followed:
+def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided) -> Followed:
     if ctx.should_cancel():
         raise Cancelled("the calibration was cancelled")
     ctx.stage("track", 0.0, "following the planes from scan to scan")
-    known = PlaneMap.of(planes)
-    motions = track(ctx.recording.scans, known, reference, turning=turning, on_progress=lambda f: ctx.stage("track", f))
-    return Followed(reference, known.planes(planes), motions)
+    looking = None if guide is None else guide()
+    while True:
+        known = PlaneMap.of(planes)
+        try:
+            motions = track(
+                ctx.recording.scans, known, reference, turning=turning, guide=looking,
+                on_progress=lambda f: ctx.stage("track", f),
+            )  # fmt: skip
+        except Misled as misled:
+            turning = misled.turning
+            continue
+        return Followed(reference, known.planes(planes), motions, led=looking is not None and looking.led)
 
 
 def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:

@@ -8,6 +8,8 @@ then bridged; half a second of such scans ends the track.
 
 Where the lidar's turns are known from elsewhere (turning.py), each scan starts from them and hardly leaves them: what is
 left to the points is where it is, and a few flat things tell that. The track then ends only where the position is lost.
+A guide, where there is one, looks at each motion as it is found; from the first one that is not the lidar's, turns and steps
+are its guide's.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from calib_core.full.odometry.register import (
     straighten,
 )
 from calib_core.full.odometry.settings import MAP, TrackSettings
-from calib_core.full.odometry.turning import Turning, rate_within
+from calib_core.full.odometry.turning import Guide, Turning, rate_within
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Plane, Scan
 
@@ -44,13 +46,15 @@ def track(
     *,
     settings: TrackSettings | None = None,
     turning: Turning | None = None,
+    guide: Guide | None = None,
     within: range | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> list[ScanMotion]:
     """The motion over the longest unbroken run of scans around the reference, in order of time.
 
     planes: map frame = the lidar frame at the reference scan's first point. A PlaneMap is grown on the way.   within: the
-    positions that are followed, default all.
+    positions that are followed, default all.   guide: who looks whether the lidar has gone so.
+    Raises Misled where the guide wants it followed anew.
     """
     s = settings or TrackSettings()
     known = planes if isinstance(planes, PlaneMap) else PlaneMap.of(planes)
@@ -58,11 +62,12 @@ def track(
     runs: list[list[ScanMotion]] = []
     ahead = Ahead(scans, s.sample, within or range(len(scans)))
     for direction in (1, -1):
-        tracker = _Tracker(scans, ahead, known, s, direction, first, turning)
+        tracker = _Tracker(scans, ahead, known, s, direction, first, turning, guide)
         for done in tracker.run():
             if on_progress is not None:
                 on_progress(min(1.0, (done + sum(map(len, runs))) / len(scans)))
         runs.append(tracker.followed)
+        turning = tracker.turning  # a guide's, where it led
     return [*reversed(runs[1]), first, *runs[0]]
 
 
@@ -95,6 +100,7 @@ class _Tracker:
     direction: int
     first: ScanMotion
     turning: Turning | None
+    guide: Guide | None
     followed: list[ScanMotion] = field(default_factory=list)
     _share: float = 1.0
     _rms: float = 0.0
@@ -121,7 +127,7 @@ class _Tracker:
                 break
             if away_s > max(s.coast_s, s.bridged_periods * self._period_s(position)):
                 break
-            found = self._register(previous, position, s.damping_s if previous is not good else None)
+            found = self._guided(previous, position, s.damping_s if previous is not good else None)
             if found is not None:
                 self._bridge(previous, found.motion)
                 self.followed.append(found.motion)
@@ -166,6 +172,22 @@ class _Tracker:
         """Time to the neighbouring scan the march comes from."""
         return self._between_s(position, position - self.direction)
 
+    def _guided(self, previous: ScanMotion, position: int, damping_s: float | None) -> Registered | None:
+        """The scan registered; by what its guide has felt where that is not what was found."""
+        found = self._register(previous, position, damping_s)
+        if self.guide is None:
+            return found
+        turning = self.guide.lead(self._behind, None if found is None else found.motion)
+        if turning is None or turning is self.turning:
+            return found
+        self.turning = turning
+        return self._register(previous, position, damping_s)
+
+    @property
+    def _behind(self) -> Sequence[ScanMotion]:
+        """The march so far, the reference with it."""
+        return self.followed if len(self.followed) > self.s.behind else [self.first, *self.followed]
+
     def _register(self, previous: ScanMotion, position: int, damping_s: float | None) -> Registered | None:
         """The scan registered from where it is predicted, from other starts where that is doubtful; None where it is lost."""
         s = self.s
@@ -184,7 +206,7 @@ class _Tracker:
             tie[TURN], tie[RATE] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
-        step = None if self.turning is None else self.turning.step(previous.position, position)
+        step = None if self.turning is None else self.turning.step(self._behind, position)
         scales_m = None
         if step is not None:
             predicted = replace(predicted, p=previous.p + step, v_m_s=step / dt)
@@ -211,6 +233,8 @@ class _Tracker:
                 far = self._leapt(other.motion, predicted, position)
                 if not far and other.motion.share > s.better_share * best.motion.share:
                     best = other
+        if step is not None and not self._was_felt(best.motion, predicted, dt):
+            return None  # a person who fills the view; what was felt is nearer
         return None if self._lost(best.motion, predicted, position) else best
 
     def _turned(self, previous: ScanMotion, position: int) -> ScanMotion | None:
@@ -235,9 +259,14 @@ class _Tracker:
         A box looks the same after a half turn: that is likelier than such a motion.
         """
         steps = max(self._period_s(position) / self.s.tie_s, self.s.least_jump_steps)
-        turned = float(np.linalg.norm(log(predicted.R.T @ motion.R)))
-        moved = float(np.linalg.norm(motion.p - predicted.p))
+        turned, moved = _apart(motion, predicted)
         return turned > self.s.jump_rotation_rad * steps or moved > self.s.jump_position_m * steps
+
+    def _was_felt(self, motion: ScanMotion, predicted: ScanMotion, dt: float) -> bool:
+        """Whether a registration is about where the lidar was felt to go since the last one, dt [s] before."""
+        steps = max(1.0, abs(dt) / self.s.tie_s)
+        turned, moved = _apart(motion, predicted)
+        return turned < self.s.felt_rotation_rad * steps and moved < self.s.felt_position_m * steps
 
     def _between(self, one: ScanMotion, other: ScanMotion) -> tuple[FloatArray, FloatArray]:
         """Rate [rad/s] and velocity [m/s] that lead from one motion to another, (3,) each."""
@@ -274,6 +303,11 @@ class _Tracker:
             changed = self.known.grow(strays, motion.p)
             self._wait = s.grow_every if changed else min(2 * self._wait, s.grow_rarely)
             self._since, self._grown_R = 0, motion.R
+
+
+def _apart(one: ScanMotion, other: ScanMotion) -> tuple[float, float]:
+    """Turn [rad] and way [m] from one pose to another."""
+    return float(np.linalg.norm(log(other.R.T @ one.R))), float(np.linalg.norm(one.p - other.p))
 
 
 def _determined(motion: ScanMotion, s: TrackSettings) -> bool:

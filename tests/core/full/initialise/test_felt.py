@@ -27,13 +27,15 @@ def _turning() -> GyroTurning:
 
 def test_steps_add_up_either_way_and_end_where_one_is_not_known() -> None:
     """Mutations: the sign of the way back; one step for several; a gap skipped."""
+    nothing = np.zeros(3)
+    at = [ScanMotion(k, np.eye(3), nothing, nothing, nothing) for k in range(5)]
     felt = Felt(_turning(), {0: np.array([1.0, 0.0, 0.0]), 1: np.array([0.0, 2.0, 0.0]), 3: np.array([0.0, 0.0, 4.0])})
-    np.testing.assert_array_equal(felt.step(0, 2), [1.0, 2.0, 0.0])
-    np.testing.assert_array_equal(felt.step(2, 0), [-1.0, -2.0, 0.0])
-    assert felt.step(1, 3) is None
-    assert felt.step(4, 2) is None
-    assert felt.step(1, 1) is None
-    assert _turning().step(0, 1) is None
+    np.testing.assert_array_equal(felt.step([at[0]], 2), [1.0, 2.0, 0.0])
+    np.testing.assert_array_equal(felt.step([at[0], at[2]], 0), [-1.0, -2.0, 0.0])
+    assert felt.step([at[1]], 3) is None
+    assert felt.step([at[4]], 2) is None
+    assert felt.step([at[1]], 1) is None
+    assert _turning().step([at[0]], 1) is None
     np.testing.assert_allclose(felt.between(0, 10**9), exp(RATE), atol=1e-9)
 
 
@@ -52,8 +54,7 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
             ScanMotion(k, exp(0.1 * k * RATE) @ (aside if k >= 10 else np.eye(3)), nothing, RATE, nothing, share)
             for k in range(20)
         ]
-        followed: Any = SimpleNamespace(motions=motions)
-        np.testing.assert_array_equal(leaps(ctx, followed, ROTATION), expected)
+        np.testing.assert_array_equal(leaps(ctx, motions, ROTATION), expected)
         np.testing.assert_array_equal(_leaps_one_by_one(ctx, motions), expected)
 
 
@@ -82,7 +83,6 @@ def test_leaps_are_told_within_the_gyroscope_recording_alone() -> None:
         ScanMotion(k, exp((0.1 * k + (4.0 * AGREEING.leap_rad if k % 2 else 0.0)) * RATE), nothing, RATE, nothing)
         for k in range(40)
     ]
-    followed: Any = SimpleNamespace(motions=motions)
-    found = leaps(ctx, followed, ROTATION)
+    found = leaps(ctx, motions, ROTATION)
     np.testing.assert_array_equal(found, _leaps_one_by_one(ctx, motions))
     assert 20 < len(found) < 30

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.linear import _double_integral, linear_start, linear_steps
+from calib_core.full.initialise.linear import double_integral, linear_start, linear_steps
 from calib_core.full.initialise.rotation import _fit_rotations, rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, RotationStart, Start
@@ -286,14 +286,14 @@ def test_steps_that_the_accelerometer_has_not_felt_are_found_and_do_not_count() 
     )
 
 
-def test_double_integrals_of_lines_and_parabolas() -> None:
+def testdouble_integrals_of_lines_and_parabolas() -> None:
     """Fails when the inner integral's weights are 1/4 and 1/4 instead of 1/3 and 1/6.
 
     Linear samples are integrated exactly between any marks; so is their integral.
     """
     t = np.sort(np.concatenate([[0.0, 4.0], np.random.default_rng(2).uniform(0.0, 4.0, 60)]))
     marks = np.array([0.2, 0.9, 1.0, 2.71, 3.9])
-    V, P = _double_integral(t, np.column_stack([np.ones_like(t), 2.0 * t - 1.0]), marks)
+    V, P = double_integral(t, np.column_stack([np.ones_like(t), 2.0 * t - 1.0]), marks)
     a, b = marks[:-1], marks[1:]
     np.testing.assert_allclose(V, np.column_stack([b - a, (b**2 - a**2) - (b - a)]), atol=1e-12)
     slope_part = (b**3 - a**3) / 3 - a**2 * (b - a) - (b - a) ** 2 / 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -62,8 +63,8 @@ class _Known:
     def between(self, _start_ns: int, _end_ns: int) -> None:
         return None
 
-    def step(self, position: int, to: int, /) -> FloatArray:
-        return (to - position) * self.each_m
+    def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray:
+        return (to - motions[-1].position) * self.each_m
 
 
 def test_a_scan_is_looked_for_where_the_imu_has_felt_it_go(
