@@ -36,6 +36,7 @@ class _PlaneEntry(BaseModel):
     outline_m: list[Annotated[list[float], Field(min_length=3, max_length=3)]] | None = Field(
         default=None, min_length=3, max_length=1000
     )
+    suggested: bool = False
 
 
 class _PlanesFile(BaseModel):
@@ -72,7 +73,8 @@ def read_planes(path: Path) -> tuple[Plane, ...]:
     """The planes in `path`, map frame, normals made unit length.
 
     An entry is {"name", "normal", "offset_m"}, and may have "outline_m": the corners [x, y, z] in metres, map frame, of a
-    convex polygon in the plane, in order. Only what lies within it is then used of the plane.
+    convex polygon in the plane, in order. Only what lies within it is then used of the plane. "suggested": true on every entry
+    says that nobody chose them: the doubtful are left out of the answer.
     """
     entries = _read(path, _PlanesFile, 'planes ({"schema": "unsweep.planes/1", "planes": [...]})').planes
     return tuple(_plane(entry, path) for entry in entries)
@@ -135,7 +137,7 @@ def _plane(entry: _PlaneEntry, path: Path) -> Plane:
         raise SettingsError(
             f"Expected a unit normal for plane {entry.name} in {path}, but its length is {length:.4g}; correct it."
         )
-    plane = Plane(name=entry.name, normal=normal / length, offset_m=entry.offset_m / length)
+    plane = Plane(entry.name, normal / length, entry.offset_m / length, suggested=entry.suggested)
     return plane if entry.outline_m is None else replace(plane, outline_m=_outline(plane, entry.outline_m, path))
 
 

@@ -148,13 +148,15 @@ class Plane:
     """A plane n . x + w = 0 in the map frame. normal: (3,) unit.
 
     outline_m: (K, 3) corners of a convex polygon in the plane, map frame, in order: only what lies within it counts.
-    None: the plane counts as far as it is seen to reach.
+    None: the plane counts as far as it is seen to reach.   suggested: it was proposed, and nobody has chosen it: where all
+    are, those that turn out to be doubtful are left out of the answer.
     """
 
     name: str
     normal: FloatArray
     offset_m: float
     outline_m: FloatArray | None = None
+    suggested: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,6 @@ surface    a mesh of a solved room       -> {its solve}/surface.npz
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +36,6 @@ from app.schemas.jobs import InitialGuess as WireGuess
 from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
-from app.work.suggestion import Solved, solve_suggestion
 from calib_core import api
 from calib_core.doctor.report import DoctorReport
 from calib_core.errors import Cancelled, InputError
@@ -133,26 +131,18 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     """Calibrate and write what the answer is shown with."""
     recording = decoded(order, on_event, should_cancel)
     steps = StepListener(on_event)
-
-    def solve(planes: Sequence[Plane] | None, on_event: OnEvent) -> Solved:
-        nonlocal steps
-        steps = StepListener(on_event)  # of the solve that is answered with
-        calibration = api.calibrate(
-            recording,
-            order.request.settings,
-            planes=planes,
-            initial_guess=_guess(order.request.initial_guess),
-            kept_in=order.cache / "track",
-            on_event=steps,
-            should_cancel=should_cancel,
-        )
-        return calibration.result, calibration.trajectory
-
-    planes = None if order.request.planes is None else [_plane(plane) for plane in order.request.planes]
-    if planes is not None and order.request.suggested:
-        result, trajectory = solve_suggestion(solve, planes, on_event)
-    else:
-        result, trajectory = solve(planes, on_event)
+    wish = order.request
+    planes = None if wish.planes is None else [_plane(plane, suggested=wish.suggested) for plane in wish.planes]
+    calibration = api.calibrate(
+        recording,
+        wish.settings,
+        planes=planes,
+        initial_guess=_guess(wish.initial_guess),
+        kept_in=order.cache / "track",
+        on_event=steps,
+        should_cancel=should_cancel,
+    )
+    result, trajectory = calibration.result, calibration.trajectory
     if should_cancel():
         raise Cancelled("Stopped before anything was written.")
     order.folder.mkdir(parents=True, exist_ok=True)
@@ -230,12 +220,12 @@ def kept_proposals(folder: Path) -> PlaneProposals | None:
         return None
 
 
-def _plane(plane: OrderedPlane) -> Plane:
+def _plane(plane: OrderedPlane, *, suggested: bool) -> Plane:
     """The plane as it is read from a file of planes, to the last digit: the shown command repeats the run exactly."""
     normal = np.array(plane.normal, dtype=np.float64)
     length = float(np.linalg.norm(normal))
     outline_m = None if plane.outline_m is None else np.array(plane.outline_m, dtype=np.float64)
-    return Plane(name=plane.name, normal=normal / length, offset_m=plane.offset_m / length, outline_m=outline_m)
+    return Plane(plane.name, normal / length, plane.offset_m / length, outline_m, suggested)
 
 
 def _guess(wire: WireGuess | None) -> InitialGuess | None:

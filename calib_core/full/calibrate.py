@@ -22,7 +22,7 @@ from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.estimation import Solved
-from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.schedule import CHOSEN, FULL, SUGGESTED, Schedule
 from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
@@ -36,16 +36,30 @@ def calibrate_full(
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
-    counted = followed if planes is None else replace(followed, planes=list(planes))
 
-    def solved(run: Run) -> Solved:
-        return solve(run, counted, lidar, start, guess, may_add_planes=planes is None)
+    def answered(schedule: Schedule, planes: Sequence[Plane]) -> Answer:
+        def solved(run: Run) -> Solved:
+            return solve(run, replace(followed, planes=list(planes)), lidar, start, guess, schedule)
 
-    def judged(run: Run, solved: Solved) -> Answer:
-        wider = 1.0 if planes is None else weigh_chosen(run, solved)
-        return answer(run, solved, weigh(run, solved, at_least=wider), lidar)
+        def judged(run: Run, solved: Solved) -> Answer:
+            wider = weigh_chosen(run, solved) if schedule is CHOSEN else 1.0
+            return answer(run, solved, weigh(run, solved, at_least=wider), lidar)
 
-    return with_sensors_held(run, solved, judged)
+        return with_sensors_held(run, solved, judged)
+
+    if planes is None:
+        return answered(FULL, followed.planes)
+    if not all(plane.suggested for plane in planes):
+        return answered(CHOSEN, planes)
+    try:
+        return answered(SUGGESTED, planes)
+    except Refused as refused:
+        run.say(
+            "info",
+            "planes.open",
+            f"by the planes that were proposed there is no answer, and all found count: {refused}",
+        )
+        return answered(FULL, followed.planes)
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
@@ -73,10 +87,9 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
 
 
 def solve(
-    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None, *, may_add_planes: bool
+    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None, schedule: Schedule
 ) -> Solved:
     """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone."""
-    schedule = FULL if may_add_planes else replace(FULL, planes=None)
     data, first, _ = begin(run, followed, lidar, start, guess, schedule)
     iterations = 0
     try:
@@ -88,7 +101,7 @@ def solve(
         if _all_followed(run, followed):
             raise
     run.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
-    alone = replace(FULL, planes=None, propagation=None)
+    alone = replace(CHOSEN, propagation=None)
     return estimate_jointly(data, replace(first, iterations=iterations), alone)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,31 +11,14 @@ import pytest
 
 from app.jobs.orders import OrderedPlane, StoredRequest
 from app.results.command import command_of
-from app.work.suggestion import Solved, left_out, solve_suggestion
-from calib_core.events import LogEvent, StageEvent
+from app.work import functions
+from calib_core import api
+from calib_core.errors import Cancelled
 from calib_core.full.joint import doubt
 from calib_core.full.joint.estimation import MapPlane
-from calib_core.result import Message
 from calib_core.settings import ReadSettings
 from calib_core.types import Plane
 from tests.app.support import world
-
-NAMES = ("floor", "wall 1", "wall 1 of the hall", "wall 2")
-PLANES = [Plane(name, np.array([0.0, 0.0, 1.0]), 1.0) for name in NAMES]
-
-
-def said_by_the_estimator(monkeypatch, names: tuple[str, ...], fault: str = "bent") -> list[Message]:
-    """What the estimator says of planes that were chosen, those of these names doubtful."""
-    heard: list[Message] = []
-    faults = iter([fault if plane.name in names else "" for plane in PLANES])
-    monkeypatch.setattr(doubt, "standings", lambda *_: [None] * len(PLANES))
-    monkeypatch.setattr(doubt, "doubts", lambda _: np.zeros((len(PLANES), 3)))
-    monkeypatch.setattr(doubt, "fault_of", lambda _: next(faults))
-    monkeypatch.setattr(doubt, "widening", lambda _: 1.0)
-    run = SimpleNamespace(say=lambda level, code, text: heard.append(Message(level=level, code=code, text=text)))
-    estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3)[[0, 1, 0, 2]])
-    doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=[MapPlane(name) for name in NAMES]))  # type: ignore[arg-type]
-    return heard
 
 
 @pytest.mark.parametrize("then", ["bent", ""])
@@ -54,99 +39,35 @@ def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(mo
     assert heard == (["planes.bent"] if then else [])
 
 
-def answered(messages: list[Message]) -> Solved:
-    refused = any(message.level == "error" for message in messages)
-    return world.make_result().model_copy(
-        update={"messages": messages, "status": "refused" if refused else "calibrated"}
-    ), None
-
-
-class Solving:
-    """Calibrations in turn, and what each was asked for; each says its messages, and a stage on the way."""
-
-    def __init__(self, *answers: list[Message]) -> None:
-        self.answers, self.asked = list(answers), []
-
-    def __call__(self, planes, on_event) -> Solved:
-        self.asked.append(None if planes is None else [plane.name for plane in planes])
-        messages = self.answers.pop(0)
-        on_event(StageEvent(stage="solve", fraction=0.1 * len(self.asked), text=""))
-        for message in messages:
-            on_event(LogEvent(level=message.level, code=message.code, text=message.text))
-        return answered(messages)
-
-
-def test_a_doubtful_plane_that_nobody_chose_is_left_out_and_named(monkeypatch) -> None:
-    """Mutations: the first answer kept; the plane whose name begins the doubtful one's left out too; the blame told;
-    the second time in silence, or as progress that goes back.
-    """
-    blamed = said_by_the_estimator(monkeypatch, ("wall 1 of the hall",))
-    assert len(blamed) == 1
-    solving, heard = Solving(blamed, []), []
-    result = solve_suggestion(solving, PLANES, heard.append)[0]
-    assert solving.asked == [list(NAMES), ["floor", "wall 1", "wall 2"]]
-    assert [message.text for message in result.messages] == ["wall 1 of the hall is not flat: left out"]
-    assert [event.text for event in heard if isinstance(event, LogEvent)] == [
-        "wall 1 of the hall is not flat: left out"
-    ]
-    stages = [(event.fraction, event.text) for event in heard if isinstance(event, StageEvent)]
-    assert stages == [(0.1, ""), (0.1, "once more, without wall 1 of the hall: solve")]
-
-
-def test_what_turns_out_doubtful_only_then_is_left_out_too(monkeypatch) -> None:
-    """Seen in a crowded room: of eight planes the sixth was left out, and the eighth was blamed on a choice that nobody made.
-
-    Mutations: one turn; the first one's forgotten; blamed on the way; found planes at once; no end; too few left are a refusal.
-    """
-    [one] = said_by_the_estimator(monkeypatch, ("wall 1 of the hall",))
-    names = ("wall 2", "wall 1", "floor")
-    rounds = [[one.model_copy(update={"text": one.text.replace("wall 1 of the hall", name)})] for name in names]
-    solving, heard = Solving(*rounds[:2], []), []
-    result = solve_suggestion(solving, PLANES, heard.append)[0]
-    assert solving.asked == [list(NAMES), list(NAMES[:3]), ["floor", "wall 1 of the hall"]]
-    both = ["wall 2 is not flat: left out", "wall 1 is not flat: left out"]
-    assert [message.text for message in result.messages] == both
-    assert [event.text for event in heard if isinstance(event, LogEvent)] == both
-    solving = Solving(*rounds, [])
-    solve_suggestion(solving, PLANES, lambda _: None)
-    assert solving.asked == [list(NAMES), list(NAMES[:3]), ["floor", "wall 1 of the hall"], None]
-    few = Message(level="error", code="planes.too_few", text="two planes do not hold a pose")
-    solving = Solving(rounds[0], [few], [])
-    assert solve_suggestion(solving, PLANES, lambda _: None)[0].status == "calibrated"
-    assert solving.asked == [list(NAMES), list(NAMES[:3]), None]
-
-
-def test_planes_beyond_doubt_are_solved_once() -> None:
-    """Mutations: a second solve whatever was said; what was said of planes kept from who follows."""
-    other = Message(level="warning", code="planes.followed", text="only some scans are used")
-    solving, heard = Solving([other]), []
-    assert solve_suggestion(solving, PLANES, heard.append)[0].messages == [other]
-    assert solving.asked == [list(NAMES)]
-    assert [event.text for event in heard if isinstance(event, LogEvent)] == [other.text]
-
-
-def test_a_suggestion_that_does_not_hold_the_motion_is_left_open() -> None:
-    """Mutation: the refusal told to somebody who chose nothing."""
-    refusal = Message(level="error", code="planes.doubtful", text="the planes chosen do not hold the motion")
-    solving = Solving([refusal], [])
-    assert solve_suggestion(solving, PLANES, lambda _: None)[0].messages == []
-    assert solving.asked == [list(NAMES), None]
-
-
-def test_a_sentence_about_something_else_leaves_nothing_out() -> None:
-    """Mutation: every sentence that begins with a plane's name."""
-    messages = [Message(level="warning", code="planes.bent", text="floor is not flat: left out")]
-    assert left_out(answered(messages)[0], PLANES) == {}
-
-
-def test_the_command_names_the_planes_that_counted() -> None:
-    """Mutations: all that were proposed; a person's choice thinned out too."""
-    result = world.make_result()
-    kept = [plane.name for plane in result.quality.planes]
-    ordered = tuple(OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0) for name in (*kept, "person"))
+def test_the_command_says_whether_anybody_chose(tmp_path: Path) -> None:
+    """All that was proposed, as that: the doubtful are left out again. Mutations: said of a choice; not said; planes missing."""
+    ordered = tuple(OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0) for name in ("floor", "person"))
     for suggested in (True, False):
-        command = command_of(result, ReadSettings(), StoredRequest(planes=ordered, suggested=suggested))
-        assert ('"person"' in command.files[0].text) is not suggested
+        command = command_of(world.make_result(), ReadSettings(), StoredRequest(planes=ordered, suggested=suggested))
+        path = tmp_path / "planes.json"
+        path.write_text(command.files[0].text, encoding="utf-8")
+        assert [(plane.name, plane.suggested) for plane in api.read_planes(path)] == [
+            ("floor", suggested),
+            ("person", suggested),
+        ]
+
+
+@pytest.mark.parametrize("suggested", [True, False])
+def test_a_solve_is_told_whether_anybody_chose(monkeypatch, tmp_path: Path, suggested: bool) -> None:
+    """Mutations: always; never."""
+    asked: list[bool] = []
+
+    def calibrate(*_: object, planes: Sequence[Plane], **__: object) -> None:
+        asked.extend(plane.suggested for plane in planes)
+        raise Cancelled("asked")
+
+    monkeypatch.setattr(functions, "decoded", lambda *_: None)
+    monkeypatch.setattr(functions.api, "calibrate", calibrate)
+    planes = tuple(OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0) for name in ("floor", "wall"))
+    order = SimpleNamespace(request=StoredRequest(planes=planes, suggested=suggested), cache=tmp_path)
+    with pytest.raises(Cancelled):
+        functions.run_solve(order, lambda _: None, lambda: False)  # type: ignore[arg-type]
+    assert asked == [suggested] * 2
 
 
 def test_who_changed_nothing_chose_nothing(shared_live) -> None:

@@ -8,7 +8,7 @@ The numbers of each step are its policy's (policies.py).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calib_core.full.joint.policies import (
     Limits,
@@ -25,9 +25,10 @@ from calib_core.full.joint.policies import (
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """All rounds. propagation: None where the estimate stays within what was tracked.   planes: None where they are given.
+    """All rounds. propagation: None where the estimate stays within what was tracked.   planes: None where they were chosen.
 
-    instead: rounds where there is nothing to propagate to.   settling: None where the motion alone was asked for.
+    joins: whether planes that come into view join those that were proposed.   instead: rounds where there is nothing to
+    propagate to.   settling: None where the motion alone was asked for.
     """
 
     motion: Round
@@ -35,6 +36,7 @@ class Schedule:
     propagation: Propagation | None
     planes: PlaneSet | None
     settling: Settling | None
+    joins: bool = True
     instead: tuple[Round, ...] = ()
     steadying: Steadying = Steadying()  # noqa: RUF009  frozen
     #: The first round in which the sensors' own parameters are unknowns: with them in place, planes are told from clutter.
@@ -66,6 +68,12 @@ FULL = Schedule(
     planes=PlaneSet(),
     settling=Settling(),
 )
+
+#: With planes that were proposed and that nobody chose: none joins them, what turns out to be doubtful goes.
+SUGGESTED = replace(FULL, joins=False)
+
+#: With planes that somebody chose: all of them count.
+CHOSEN = replace(FULL, planes=None)
 
 #: The forecast's. Start values are off by what is noise in a start; those along an open direction may lie anywhere, and a
 #: solve holds them at zero: either would pass for noise of the lidar, or bend what is known of the rest. What a motion knows is

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
-from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, SUGGESTED, Schedule
+from calib_core.full.joint.solve import with_new_planes
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
+from calib_core.types import Plane
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: i
     run: Any = SimpleNamespace(recording=SimpleNamespace(scans=range(10)), say=lambda *_: None)
     track: Any = SimpleNamespace(motions=range(followed))
     unused: Any = None
-    return page.solve(run, track, unused, unused, None, may_add_planes=True)
+    return page.solve(run, track, unused, unused, None, FULL)
 
 
 def test_an_answer_that_can_be_true_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,6 +68,7 @@ def test_what_was_propagated_over_is_left_out_where_it_spoils_the_answer(
     _, (again, iterations) = estimator.asked
     assert again.propagation is None
     assert again.planes is None
+    assert again.settling is not None
     assert iterations == (7 if first == "wrong" else 0)
 
 
@@ -131,3 +135,76 @@ def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pyt
     assert of(still) == (["auto"], [], still.code)
     for ideal in ("off", "consider"):
         assert of(away, mode=ideal) == ([ideal], [], away.code)
+
+
+@dataclass(frozen=True)
+class Track:
+    """As much of a followed track as the page touches."""
+
+    planes: list[Plane]
+    motions: tuple[int, ...] = ()
+
+
+FOUND = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0)]
+GIVEN = [Plane(name, np.array([0.0, 0.0, 1.0]), 1.0) for name in ("floor", "wall")]
+
+
+def counted(
+    monkeypatch: pytest.MonkeyPatch, planes: list[Plane] | None, *outcomes: Refused | str
+) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
+    """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it."""
+    asked: list[tuple[Schedule, list[str]]] = []
+    said: list[str] = []
+    left = list(outcomes)
+
+    def solve(_run: object, followed: Track, *rest: Any) -> Any:
+        asked.append((rest[-1], [plane.name for plane in followed.planes]))
+        one = left.pop(0)
+        if isinstance(one, Refused):
+            raise one
+        return one
+
+    monkeypatch.setattr(page, "follow_or_recall", lambda *_: Track(FOUND))
+    monkeypatch.setattr(page, "initialise", lambda *_: (None, None))
+    monkeypatch.setattr(page, "solve", solve)
+    monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
+    monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
+    monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
+    run: Any = SimpleNamespace(settings=CalibrateSettings(), say=lambda _level, code, _text: said.append(code))
+    try:
+        return asked, said, page.calibrate_full(run, planes, None)
+    except Refused as refused:
+        return asked, said, refused.code
+
+
+def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A choice counts as it is, and is weighed as one; a proposal is thinned out, and given up for what is found where that does
+    not do. One touched plane makes it a choice.
+
+    Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; the refusal of a proposal told; tried again
+    for a choice.
+    """
+    proposed = [replace(plane, suggested=True) for plane in GIVEN]
+    names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
+    assert counted(monkeypatch, None, "right") == ([(FULL, ["found"])], [], ("right", 1.0))
+    assert counted(monkeypatch, GIVEN, "right") == ([(CHOSEN, names)], [], ("right", 2.0))
+    assert counted(monkeypatch, [proposed[0], GIVEN[1]], "right") == ([(CHOSEN, names)], [], ("right", 2.0))
+    assert counted(monkeypatch, proposed, "right") == ([(SUGGESTED, names)], [], ("right", 1.0))
+    both = [(SUGGESTED, names), (FULL, ["found"])]
+    assert counted(monkeypatch, proposed, lost, "right") == (both, ["planes.open"], ("right", 1.0))
+    assert counted(monkeypatch, proposed, lost, lost) == (both, ["planes.open"], "planes.too_few")
+    assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
+
+
+def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page has shown what there is. Mutations: planes join where they come into view; at the end; nothing is dropped."""
+
+    def joined(*_: object) -> None:
+        pytest.fail("planes were looked for")
+
+    monkeypatch.setattr("calib_core.full.joint.solve.add_planes", joined)
+    state: Any = object()
+    unused: Any = None
+    assert with_new_planes(unused, state, SUGGESTED) is state
+    assert replace(SUGGESTED, joins=True) == FULL
+    assert replace(FULL, planes=None) == CHOSEN
