@@ -100,13 +100,14 @@ def found_tones(
     """Tones beside those that are known, the one that lowers the cost the most first.
 
     loud: by how much the score has to stand out to begin with, where that is asked for. Where the sensors are held at what they
-    are meant to be, and nothing shakes the IMU, it is asked for: of the motion itself cheap sensors make what a tone would.
+    are meant to be, and nothing shakes the IMU, it is asked for: of the motion itself cheap sensors make what a tone would. So
+    does a plane that was chosen and is none.
     """
     known = state.nuisance.tones_hz
     if len(known) >= rules.most:
         return []
     held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
-    if held and not data.run.noise.shaken:
+    if (held and not data.run.noise.shaken) or any(plane.fault for plane in state.planes):
         loud = max(loud, rules.shouts)
     of = listen(data, state, rules)
     power = float(of.of_tones(rules).max())

@@ -146,6 +146,24 @@ def test_what_held_sensors_make_of_the_motion_is_no_tone(
     assert found == ([Explaining(1.45, 500.0)] if tried else [])
 
 
+@pytest.mark.parametrize("fault", ["", "mixed"])
+def test_what_a_chosen_plane_that_is_none_makes_of_the_motion_is_no_tone(
+    half: Half, monkeypatch: pytest.MonkeyPatch, fault: Literal["", "mixed"]
+) -> None:
+    """Seen: two surfaces chosen as one plane, from scan to scan one or the other, were four tones of 0.2 to 0.4 Hz, in 67 rounds
+    where 20 do. One that shouts is one still. Mutations: faults ignored; nothing heard beside one.
+    """
+    first, *others = half.state.planes
+    state = replace(half.state, planes=(replace(first, fault=fault), *others))
+    run = replace(half.data.run, noise=replace(half.data.run.noise, shaken=True))
+    data = replace(half.data, run=run)
+    monkeypatch.setattr(tones, "explaining", lambda *_: [Explaining(1.45, 500.0)])
+    for power in (2000.0, 20_000.0):
+        monkeypatch.setattr(tones, "listen", lambda *_, power=power: with_lines((1.45, 3, power)))
+        found = tones.found_tones(data, state, RULES, FULL.sensors, FULL.sampling, least=100.0)
+        assert bool(found) is (not fault or power > RULES.shouts)
+
+
 def test_what_a_tone_explains_is_what_the_normal_equations_say(half: Half) -> None:
     """Beside all that follows it. Oracle: two solves of the whole system, with the tone and without. Mutations: nothing else
     follows; the tones' own blocks taken together; the gradient of the others forgotten.
