@@ -21,7 +21,7 @@ from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_ro
 from calib_core.full.initialise.linear import double_integral
 from calib_core.full.initialise.settings import AGREEING, GUIDING, LINEAR
 from calib_core.full.initialise.start import LidarTrack
-from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.register import ScanMotion, is_determined
 from calib_core.full.odometry.turning import Misled, Turning
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.run import Run
@@ -82,7 +82,7 @@ class Led:
         near = [
             m for m in motions[-GUIDING.most_behind :] if self._away_s(m.position, last.position) < GUIDING.behind_s
         ]
-        behind = [m for m in near if m.share > 0]
+        behind = [m for m in near if m.share > 0 and is_determined(m)]
         if len(behind) < GUIDING.fewest_behind:
             return None
         at = np.array([m.position for m in behind])

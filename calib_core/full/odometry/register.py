@@ -43,6 +43,12 @@ class ScanMotion:
     std_m: float = 0.0
 
 
+def is_determined(motion: ScanMotion, settings: TrackSettings | None = None) -> bool:
+    """Whether the points of a scan tell all six directions of its pose."""
+    s = settings or TrackSettings()
+    return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
+
+
 def evenly_spread(n: int, count: int) -> IntArray:
     """About `count` of n places in order: a golden-ratio stride visits rings and azimuths alike, however packets interleave."""
     return places_kernel(n, count)

@@ -29,6 +29,7 @@ from calib_core.full.odometry.register import (
     VELOCITY,
     Registered,
     ScanMotion,
+    is_determined,
     register,
     sample_points,
     straighten,
@@ -127,7 +128,7 @@ class _Tracker:
                 break
             if away_s > max(s.coast_s, s.bridged_periods * self._period_s(position)):
                 break
-            found = self._guided(previous, position, s.damping_s if previous is not good else None)
+            found = self._guided(previous, position, is_sure=previous is good)
             if found is not None:
                 self._bridge(previous, found.motion)
                 self.followed.append(found.motion)
@@ -135,7 +136,7 @@ class _Tracker:
                 before, previous = previous, found.motion
                 if previous.std_rad < s.trusted_rad:
                     oriented = previous
-                if _determined(previous, s):
+                if is_determined(previous, s):
                     self._close(good, before, found.motion)
                     good = previous
                     self._learn(found)
@@ -172,10 +173,14 @@ class _Tracker:
         """Time to the neighbouring scan the march comes from."""
         return self._between_s(position, position - self.direction)
 
-    def _guided(self, previous: ScanMotion, position: int, damping_s: float | None) -> Registered | None:
-        """The scan registered; by what its guide has felt where that is not what was found."""
+    def _guided(self, previous: ScanMotion, position: int, *, is_sure: bool) -> Registered | None:
+        """The scan registered; by what its guide has felt where that is not what was found.
+
+        is_sure: whether the one before was determined. Where one was not, coming back to where it is looks like a leap.
+        """
+        damping_s = None if is_sure else self.s.damping_s
         found = self._register(previous, position, damping_s)
-        if self.guide is None:
+        if self.guide is None or (found is not None and not (is_sure and is_determined(found.motion, self.s))):
             return found
         turning = self.guide.lead(self._behind, None if found is None else found.motion)
         if turning is None or turning is self.turning:
@@ -308,8 +313,3 @@ class _Tracker:
 def _apart(one: ScanMotion, other: ScanMotion) -> tuple[float, float]:
     """Turn [rad] and way [m] from one pose to another."""
     return float(np.linalg.norm(log(other.R.T @ one.R))), float(np.linalg.norm(one.p - other.p))
-
-
-def _determined(motion: ScanMotion, s: TrackSettings) -> bool:
-    """Whether the points of a scan tell all six directions of its pose."""
-    return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
