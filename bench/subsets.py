@@ -81,7 +81,8 @@ def choices(made: Made, count: int) -> list[tuple[str, list[Plane] | None]]:
     """No choice, all, the true planes, and `count` subsets, each with its name."""
     recording, truth = made
     suggested = [patch.plane for patch in api.propose_planes(recording, CalibrateSettings()).patches]
-    named: list[tuple[str, list[Plane] | None]] = [("any", None), ("all", suggested), ("true", true_planes(truth))]
+    untouched = [replace(plane, suggested=True) for plane in suggested]
+    named: list[tuple[str, list[Plane] | None]] = [("any", None), ("all", untouched), ("true", true_planes(truth))]
     rng = np.random.default_rng(1)
     seen: set[str] = set()
     for _ in range(50 * count):
