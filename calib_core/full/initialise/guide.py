@@ -118,7 +118,8 @@ class Led:
         turned = self.R[last.position].T @ self.R[newest.position]
         apart_rad = np.linalg.norm(log(turned.T @ last.R.T @ newest.R))
         apart_m = np.linalg.norm(newest.p - last.p - step)
-        return bool(apart_rad < AGREEING.leap_rad and apart_m < LINEAR.astray_times * LINEAR.position_std_m)
+        most_rad, most_m = AGREEING.leap_rad, LINEAR.astray_times * LINEAR.position_std_m
+        return bool(apart_rad < GUIDING.times * most_rad and apart_m < GUIDING.times * most_m)
 
     def _away_s(self, one: int, other: int) -> float:
         return abs(float(self.scan_s[one] - self.scan_s[other]))

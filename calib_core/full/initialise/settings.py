@@ -139,6 +139,9 @@ class Guiding:
     #: hand's swings is told by four or five of them. The sooner, the less is followed twice.
     first_s: float = 6.0
     again_s: float = 2.0
+    #: measured: 5 cm from where it was said to go next was a sound track's at 3 rad/s; at its end a step is held to so many
+    #: times less, and smaller slides are told then.
+    times: float = 2.0
     #: judged: over so much: what has led it astray before does not count for ever.
     over_s: float = 8.0
     #: judged: what leads it is told anew, from all of it, whenever it is so many times as long. Each takes as long as ten scans.

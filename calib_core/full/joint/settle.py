@@ -19,7 +19,8 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import anchored, associate, coarse_stride, descend, gate_of, measure, survey
 from calib_core.full.joint.settings import DOUBTING, WATCHING
-from calib_core.solver.levenberg import Outcome
+from calib_core.full.joint.state import Estimate
+from calib_core.solver.levenberg import Minimum, Outcome
 from calib_core.types import BoolArray
 
 #: Cosine of a wall seen slantwise, at 60 degrees.
@@ -164,20 +165,33 @@ def alternate(
 def to_fixed_point(
     data: JointData, state: Estimation, settling: Settling, *, most: int
 ) -> tuple[Estimation, JointProblem]:
-    """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many."""
-    last = state.rounds + most
+    """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many.
+
+    Each descent finds a part of what the one before it did, and each step within one; what is left after a step that is told by
+    that to be the last is not looked at.
+    """
+    last, tolerance = state.rounds + most, settling.least_decrease
+    before: float | None = None
     while True:
         state, problem = descend(
-            data,
-            state,
-            iterations=settling.iterations,
-            tolerance=settling.least_decrease,
-            relative=settling.least_share,
+            data, state, iterations=settling.iterations, tolerance=tolerance, relative=settling.least_share
         )
         assert state.minimum is not None
-        small = state.minimum.first_decrease < settling.fixed_point
+        first = state.minimum.first_decrease
+        next_one = first if before is None else first * min(1.0, first / before)
+        small = first < settling.fixed_point or next_one < settling.least_decrease
         if (small and state.minimum.outcome is not Outcome.SINGULAR) or state.rounds >= last:
             return state, problem
+        tolerance = last_step(state.minimum, settling)
+        before = first
+
+
+def last_step(minimum: Minimum[Estimate], settling: Settling) -> float:
+    """From which decrease on a step is the last one: what this descent's steps left of one another, of that, is nothing."""
+    if minimum.outcome is not Outcome.CONVERGED or minimum.solution is None or minimum.iterations == 1:
+        return settling.least_decrease
+    left = minimum.solution.predicted_decrease / minimum.first_decrease
+    return min(settling.last_decrease, settling.least_decrease / max(left, settling.least_share))
 
 
 def _nearer(data: JointData, k: int, share: float) -> JointData:

@@ -109,9 +109,9 @@ def test_a_motion_beside_what_was_felt_is_told() -> None:
     led, behind = _led(), _motions(range(5, 25))
     (right,) = _motions(range(25, 26))
     assert led.has_felt(behind, right)
-    assert led.has_felt(behind, replace(right, p=right.p + np.array([0.0, 0.02, 0.0])))
-    assert not led.has_felt(behind, replace(right, p=right.p + np.array([0.0, 0.06, 0.0])))
-    assert not led.has_felt(behind, replace(right, R=right.R @ exp(np.array([0.0, 0.03, 0.0]))))
+    assert led.has_felt(behind, replace(right, p=right.p + np.array([0.0, 0.04, 0.0])))
+    assert not led.has_felt(behind, replace(right, p=right.p + np.array([0.0, 0.12, 0.0])))
+    assert not led.has_felt(behind, replace(right, R=right.R @ exp(np.array([0.0, 0.05, 0.0]))))
     assert led.has_felt(behind[:3], right) is None
 
 
