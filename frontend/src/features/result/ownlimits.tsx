@@ -30,7 +30,11 @@ export function OwnLimitsSection() {
       placeholder={String(Number(usualText[name].toPrecision(3)))}
       value={draft[name]}
       error={draft[name].trim() !== "" && limitOf(draft[name], 1) === null}
-      onChange={(event) => setDraft((old) => ({ ...old, [name]: event.currentTarget.value }))}
+      onChange={(event) => {
+        // The updater may run when the event has none any more.
+        const { value } = event.currentTarget;
+        setDraft((old) => ({ ...old, [name]: value }));
+      }}
     />
   );
   const [deg, mm, ms] = [
