@@ -12,7 +12,9 @@ from threadpoolctl import threadpool_limits
 from calib_core.document import Answer, Question, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
-from calib_core.full.assess.clock_step import ClockStep, clock_step, misfit
+from calib_core.full.assess.clock_step import Sides, clock_step, misfit
+from calib_core.full.assess.confidence import DISAGREEMENT
+from calib_core.full.assess.imu_silence import imu_silence
 from calib_core.full.assess.settings import CLOCK_STEP
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.planes.propose import find_reference
@@ -24,6 +26,9 @@ from calib_core.settings import CalibrateSettings
 from calib_core.types import InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate"]
+
+#: The code of what is said where an IMU's silence breaks a recording in two.
+SILENT = "imu.silent"
 
 
 @dataclass(frozen=True)
@@ -62,12 +67,14 @@ def calibrate(
     question = Question(settings, planes, initial_guess, kept_in, heard, should_cancel)
     try:
         answer = _answer(recording, question)
-        step = clock_step_of(answer)
-        if step is not None:
-            kept = without_spans(recording, [step.left_out_s])
+        broken = _broken(answer, recording, heard)
+        if broken is not None:
+            sides, why = broken
+            kept = without_spans(recording, [sides.left_out_s])
             again = Heard(forward, aloud)
-            better = _of_one_side(step, kept, recording, replace(question, kept_in=None, on_event=again))
-            if better is not None:
+            again(why)
+            better = _of_one_side(kept, recording, replace(question, kept_in=None, on_event=again))
+            if better is not None and not (why.code == SILENT and _disagrees(again)):
                 answer, recording, heard = better, kept, again
     except Refused as refusal:
         said = [*heard.messages, Message(code=refusal.code, level="error", text=str(refusal))]
@@ -120,24 +127,41 @@ def _answer(recording: Recording, question: Question) -> Answer:
         return calibrate_full(run, question.planes, question.guess, question.kept_in)
 
 
-def clock_step_of(answer: Answer) -> ClockStep | None:
+def clock_step_of(answer: Answer) -> Sides | None:
     """Where a clock was set in mid-recording, as far as an answer's stretches of time tell."""
     return None if answer.evidence is None else clock_step(answer.evidence.parts.time_blocks)
 
 
-def _of_one_side(step: ClockStep, kept: Recording, recording: Recording, question: Question) -> Answer | None:
-    """The answer of the scans on the longer side of a step; None where it has none that agrees with itself."""
+def _broken(answer: Answer, recording: Recording, heard: Heard) -> tuple[Sides, LogEvent] | None:
+    """Where a recording whose parts disagree falls in two that may not, and what is said of it; None where it is of one piece."""
+    step = clock_step_of(answer)
+    if step is not None:
+        what = f"the two clocks were set against each other {_between(step.within_s)}"
+        return step, _said("clock.set", what, step, "find out which clock jumps and give it a source of time")
+    silence = imu_silence(recording, answer.time_offset_ns) if _disagrees(heard) else None
+    if silence is not None:
+        what = f"the IMU is silent {_between(silence.within_s)}, and what lies before does not go with what lies after"
+        return silence, _said(SILENT, what, silence, "find out where its readings are lost")
+    return None
+
+
+def _disagrees(heard: Heard) -> bool:
+    return any(message.code == DISAGREEMENT for message in heard.messages)
+
+
+def _said(code: str, what: str, sides: Sides, cure: str) -> LogEvent:
+    text = f"{what}: only what lies {_between(sides.longer_s)} is used; {cure}"
+    return LogEvent(level="warning", code=code, text=text)
+
+
+def _between(span_s: tuple[float, float]) -> str:
+    return f"between {span_s[0]:.1f} s and {span_s[1]:.1f} s"
+
+
+def _of_one_side(kept: Recording, recording: Recording, question: Question) -> Answer | None:
+    """The answer of the scans on the longer side of a break; None where it has none that agrees with itself."""
     if not _holds_reference(recording, kept, question.settings, question.planes):
         return None
-    question.on_event(
-        LogEvent(
-            level="warning",
-            code="clock.set",
-            text=f"the two clocks were set against each other between {step.within_s[0]:.1f} s and {step.within_s[1]:.1f} s: "
-            f"only what lies between {step.longer_s[0]:.1f} s and {step.longer_s[1]:.1f} s is used; find out which clock jumps "
-            "and give it a source of time",
-        )
-    )
     try:
         answer = _answer(kept, question)
     except Refused:

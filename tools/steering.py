@@ -83,6 +83,7 @@ RECORDS = (
     ("assess", "calib_core/full/assess/settings.py", "Wording"),
     ("assess", "calib_core/full/assess/settings.py", "Parts"),
     ("assess", "calib_core/full/assess/settings.py", "ClockSteps"),
+    ("assess", "calib_core/full/assess/settings.py", "Silence"),
     ("forecast", "calib_core/full/forecast.py", "Forecasting"),
 )
 #: Where numbers steer: the stages, and the search for planes that they share.

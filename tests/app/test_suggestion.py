@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.jobs.orders import OrderedPlane, StoredRequest
+from app.jobs.orders import Order, OrderedPlane, StoredRequest
 from app.results.command import command_of
 from app.work import functions
 from calib_core import api
@@ -64,9 +64,17 @@ def test_a_solve_is_told_whether_anybody_chose(monkeypatch, tmp_path: Path, sugg
     monkeypatch.setattr(functions, "decoded", lambda *_: None)
     monkeypatch.setattr(functions.api, "calibrate", calibrate)
     planes = tuple(OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0) for name in ("floor", "wall"))
-    order = SimpleNamespace(request=StoredRequest(planes=planes, suggested=suggested), cache=tmp_path)
+    order = Order(
+        job_id="one",
+        kind="solve",
+        recording_name="room.bag",
+        source=tmp_path / "room.bag",
+        cache=tmp_path,
+        folder=tmp_path,
+        request=StoredRequest(planes=planes, suggested=suggested),
+    )
     with pytest.raises(Cancelled):
-        functions.run_solve(order, lambda _: None, lambda: False)  # type: ignore[arg-type]
+        functions.run_solve(order, lambda _: None, lambda: False)
     assert asked == [suggested] * 2
 
 

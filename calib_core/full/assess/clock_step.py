@@ -24,15 +24,21 @@ from calib_core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class ClockStep:
-    """within_s: the stretch of lidar time in which it happened, seconds after the first scan.   longer_s: what is left of the
-    recording on the side with more of it.   left_out_s: the rest. How large the step is a solve does not tell: biases and the
-    clock's rate have taken up a part of it.
+class Sides:
+    """A recording with a break in it. within_s: the stretch of lidar time in which it is, seconds after the first scan.
+    longer_s: what is left of the recording on the side with more of it.   left_out_s: the rest.
     """
 
     within_s: tuple[float, float]
     longer_s: tuple[float, float]
     left_out_s: tuple[float, float]
+
+    @staticmethod
+    def of(within_s: tuple[float, float], first_s: float, last_s: float) -> Sides:
+        """Of a recording that goes from first_s to last_s."""
+        if within_s[0] - first_s > last_s - within_s[1]:
+            return Sides(within_s, (first_s, within_s[0]), (within_s[0], np.inf))
+        return Sides(within_s, (within_s[1], last_s), (-np.inf, within_s[1]))
 
 
 def misfit(blocks: Sequence[TimeBlock]) -> float:
@@ -41,8 +47,11 @@ def misfit(blocks: Sequence[TimeBlock]) -> float:
     return _squares(np.stack([np.ones_like(t), t], axis=1), x, weight, np.ones(len(t), dtype=np.bool_))
 
 
-def clock_step(blocks: Sequence[TimeBlock]) -> ClockStep | None:
-    """The step that explains why the stretches of time disagree; None where they agree, or no step explains it."""
+def clock_step(blocks: Sequence[TimeBlock]) -> Sides | None:
+    """The step that explains why the stretches of time disagree; None where they agree, or no step explains it.
+
+    How large it is a solve does not tell: biases and the clock's rate have taken up a part of it.
+    """
     t, x, weight = _columns(blocks)
     if len(t) < CLOCK_STEP.fewest_blocks or misfit(blocks) < CLOCK_STEP.misfit:
         return None
@@ -59,10 +68,7 @@ def clock_step(blocks: Sequence[TimeBlock]) -> ClockStep | None:
         return None
     k = best[1]
     within = blocks[k].t_start_s, blocks[k].t_end_s
-    first, last = blocks[0].t_start_s, blocks[-1].t_end_s
-    if within[0] - first > last - within[1]:
-        return ClockStep(within, (first, within[0]), (within[0], np.inf))
-    return ClockStep(within, (within[1], last), (-np.inf, within[1]))
+    return Sides.of(within, blocks[0].t_start_s, blocks[-1].t_end_s)
 
 
 def _columns(blocks: Sequence[TimeBlock]) -> tuple[FloatArray, FloatArray, FloatArray]:

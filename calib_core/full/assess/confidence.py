@@ -18,6 +18,8 @@ from calib_core.full.prepare.settings import STEPS
 from calib_core.full.run import Run
 from calib_core.types import FloatArray
 
+#: The code of what is said of parts that disagree by more than noise explains.
+DISAGREEMENT = "solve.disagreement"
 #: The ways of taking a recording apart, to a person.
 _WORDS = {
     "time": "stretches of time",
@@ -98,7 +100,7 @@ def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
     parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
     run.say(
         "warning",
-        "solve.disagreement",
+        DISAGREEMENT,
         f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
         f"gives, or a fault that nothing models; the error bars are widened, most along {named_direction(beyond)}{torn}",
     )

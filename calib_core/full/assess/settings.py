@@ -88,4 +88,12 @@ class ClockSteps:
     telling: float = 10.0
 
 
-PLAUSIBLE, WORDING, PARTS, CLOCK_STEP = Plausible(), Wording(), Parts(), ClockSteps()
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """When an IMU's silence breaks a recording in two."""
+
+    #: derived: of scans further apart than a linear start takes (Linear.most_gap_s) nothing is told by what the IMU felt.
+    least_s: float = 0.35
+
+
+PLAUSIBLE, WORDING, PARTS, CLOCK_STEP, SILENCE = Plausible(), Wording(), Parts(), ClockSteps(), Silence()

@@ -16,14 +16,12 @@ from functools import cache, partial
 
 import numpy as np
 
-from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import (
     NO_AGREEMENT,
     Agreement,
     agreeing_part,
     agreement,
     agreement_of,
-    mean_rate,
 )
 from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
 from calib_core.full.initialise.guide import Guide
@@ -31,18 +29,17 @@ from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.unfollowed import refuse_lost, refuse_standing_clouds
 from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
-from calib_core.full.odometry.travelled import directions_faced, travelled, ways_faced
 from calib_core.full.odometry.turning import Turning
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
-from calib_core.geometry import log
 from calib_core.planes.same import same_surface
-from calib_core.types import BoolArray, FloatArray, Plane, PlaneProposals
+from calib_core.types import BoolArray, Plane, PlaneProposals
 
 #: A track, and how it stands beside the IMU where that can be told.
 Known = tuple[Followed, Judged | None]
@@ -70,7 +67,7 @@ def begin(
     near = follow(ctx, planes, reference, guide=partial(Guide, ctx), may_leave=False)
     led = _led_throughout(ctx, near, planes, reference, at_fault) if near.led else None
     best, agreed = led or _by_planes(ctx, planes, reference, at_fault, None if near.led else near)
-    _refuse_lost(ctx, best, agreed)
+    refuse_lost(ctx, best, agreed)
     scans = ctx.recording.scans
     if given is not None and best.reference != reference:
         best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
@@ -96,15 +93,13 @@ def _led_throughout(
     whole = near.seen >= AGREEING.whole * len(ctx.recording.scans)
     if not whole or agreed.correlation < AGREEING.trusted or rotation is None or rotation.open_axis_imu is not None:
         return None
-    known: Known = near, judged(ctx, near.motions, lidar, rotation)
-    found = known[1]
-    if found is not None and found.faults > at_fault * near.seen:
-        known = _with_steps(ctx, known, planes, reference)
-    found = known[1]
-    if found is None or found.faults > at_fault * known[0].seen:
+    found = judged(ctx, near.motions, lidar, rotation)
+    known: Known = near, found
+    best, left = known if found.faults <= at_fault * near.seen else _with_steps(ctx, known, planes, reference)
+    if left is None or left.faults > at_fault * best.seen:
         return None
     ctx.say("info", "track.aided", _BY_IMU)
-    return known[0], agreed
+    return best, agreed
 
 
 def _by_planes(
@@ -172,7 +167,7 @@ def _aided(
     lidar = lidar_track(ctx, first)
     own = agreement(lidar, imu_s, gyro_rad_s)
     if own.correlation < AGREEING.trusted:  # a gyroscope in another unit is not meant
-        _refuse_standing_clouds(ctx, first, rates)
+        refuse_standing_clouds(ctx, first, rates)
     if not own.is_of_a_unit:
         own = NO_AGREEMENT
     trusted = own.correlation > AGREEING.trusted
@@ -304,54 +299,3 @@ def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
             agreed, correlation=max(agreed.correlation, starts[0].correlation), lag_s=starts[0].time_offset_s
         )
     return starts, agreed
-
-
-def _refuse_standing_clouds(ctx: Run, followed: Followed, gyro_rad_s: FloatArray) -> None:
-    """Raise Refused where the surroundings stand still in clouds that were followed throughout, and the gyroscope turns.
-
-    gyro_rad_s: (Q, 3) without bias.
-    """
-    scans = len(ctx.recording.scans)
-    if followed.seen < AGREEING.whole * scans or ways_faced(followed.planes) < 3:
-        return
-    positions = np.array([m.position for m in followed.motions])
-    R = np.array([m.R for m in followed.motions])
-    period_s = np.maximum(np.diff(ctx.clocks.scan_s[positions]), AGREEING.shortest_span_s)
-    shown = float(np.median(np.linalg.norm(log(np.swapaxes(R[:-1], 1, 2) @ R[1:]), axis=1) / period_s))
-    # Over as long as from scan to scan: what shakes the gyroscope faster turns no lidar.
-    imu_s, width_s = ctx.clocks.imu_s, float(np.median(period_s))
-    turned = float(np.nanmedian(mean_rate(imu_s, gyro_rad_s, imu_s, imu_s + width_s)))
-    if turned < AGREEING.surely_turning_rad_s or shown > AGREEING.standing * turned:
-        return
-    raise Refused(
-        "points.standing",
-        f"the lidar's surroundings stand still in its clouds, {followed.seen} of {scans} scans, while the gyroscope turns by "
-        f"{np.degrees(turned):.0f} deg/s: the clouds are told in a frame that does not move (a map's or an odometry's), or the "
-        "lidar is not fixed to this IMU; record the lidar driver's own clouds",
-    )
-
-
-def _refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
-    """Raise Refused where the track is no motion of this gyroscope's: nothing may be concluded from it."""
-    scans, clocks = len(ctx.recording.scans), ctx.clocks
-    gyro = GyroTurns(clocks.imu_s, ctx.recording.imu.gyro_rad_s - np.median(ctx.recording.imu.gyro_rad_s, axis=0))
-    turned = gyro.at(clocks.imu_s[:: max(1, len(clocks.imu_s) // AGREEING.orientations)])
-    turned_deg = float(np.degrees(np.linalg.norm(log(turned[0].T @ turned), axis=1).max()))
-    if turned_deg < AGREEING.surely_turned_deg:
-        return
-    stood = travelled(followed.motions).stood
-    unlike = agreed is not NO_AGREEMENT and agreed.correlation < AGREEING.believed
-    if stood:
-        raise Refused(
-            "planes.lost",
-            f"the lidar could not be followed: its planes face {directions_faced(followed.planes)}, and over the "
-            f"{followed.seen} of {scans} scans that they hold it hardly moved, while the gyroscope turns by {turned_deg:.0f} deg "
-            "in the recording; record where three planes that face different ways stay in view",
-        )
-    if unlike:
-        raise Refused(
-            "planes.lost",
-            f"the lidar could not be followed: its turning, by the planes of {followed.seen} of {scans} scans, does not go with "
-            f"the gyroscope's (correlation {agreed.correlation:.2f}); record more slowly, where three planes that face "
-            "different ways stay in view, with nobody close by",
-        )

@@ -104,8 +104,6 @@ class TrackSettings:
     damping_s: float = 0.7
     #: derived: one missing scan, and half a period of jitter, is bridged whatever its period.
     bridged_periods: float = 1.5
-    #: derived: of so many scans behind it a guide needs no reference any more to tell the next step: more than a second.
-    behind: int = 40
     #: judged: new planes are looked for where fewer of the points lie on known ones, or after so much of a turn. Time
     #: depends on it, and how soon a new wall helps.
     grow_share: float = 0.93
@@ -125,10 +123,10 @@ class TrackSettings:
     #: the velocity in a sweep, for which the mean over the step is taken: at 4 m/s2 half a tenth of a second away.
     step_m: float = 0.015
     step_m_s: float = 0.2
-    #: derived: a scan whose points pull it further than three standard deviations from such a step, or two from such a turn,
-    #: is not taken: somebody fills its view.
-    felt_position_m: float = 0.045
-    felt_rotation_rad: float = 0.02
+    #: derived: a scan whose points pull it further than so many of these standard deviations from such a step, or from the turn
+    #: that came with it, is not taken: somebody fills its view.
+    felt_step_sigmas: float = 3.0
+    felt_turn_sigmas: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)

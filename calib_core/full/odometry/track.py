@@ -67,7 +67,7 @@ def track(
         for done in tracker.run():
             if on_progress is not None:
                 on_progress(min(1.0, (done + sum(map(len, runs))) / len(scans)))
-        runs.append(tracker.followed)
+        runs.append(tracker.marched[1:])
         turning = tracker.turning  # a guide's, where it led
     return [*reversed(runs[1]), first, *runs[0]]
 
@@ -92,7 +92,7 @@ def _first(
 
 @dataclass
 class _Tracker:
-    """One direction's march away from the reference. followed: what it came to, in the order of the march."""
+    """One direction's march away from the reference. marched: where it came, in that order, from the reference on."""
 
     scans: Sequence[Scan]
     ahead: Ahead
@@ -102,7 +102,7 @@ class _Tracker:
     first: ScanMotion
     turning: Turning | None
     guide: Guide | None
-    followed: list[ScanMotion] = field(default_factory=list)
+    marched: list[ScanMotion] = field(default_factory=list)
     _share: float = 1.0
     _rms: float = 0.0
     _most_rms_m: float = np.inf
@@ -119,6 +119,7 @@ class _Tracker:
         self._most_rms_m = s.most_rms * self._rms
         self._wait, self._grown_R = s.grow_every, self.first.R
         good = oriented = previous = self.first
+        self.marched = [self.first]
         self._pace_m_s = self.first.v_m_s
         position = self.first.position + self.direction
         while position in self.ahead:
@@ -131,7 +132,7 @@ class _Tracker:
             found = self._guided(previous, position, is_sure=previous is good)
             if found is not None:
                 self._bridge(previous, found.motion)
-                self.followed.append(found.motion)
+                self.marched.append(found.motion)
                 _, self._pace_m_s = self._between(previous, found.motion)
                 before, previous = previous, found.motion
                 if previous.std_rad < s.trusted_rad:
@@ -142,10 +143,10 @@ class _Tracker:
                     self._learn(found)
                 else:
                     self._blind[position] = found.blind
-                yield len(self.followed)
+                yield len(self.marched) - 1
             position += self.direction
         last = abs(good.position - self.first.position)
-        del self.followed[last:]
+        del self.marched[last + 1 :]
 
     def _close(self, good: ScanMotion, before: ScanMotion, after: ScanMotion) -> None:
         """Spread what was found at the end of a stretch that coasted in one direction over that stretch.
@@ -156,15 +157,15 @@ class _Tracker:
             return
         leap = after.p - (before.p + before.v_m_s * self.ahead.between_s(before.position, after.position))
         whole = self.ahead.between_s(good.position, after.position)
-        for k in range(len(self.followed) - 2, -1, -1):
-            m = self.followed[k]
+        for k in range(len(self.marched) - 2, -1, -1):
+            m = self.marched[k]
             if m.position == good.position:
                 break
             blind = self._blind.get(m.position)
             if blind is not None:
                 t = self.ahead.between_s(good.position, m.position)
                 along = blind * (blind @ leap)
-                self.followed[k] = replace(m, p=m.p + along * (t / whole), v_m_s=m.v_m_s + along / whole)
+                self.marched[k] = replace(m, p=m.p + along * (t / whole), v_m_s=m.v_m_s + along / whole)
 
     def _between_s(self, one: int, other: int) -> float:
         return abs(self.ahead.between_s(one, other))
@@ -182,16 +183,11 @@ class _Tracker:
         found = self._register(previous, position, damping_s)
         if self.guide is None or (found is not None and not (is_sure and is_determined(found.motion, self.s))):
             return found
-        turning = self.guide.lead(self._behind, None if found is None else found.motion)
+        turning = self.guide.lead(self.marched, None if found is None else found.motion)
         if turning is None or turning is self.turning:
             return found
         self.turning = turning
         return self._register(previous, position, damping_s)
-
-    @property
-    def _behind(self) -> Sequence[ScanMotion]:
-        """The march so far, the reference with it."""
-        return self.followed if len(self.followed) > self.s.behind else [self.first, *self.followed]
 
     def _register(self, previous: ScanMotion, position: int, damping_s: float | None) -> Registered | None:
         """The scan registered from where it is predicted, from other starts where that is doubtful; None where it is lost."""
@@ -211,7 +207,7 @@ class _Tracker:
             tie[TURN], tie[RATE] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
-        step = None if self.turning is None else self.turning.step(self._behind, position)
+        step = None if self.turning is None else self.turning.step(self.marched, position)
         scales_m = None
         if step is not None:
             predicted = replace(predicted, p=previous.p + step, v_m_s=step / dt)
@@ -271,7 +267,8 @@ class _Tracker:
         """Whether a registration is about where the lidar was felt to go since the last one, dt [s] before."""
         steps = max(1.0, abs(dt) / self.s.tie_s)
         turned, moved = _apart(motion, predicted)
-        return turned < self.s.felt_rotation_rad * steps and moved < self.s.felt_position_m * steps
+        most_rad, most_m = self.s.felt_turn_sigmas * self.s.turning_rad, self.s.felt_step_sigmas * self.s.step_m
+        return turned < most_rad * steps and moved < most_m * steps
 
     def _between(self, one: ScanMotion, other: ScanMotion) -> tuple[FloatArray, FloatArray]:
         """Rate [rad/s] and velocity [m/s] that lead from one motion to another, (3,) each."""
@@ -285,7 +282,7 @@ class _Tracker:
             t = self.ahead.between_s(before.position, position)
             turned = self._turned(before, position)
             R, rate = (before.R @ exp(omega * t), omega) if turned is None else (turned.R, turned.omega_rad_s)
-            self.followed.append(ScanMotion(position, R, before.p + v * t, rate, v, 0.0, np.inf, np.inf, np.inf))
+            self.marched.append(ScanMotion(position, R, before.p + v * t, rate, v, 0.0, np.inf, np.inf, np.inf))
 
     def _learn(self, found: Registered) -> None:
         """Let the planes spread over what this scan saw of them, and look for new ones when there is reason to."""
@@ -302,7 +299,7 @@ class _Tracker:
             return
         wanting = motion.share < s.grow_share and self._since >= self._wait
         if wanting or (turned > s.grow_turn_rad and self._since >= s.grow_every):
-            recent = [m for m in self.followed[-s.grow_scans :] if m.share > 0]
+            recent = [m for m in self.marched[-s.grow_scans :] if m.share > 0]
             clouds = [straighten(*sample_points(self.scans[m.position], s.grow_points), m) for m in recent]
             strays = np.concatenate([c[self.known.strays(c, m.p)] for c, m in zip(clouds, recent, strict=True)])
             changed = self.known.grow(strays, motion.p)

@@ -19,13 +19,11 @@ from calib_core.full.joint import settle as settling
 from calib_core.full.joint.begin import knots_over
 from calib_core.full.joint.lidar_noise import tapered_variance
 from calib_core.full.joint.policies import Sampling, Settling
-from calib_core.full.joint.settle import to_fixed_point
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.solver.levenberg import Minimum, Outcome
 from calib_core.types import FloatArray, InitialGuess, Recording
 
 
@@ -358,49 +356,3 @@ def test_the_variance_of_the_middle_is_that_of_the_noise(wrong: float) -> None:
         here = tapered_variance(d)
         assert before is None or here == pytest.approx(before, rel=3e-5)
         before = here
-
-
-@pytest.mark.parametrize(
-    ("descents", "taken", "last_steps"),
-    [
-        # What each descent's steps would find. One that finds nothing is the last.
-        ([[4e3, 7e-4, 1e-9], [1e-4, 0.0], [0.0]], 2, [1e-6, 1e-2]),
-        # A part of what the one before did; a part as small of that is nothing, and not looked for.
-        ([[4e3, 7e-4, 1e-9], [2.7e-3], [0.0]], 2, [1e-6, 1e-2]),
-        # Half of it each time is not at its end.
-        ([[4.0, 1e-7], [2.0, 1e-7], [1.0, 1e-7], [5e-4]], 4, [1e-6, 1e-2, 1e-2, 1e-2]),
-        # Steps that find a third of one another each go on to the end.
-        ([[9.0, 3.0, 1.0], [1e-2, 3e-3], [0.0]], 3, [1e-6, 9e-6, 3.3e-6]),
-        # A descent that broke off, or one of a single step, has told nothing of steps.
-        ([[9.0, None], [1e-2, 1e-8], [0.0]], 3, [1e-6, 1e-6, 1e-2]),
-        ([[9.0], [1e-2, 1e-8], [0.0]], 3, [1e-6, 1e-6, 1e-2]),
-    ],
-)
-def test_descents_end_where_the_next_would_find_nothing(
-    monkeypatch: pytest.MonkeyPatch,
-    descents: list[list[float | None]],
-    taken: int,
-    last_steps: list[float],
-) -> None:
-    """By what each has left of the one before. Mutations: looked at once more; a slow one taken for a fast one; steps of a
-    descent that broke off believed; a step of any size the last.
-    """
-    asked: list[float] = []
-
-    def descend(_: object, state: Any, *, tolerance: float, **__: object) -> tuple[Any, None]:
-        found = descents[len(asked)]
-        asked.append(tolerance)
-        solution: Any = SimpleNamespace(predicted_decrease=found[-1])
-        outcome = Outcome.CONVERGED if found[-1] is not None else Outcome.EXHAUSTED
-        estimate: Any = None
-        first = found[0]
-        assert first is not None
-        minimum = Minimum(estimate, 0.0, solution, outcome, len(found), first)
-        return SimpleNamespace(rounds=state.rounds + 1, minimum=minimum), None
-
-    monkeypatch.setattr("calib_core.full.joint.settle.descend", descend)
-    unused: Any = None
-    start: Any = SimpleNamespace(rounds=0)
-    to_fixed_point(unused, start, Settling(), most=20)
-    assert len(asked) == taken
-    assert asked == pytest.approx(last_steps[:taken], rel=0.02)
