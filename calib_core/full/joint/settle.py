@@ -188,7 +188,7 @@ def to_fixed_point(
 
 def last_step(minimum: Minimum[Estimate], settling: Settling) -> float:
     """From which decrease on a step is the last one: what this descent's steps left of one another, of that, is nothing."""
-    if minimum.outcome is not Outcome.CONVERGED or minimum.solution is None or minimum.iterations == 1:
+    if minimum.outcome is not Outcome.CONVERGED or minimum.solution is None:
         return settling.least_decrease
     left = minimum.solution.predicted_decrease / minimum.first_decrease
     return min(settling.last_decrease, settling.least_decrease / max(left, settling.least_share))

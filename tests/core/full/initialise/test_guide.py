@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,12 +11,14 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
-from calib_core.full.initialise.felt import GyroTurning
+from calib_core.full.initialise.begin import lidar_track
+from calib_core.full.initialise.felt import GyroTurning, Judged, told_rotation
 from calib_core.full.initialise.guide import Guide, Led
 from calib_core.full.initialise.settings import GUIDING
 from calib_core.full.initialise.start import RotationStart
-from calib_core.full.odometry.reference import follow
+from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.register import Registered, ScanMotion, register
+from calib_core.full.odometry.track import track
 from calib_core.full.odometry.turning import Misled
 from calib_core.full.planes.propose import find_reference, named_planes
 from calib_core.full.prepare.prepare import prepare
@@ -228,3 +230,85 @@ def test_what_slid_tells_no_velocity() -> None:
     """Mutation: undetermined motions among those that the next step is told by."""
     behind = [replace(m, std_m=1.0 if m.position % 5 else 0.0) for m in _motions(range(5, 25))]
     assert _led().step(behind, 25) is None
+
+
+class _Aside:
+    """`register`, but that some scans are found so far aside [m], whatever leads them; the 45th as long as nothing does."""
+
+    def __init__(self, aside_m: dict[int, float]) -> None:
+        self.aside_m = aside_m
+
+    def __call__(self, *arguments: Any, **options: Any) -> Registered:
+        found, position = register(*arguments, **options), options["position"]
+        off_m = self.aside_m.get(position, 0.3 if position == 45 and options.get("known_rad") is None else 0.0)
+        return replace(found, motion=replace(found.motion, p=found.motion.p + np.array([0.0, off_m, 0.0])))
+
+
+def test_what_pulls_a_led_scan_aside_is_not_taken(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, soon: None
+) -> None:
+    """7 cm from what was felt in a tenth of a second it is bridged, in three tenths taken: so much may be felt wrongly.
+
+    Mutations: taken whatever it is; not taken however long nothing was.
+    """
+    monkeypatch.setattr("calib_core.full.odometry.track.register", _Aside({50: 0.07, 51: 0.3, 52: 0.07}))
+    found, _ = begun(noisy[0], given=False)
+    assert found.led
+    shares = {m.position: m.share for m in found.motions}
+    assert [shares[k] > 0.0 for k in (49, 50, 51, 52)] == [True, False, False, True]
+
+
+def test_a_led_track_that_was_not_felt_gives_way_to_the_planes_own(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, soon: None
+) -> None:
+    """Mutations: taken all the same; its own planes followed no more; said to be led."""
+    calls: list[object] = []
+
+    def followed(*arguments: Any, **options: Any) -> Any:
+        calls.append(options.get("guide"))
+        return follow(*arguments, **options)
+
+    def never(_ctx: Run, known: Any, *_: object) -> Any:
+        return known[0], None
+
+    begin = "calib_core.full.initialise.begin."
+    monkeypatch.setattr("calib_core.full.odometry.track.register", _Aside({}))
+    monkeypatch.setattr(begin + "follow", followed)
+    monkeypatch.setattr(begin + "judged", lambda *_: Judged(*[None] * 3, np.arange(3)))  # type: ignore[arg-type]
+    monkeypatch.setattr(Judged, "faults", 3)
+    monkeypatch.setattr(begin + "_with_steps", never)
+    monkeypatch.setattr(begin + "_felt", lambda _ctx, first, *_: first)
+    found, said = begun(noisy[0], given=False)
+    assert [guide is None for guide in calls] == [False, True]
+    assert not found.led
+    assert "track.aided" not in said
+
+
+def test_what_leads_one_way_leads_the_other(noisy: tuple[Recording, Truth], run: Run) -> None:
+    """From a reference in the middle: turns told to the march forwards are those of the march back.
+
+    Mutation: the march back by its planes alone.
+    """
+    asked: list[int] = []
+
+    class Turns(GyroTurning):
+        def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
+            asked.append(start_ns)
+            return super().between(start_ns, end_ns)
+
+    class Forwards:
+        led = True
+
+        def lead(self, _motions: Any, newest: ScanMotion | None) -> Turns | None:
+            return turns if newest is not None and newest.position > 30 + reference else None
+
+    reference, fits = find_reference(noisy[0].scans[30:], run.settings)
+    motions = follow(run, named_planes(fits), 30 + reference, may_leave=False).motions
+    lidar = lidar_track(run, Followed(30, [], motions))
+    rotation = told_rotation(run, lidar)
+    assert rotation is not None
+    known = GyroTurning.of(run, rotation)
+    turns = Turns(**{each.name: getattr(known, each.name) for each in fields(known)})
+    track(noisy[0].scans, named_planes(fits), 30 + reference, guide=Forwards(), within=range(25, 36))
+    first_ns = noisy[0].scans[30 + reference].stamp_ns
+    assert min(asked) < first_ns - 2e8
