@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -196,7 +197,9 @@ class Truth:
         scenario, imu = self.scenario, self.scenario.imu
         on = 1.0 if scenario.noise else 0.0
         rotation = Rotation.from_quat(scenario.mounting[3:])
-        yaw, pitch, roll = (float(a) for a in rotation.as_euler("ZYX", degrees=True))
+        with warnings.catch_warnings():  # pointing straight up, any split of yaw and roll is as right as another
+            warnings.filterwarnings("ignore", message="Gimbal lock")
+            yaw, pitch, roll = (float(a) for a in rotation.as_euler("ZYX", degrees=True))
         return TruthFile(
             scenario=scenario.slug,
             seed=self.seed,

@@ -12,6 +12,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.spatial.transform import Rotation
 
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import IterationEvent, LogEvent, StageEvent
@@ -248,6 +249,19 @@ def test_truth_beside_the_bag_has_the_options(tmp_path: Path) -> None:
     assert set(raw["noise"].values()) == {0.0}
     assert [plane["name"] for plane in raw["planes"]][:2] == ["floor", "ceiling"]
     assert TruthFile.model_validate(raw).to_json() == path.read_text()
+
+
+def test_a_mounting_that_points_straight_up_is_told_without_a_warning(tmp_path: Path) -> None:
+    """Its angles are those of its matrix. Oracle: three elementary rotations. Mutation: a library's warning let through."""
+    half = float(np.sqrt(0.5))
+    path = simulate(
+        "paper-normal", tmp_path / "x.mcap", mounting=(0.0, 0.0, 0.0, 0.0, half, 0.0, half), duration_s=1.0, noise=False
+    )
+    transform = json.loads(path.read_text())["T_imu_lidar"]
+    roll, pitch, yaw = np.radians(transform["euler_xyz_deg"])
+    assert np.degrees(pitch) == pytest.approx(90.0)
+    angles = Rotation.from_euler("z", yaw) * Rotation.from_euler("y", pitch) * Rotation.from_euler("x", roll)
+    np.testing.assert_allclose(np.array(transform["matrix"])[:3, :3], angles.as_matrix(), atol=1e-9)
 
 
 def test_stopping_leaves_nothing_behind(tmp_path: Path) -> None:
