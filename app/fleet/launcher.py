@@ -134,14 +134,16 @@ class ClusterJob:
         turn, is_waiting = "", False
         try:
             while True:
+                # Looked at before it is listened: what was said up to the end is heard, however late it is looked.
+                is_over = self._is_over(has_begun=bool(turn))
                 message = self._hear()
                 if message is None:
+                    if is_over:
+                        yield from self._last_words()
+                        return
                     if not turn and not is_waiting:
                         is_waiting = True
                         yield WAITING
-                    if self._is_over(has_begun=bool(turn)):
-                        yield from self._last_words()
-                        return
                     continue
                 spoken_in, text = message
                 parcel = None if text is None else PARCEL.validate_json(text)
@@ -184,7 +186,7 @@ class ClusterJob:
         return spoken_in, text
 
     def _is_over(self, *, has_begun: bool) -> bool:
-        """Whether nothing more will be heard, now that nothing has been for a while."""
+        """Whether nothing more will be said: what is not heard now never will be."""
         if self._stopping_since_s is not None:
             patience_s = self._longest_end_s if has_begun else 2.0 * _LOOK_S
             return time.monotonic() - self._stopping_since_s > patience_s

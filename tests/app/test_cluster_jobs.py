@@ -206,6 +206,27 @@ def test_paths_mean_the_same_to_a_worker_that_is_elsewhere(address, client, tmp_
     cluster.close()
 
 
+def test_what_a_job_said_before_its_end_is_heard_after_it(address, client, tmp_path, monkeypatch):
+    """A machine so busy that the task has ended between the look at its messages, which found none, and the look at the task.
+
+    Mutation: a task's end taken for the end of what it said.
+    """
+    hear = launching.ClusterJob._hear
+
+    def hear_late(job):
+        message = hear(job)
+        while message is None and not job._future.done():
+            time.sleep(0.01)
+        return message
+
+    monkeypatch.setattr(launching, "_LOOK_S", 0.01)
+    monkeypatch.setattr(launching.ClusterJob, "_hear", hear_late)
+    cluster = cluster_of(address)
+    *_, last = cluster.launch(order_in(tmp_path, kind="inspect")).parcels()
+    assert isinstance(last, Finished)
+    cluster.close()
+
+
 def test_a_scheduler_that_goes_away_ends_jobs_with_a_sentence(tmp_path, monkeypatch):
     """In the middle of a job, before the next one, and before the server starts. Mutation: dask's own error let out."""
     from app.fleet import cluster as joining
