@@ -42,7 +42,7 @@ def calibrate_full(
             return solve(run, replace(followed, planes=list(planes)), lidar, start, guess, schedule)
 
         def judged(run: Run, solved: Solved) -> Answer:
-            wider = weigh_chosen(run, solved) if schedule is CHOSEN else 1.0
+            wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
             return answer(run, solved, weigh(run, solved, at_least=wider), lidar)
 
         return with_sensors_held(run, solved, judged)
@@ -101,7 +101,7 @@ def solve(
         if _all_followed(run, followed):
             raise
     run.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
-    alone = replace(CHOSEN, propagation=None)
+    alone = replace(schedule, planes=None, propagation=None)
     return estimate_jointly(data, replace(first, iterations=iterations), alone)
 
 

@@ -11,6 +11,7 @@ from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
+from calib_core.full.planes.standing import WORDS
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
@@ -25,9 +26,19 @@ def require_bounds(data: JointData, before: Estimation, after: Estimation) -> No
 
 
 def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float) -> None:
-    """Raises Refused where the last round has moved the calibration by more than it claims to be known to."""
+    """Raises Refused where the last round has moved the calibration by more than it claims to be known to.
+
+    Planes that were chosen and are doubtful are the reason where there are any: what else there is to try would not help.
+    """
     moved, std = last_move(before, after)
     if (np.abs(moved) / std).max() > unsettled_sigmas:
+        said = [f"{plane.name} {WORDS[plane.fault]}" for plane in after.planes if plane.fault]
+        if said:
+            raise Refused(
+                "planes.unsettled",
+                f"the solve did not come to rest with the planes chosen: {', '.join(said)}; leave out what can move or bend, and "
+                "solve again",
+            )
         _refuse(before, after, f"the solve did not come to rest in {after.rounds} rounds")
 
 

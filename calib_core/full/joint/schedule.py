@@ -25,7 +25,8 @@ from calib_core.full.joint.policies import (
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """All rounds. propagation: None where the estimate stays within what was tracked.   planes: None where they were chosen.
+    """All rounds. propagation: None where the estimate stays within what was tracked.   planes: None where none joins and none
+    is dropped.   chosen: whether a person chose them, so that doubtful ones count, as far as the others hold the motion.
 
     joins: whether planes that come into view join those that were proposed.   instead: rounds where there is nothing to
     propagate to.   settling: None where the motion alone was asked for.
@@ -37,6 +38,7 @@ class Schedule:
     planes: PlaneSet | None
     settling: Settling | None
     joins: bool = True
+    chosen: bool = False
     instead: tuple[Round, ...] = ()
     steadying: Steadying = Steadying()  # noqa: RUF009  frozen
     #: The first round in which the sensors' own parameters are unknowns: with them in place, planes are told from clutter.
@@ -73,7 +75,7 @@ FULL = Schedule(
 SUGGESTED = replace(FULL, joins=False)
 
 #: With planes that somebody chose: all of them count.
-CHOSEN = replace(FULL, planes=None)
+CHOSEN = replace(FULL, planes=None, chosen=True)
 
 #: The forecast's. Start values are off by what is noise in a start; those along an open direction may lie anywhere, and a
 #: solve holds them at zero: either would pass for noise of the lidar, or bend what is known of the rest. What a motion knows is

@@ -10,6 +10,7 @@ import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
+from calib_core.full.joint.doubt import require_choice
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.plane_set import add_planes, drop_planes, mark_planes
 from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
@@ -17,7 +18,7 @@ from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.residuals import moved_in_gate
-from calib_core.full.joint.round import one_round, watched_round
+from calib_core.full.joint.round import gathered, one_round, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
@@ -143,7 +144,7 @@ def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> E
         if not data.sensors.blocks:
             return state
         return drop_planes(data, state, schedule.planes, most_share=schedule.planes.clutter_share)
-    return mark_planes(data, state, PlaneSet()) if schedule.settling is not None else state
+    return mark_planes(data, state, PlaneSet()) if schedule.chosen else state
 
 
 def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> tuple[Estimation, float]:
@@ -179,6 +180,8 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
         judge = partial(without_doubtful, data, schedule=schedule, rules=rules)
         state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
+    if schedule.chosen:
+        require_choice(gathered(data, state), state)
     if schedule.planes is not None:
         state = settle_without_doubtful(
             data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling

@@ -207,4 +207,4 @@ def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> Non
     unused: Any = None
     assert with_new_planes(unused, state, SUGGESTED) is state
     assert replace(SUGGESTED, joins=True) == FULL
-    assert replace(FULL, planes=None) == CHOSEN
+    assert replace(FULL, planes=None, chosen=True) == CHOSEN

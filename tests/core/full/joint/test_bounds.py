@@ -54,6 +54,19 @@ def test_what_still_moves_beyond_its_own_sigma_has_not_settled(half: Half) -> No
         require_rest(half.state, much, 1.0)
 
 
+def test_a_doubtful_plane_that_was_chosen_is_why_a_solve_does_not_rest(half: Half) -> None:
+    """And nothing else is tried then, which begins with "solve." Mutations: the cure for any plane; every plane named."""
+    assert half.state.information is not None
+    std_s = float(np.sqrt(covariance(half.state.information).matrix[6, 6]))
+    much = moved(half.state, offset_s=2.5 * std_s)
+    first, second, *rest = much.planes
+    marked = replace(much, planes=(first, replace(second, fault="bent"), *rest))
+    with pytest.raises(Refused, match=f"with the planes chosen: {second.name} is not flat; leave out") as refused:
+        require_rest(half.state, marked, 1.0)
+    assert refused.value.code == "planes.unsettled"
+    require_rest(half.state, replace(half.state, planes=marked.planes), 1.0)
+
+
 def test_a_sensor_that_no_one_builds_is_told_as_that(half: Half) -> None:
     """Twelve times its prior, whichever way, of any block. Mutations: leave the check out; look at the first block only; take
     the signed value."""

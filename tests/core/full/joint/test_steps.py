@@ -10,11 +10,11 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint import bounds, plane_set, solve, surface
+from calib_core.full.joint import bounds, doubt, plane_set, solve, surface
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import PlaneSet, Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
-from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
 from calib_core.full.joint.tone_choice import Explaining
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
@@ -278,11 +278,11 @@ def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
     assert after is (half.state if shaken else left)
 
 
-@pytest.mark.parametrize("ends", [True, False])
-def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: pytest.MonkeyPatch, ends: bool) -> None:
-    """It stays, and what was wrong with it is known at the end. A forecast judges nobody.
+@pytest.mark.parametrize("chosen", [True, False])
+def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: pytest.MonkeyPatch, chosen: bool) -> None:
+    """It stays, and what was wrong with it is known at the end. Where nobody chose, nobody is judged.
 
-    Mutations: judged as at rest; left out; the fault of its neighbour; marked in a forecast.
+    Mutations: judged as at rest; left out; the fault of its neighbour; marked where nobody chose.
     """
     count = len(half.state.planes)
     doubts = np.zeros((count, 3))
@@ -293,10 +293,33 @@ def test_a_chosen_box_is_marked_while_gates_are_wide(half: Half, monkeypatch: py
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.ones(count), points))
     monkeypatch.setattr(plane_set, "plane_doubts", lambda *rest: judged.append(rest[2:]) or doubts)
-    schedule = replace(FULL, planes=None, settling=FULL.settling if ends else None)
-    after = solve.without_clutter(half.data, half.state, schedule)
-    assert judged == ([(PlaneSet().rough_m,)] if ends else [])
-    assert [plane.fault for plane in after.planes] == ["", "bent" if ends else "", *[""] * (count - 2)]
+    after = solve.without_clutter(half.data, half.state, replace(CHOSEN, chosen=chosen))
+    assert judged == ([(PlaneSet().rough_m,)] if chosen else [])
+    assert [plane.fault for plane in after.planes] == ["", "bent" if chosen else "", *[""] * (count - 2)]
+
+
+@pytest.mark.parametrize(("chosen", "faces"), [(True, 2), (False, 2), (True, 3)])
+def test_a_choice_that_does_not_hold_the_motion_is_told_before_all_points_are_tried(
+    half: Half, monkeypatch: pytest.MonkeyPatch, chosen: bool, faces: int
+) -> None:
+    """What moves or bends never comes to rest, least of all with all points. Mutations: judged at the end alone; where nobody
+    chose; refused though what is sound faces three ways; named are the sound ones.
+    """
+    normals = half.state.estimate.normals
+    doubts = np.zeros((len(normals), 3))
+    doubts[(np.abs(normals @ normals[0]) > 0.5) if faces == 2 else [0], 1] = 1.2
+    doubtful = [plane.name for plane, row in zip(half.state.planes, doubts, strict=True) if row.any()]
+    monkeypatch.setattr(doubt, "plane_doubts", lambda *_: doubts)
+    monkeypatch.setattr(solve, "settle", lambda _, state, *__: state)
+    monkeypatch.setattr(solve, "settle_with_tones", lambda _, state, __: state)
+    schedule = replace(CHOSEN, chosen=chosen)
+    if faces == 3 or not chosen:
+        assert solve.settled(half.data, half.state, schedule) is half.state
+        return
+    with pytest.raises(Refused, match="do not hold the motion") as refused:
+        solve.settled(half.data, half.state, schedule)
+    assert refused.value.code == "planes.doubtful"
+    assert ", ".join(f"{name} is not flat" for name in doubtful) in str(refused.value)
 
 
 @pytest.mark.parametrize("held", [True, False])
