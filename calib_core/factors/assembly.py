@@ -12,6 +12,9 @@ import numpy as np
 
 from calib_core.types import FloatArray, IntArray
 
+#: Links whose rows are multiplied at once: a hundred kilobytes of them, with the columns that a solve has as a rule.
+_TOGETHER = 32
+
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _bias_columns(left: int, start: int, nodes: int, column: IntArray) -> None:
@@ -75,9 +78,9 @@ def add_links_kernel(
     extra = nuisance_column.shape[0]
     walking = 15 if nodes > 1 else 9
     per_link = walking + extra
-    shared = np.empty((9, per_link))
+    # Rows of links between the same two nodes, which share their columns, are multiplied with each other by the dozen.
+    rows, pulls, filled = np.empty((9 * _TOGETHER, per_link)), np.empty(9 * _TOGETHER), 0
     border_first, border_second = np.empty((9, per_link)), np.empty((9, per_link))
-    own, force = np.zeros((per_link, per_link)), np.zeros(per_link)
     column = np.empty(per_link, np.int64)
     place = np.empty((2, per_link), np.int64)
     for c in range(3):
@@ -90,6 +93,7 @@ def add_links_kernel(
         _bias_columns(left, gravity_start + 3, nodes, column)
         for end in range(2):
             _bias_columns(left - window[k + end], gravity_start + 3, width, place[end])
+        shared = rows[filled : filled + 9]
         for r in range(9):
             for c in range(3):
                 shared[r, c] = D_gravity[link, r, c]
@@ -102,6 +106,8 @@ def add_links_kernel(
                 shared[r, walking + c] = D_nuisance[link, r, c]
         # Summed up in small arrays of fixed columns, then put in place once: the inner loops run along memory.
         A, B, res = first[link], second[link], residual[link]
+        pulls[filled : filled + 9] = res
+        filled += 9
         border_first[:], border_second[:] = 0.0, 0.0
         for i in range(9):
             for m in range(9):
@@ -122,19 +128,13 @@ def add_links_kernel(
                 for c in range(per_link):
                     border_second[i, c] += b0 * shared[m, c] + b1 * shared[m + 1, c] + b2 * shared[m + 2, c]
         for c in range(per_link):
-            for m in range(0, 9, 3):
-                a0, a1, a2 = shared[m, c], shared[m + 1, c], shared[m + 2, c]
-                force[c] += a0 * res[m] + a1 * res[m + 1] + a2 * res[m + 2]
-                for e in range(c, per_link):
-                    own[c, e] += a0 * shared[m, e] + a1 * shared[m + 1, e] + a2 * shared[m + 2, e]
-        for c in range(per_link):
             for i in range(9):
                 border[k, i, place[0, c]] += border_first[i, c]
                 border[k + 1, i, place[1, c]] += border_second[i, c]
-        # Links between the same two nodes share their columns: these are put in place once for them all.
-        if link + 1 == links or node[link + 1] != left:
-            _put_in_place(own, force, column, corner, gradient_shared)
-            own[:], force[:] = 0.0, 0.0
+        if link + 1 == links or node[link + 1] != left or filled == len(rows):
+            some = rows[:filled]
+            _put_in_place(np.dot(some.T, some), np.dot(some.T, pulls[:filled]), column, corner, gradient_shared)
+            filled = 0
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

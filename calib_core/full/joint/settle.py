@@ -43,8 +43,10 @@ def near_rest(
     sampling: Sampling,
     judge: Judge | None = None,
     turns: int = 0,
+    soon: int | None = None,
 ) -> tuple[Estimation, bool]:
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
+    So do those that still move them by much after `soon` rounds, where that is asked for.
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
     stays out. So would a noise that goes to and fro between two values: the last one stays. Where both lead each other about
@@ -99,7 +101,7 @@ def near_rest(
         surveyed = found
         if moves[-1] == min(moves):
             stillest = state
-        if goes_away(moves, settling):
+        if goes_away(moves, settling) or (len(moves) == soon and moves[-1] >= settling.judged):
             return replace(stillest, rounds=state.rounds, iterations=state.iterations), False
     return state, True
 

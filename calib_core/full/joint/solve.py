@@ -189,7 +189,8 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
     if uneven is state:
         return state
-    bent, rests = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling)
+    soon = schedule.surfaces.rounds
+    bent, rests = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling, soon=soon)
     if not (rests and is_bent_wall(bent, schedule.surfaces)):
         return replace(state, rounds=bent.rounds, iterations=bent.iterations)
     say_uneven(data, bent)

@@ -45,7 +45,9 @@ class Periodogram:
         The motion and the sensors' parameters leave a thousandth of it at one frequency, all of it at another.
         """
         around = 2 * rules.neighbours * rules.padded + 1
-        usual = scipy.ndimage.median_filter(self.power, size=(around, 1), mode="nearest") / np.log(2.0)
+        # Channel by channel: SciPy is twenty times as quick along a single axis.
+        each = [scipy.ndimage.median_filter(np.ascontiguousarray(c), size=around, mode="nearest") for c in self.power.T]
+        usual = np.stack(each, axis=1) / np.log(2.0)
         return self._told((self.power / np.maximum(usual, np.finfo(float).tiny)).max(axis=1), rules)
 
     def turn_hz(self, rules: Tones) -> float:

@@ -123,6 +123,8 @@ class _Swinging:
     estimate: float
     support: PlaneExtents
     surveys: int = 0
+    rounds: int = 0
+    iterations: int = 0
     lidar_noise: LidarNoise = LidarNoise(0.02, 0.001)  # noqa: RUF009  frozen
 
 
@@ -292,6 +294,31 @@ def test_what_is_no_plane_is_left_out_on_the_way_to_rest(
     settling.near_rest(data, begin, Settling(), Sampling(), judge, 3)
     assert asked == asked_at
     assert done == rounds
+
+
+@pytest.mark.parametrize(
+    ("moved", "soon", "rounds", "rests"),
+    [
+        ([0.46, 0.37, 0.53, 0.39, 1e-7], 3, 3, False),  # seen: heights about a box that was chosen
+        ([0.46, 0.37, 0.53, 0.39, 1e-7], None, 5, True),
+        ([0.27, 0.05, 0.03, 0.02, 1e-7], 3, 5, True),  # seen: a bent wall's
+    ],
+)
+def test_what_has_to_be_at_rest_soon_and_is_not_ends(
+    monkeypatch: pytest.MonkeyPatch, moved: list[float], soon: int | None, rounds: int, rests: bool
+) -> None:
+    """Mutations: for everybody; never; told by the first round; taken for at rest."""
+    moves = iter(moved)
+    done = 0
+
+    def descended(_: object, state: _Swinging, **__: object) -> tuple[_Swinging, None]:
+        nonlocal done
+        done += 1
+        return state, None
+
+    data, begin = _rounds_of(monkeypatch, lambda *_: next(moves), descend=descended)
+    found = settling.near_rest(data, begin, Settling(), Sampling(), soon=soon)[1]
+    assert (done, found) == (rounds, rests)
 
 
 def _estimate(rng: np.random.Generator) -> Estimate:

@@ -205,10 +205,14 @@ def test_a_patch_that_follows_another_surface_ends_the_shapes(
     heights = replace(half.state.estimate, nuisance=np.array([0.001, height_m]))
     uneven = replace(half.state, nuisance=surface, estimate=heights)
     monkeypatch.setattr(solve, "settle", lambda *_: half.state)
-    monkeypatch.setattr(solve, "near_rest", lambda *_: (replace(uneven, rounds=77), rests))
+    soon: list[int] = []
+    monkeypatch.setattr(
+        solve, "near_rest", lambda *_, **more: soon.append(more["soon"]) or (replace(uneven, rounds=77), rests)
+    )
     monkeypatch.setattr(solve, "admit_surface", lambda *_: uneven)
     after = solve.settled(half.data, half.state, replace(FULL, planes=None))
     assert after.rounds == 77
+    assert soon == [FULL.surfaces.rounds]
     assert (after.nuisance.size == 2) == kept
 
 
