@@ -87,7 +87,8 @@ def stamp_end_suspicion(
     lag_s = float(np.median(lidar_lag_ns) - np.median(imu_lag_ns)) * 1e-9
     if np.median(np.abs(lidar_lag_ns)) < 1e5:
         return None  # a rewritten recording whose receive times are copies of the headers
-    if lag_s > 0.7 * last_point_s or abs(lag_s) > 2 * period_s:
+    # Nearer to no delay than to a sweep's: in between, two clocks that differ by as much are as likely.
+    if lag_s > 0.5 * last_point_s or abs(lag_s) > 2 * period_s:
         return None
     return Finding(
         code="clock.stamp_at_end",

@@ -41,13 +41,20 @@ def test_one_epoch_needs_nothing() -> None:
 
 
 def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
-    """Mutation: leave the IMU's own latency out (the recorder runs 5 s ahead); drop the test of last_point_s."""
+    """Mutations: leave the IMU's own latency out (the recorder runs 5 s ahead); drop the test of last_point_s; told of clocks
+    that are a third of a sweep apart.
+    """
     header, receive, imu_header, imu_receive = lidar_and_imu(0)
     receive, imu_lag = receive + 5_000_000_000, imu_receive + 5_000_000_000 - imu_header
     assert stamp_end_suspicion(receive - header, imu_lag, 0.1, 0.1, "/p") is None
     late = stamp_end_suspicion(receive - (header + PERIOD_NS), imu_lag, 0.1, 0.1, "/p")
     assert late is not None
     assert "probably the sweep's end" in late.text
+    lag = receive - header
+    apart = (
+        lag - round(float(np.median(lag - np.median(imu_lag)))) + 67_000_000
+    )  # arrives after two thirds of its sweep
+    assert stamp_end_suspicion(apart, imu_lag, 0.1, 0.1, "/p") is None
     # negative times: the last point is at the header, and it is right that the scan arrives at once
     at_once = receive - (header + PERIOD_NS) - 15_000_000
     assert stamp_end_suspicion(at_once, imu_lag, 0.1, 0.0, "/p") is None
