@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.errors import Refused
-from calib_core.full.joint.estimation import Estimation, Solved
+from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_chi2
 from calib_core.full.joint.settings import DOUBTING
@@ -75,22 +75,15 @@ def say_left_out(ctx: Run, names: Sequence[str], doubt: FloatArray) -> None:
             ctx.say("warning", "planes.dropped", f"{name} does not fit the motion that the others share: left out")
 
 
-def require_choice(problem: JointProblem, state: Estimation) -> None:
-    """Raises Refused where those of the chosen planes that are beyond doubt do not hold three directions.
-
-    As soon as the motion is told by narrow gates: rounds about what moves or bends would not come to rest, with all points least.
-    """
-    if np.isfinite(state.estimate.p_imu_lidar).all():
-        faults = [fault_of(row) for row in plane_doubts(problem, state.estimate)]
-        _require_three_ways([plane.name for plane in state.planes], faults, state.estimate.normals)
+def face_three_ways(normals: FloatArray) -> bool:
+    """Whether planes of these normals (P, 3) hold a pose."""
+    return len(normals) >= 3 and bool(np.linalg.svd(normals, compute_uv=False)[-1] >= DOUBTING.least_spread)
 
 
-def _require_three_ways(names: Sequence[str], faults: Sequence[Fault], normals: FloatArray) -> None:
-    """Raises Refused. normals: (P, 3) of the planes of these names, which stay at unit length."""
+def require_three_ways(names: Sequence[str], faults: Sequence[Fault], normals: FloatArray) -> None:
+    """Raises Refused where some of the planes are faulty and the others do not face three ways. normals: (P, 3), unit length."""
     said = [f"{name} {WORDS[fault]}" for name, fault in zip(names, faults, strict=True) if fault]
-    sound = normals[[not fault for fault in faults]]
-    spread = np.linalg.svd(sound, compute_uv=False) if len(sound) >= 3 else np.zeros(3)
-    if said and spread[-1] < DOUBTING.least_spread:
+    if said and not face_three_ways(normals[[not fault for fault in faults]]):
         raise Refused(
             "planes.doubtful",
             f"the planes chosen do not hold the motion: {', '.join(said)}, and the others do not face three ways; choose walls, "
@@ -111,7 +104,7 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
     doubt = doubts(stand)
     faults = [fault_of(row) for row in doubt]
     seen = [fault or plane.fault for fault, plane in zip(faults, solved.planes, strict=True)]
-    _require_three_ways(names, faults, estimate.normals)
+    require_three_ways(names, faults, estimate.normals)
     for name, fault in zip(names, seen, strict=True):
         if fault:
             ctx.say(

@@ -10,9 +10,9 @@ import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
-from calib_core.full.joint.doubt import require_choice
+from calib_core.full.joint.doubt import face_three_ways, plane_doubts, require_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
-from calib_core.full.joint.plane_set import add_planes, drop_planes, mark_planes
+from calib_core.full.joint.plane_set import add_planes, drop_planes, mark_planes, only_planes
 from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
@@ -24,6 +24,7 @@ from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
 from calib_core.full.joint.tones import admit_rest, admit_tones, found_tones, loudest, say_tones
+from calib_core.full.planes.standing import Fault, fault_of
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 
@@ -181,7 +182,7 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
         state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.chosen:
-        require_choice(gathered(data, state), state)
+        state = with_culprits_marked(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:
         state = settle_without_doubtful(
             data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling
@@ -211,6 +212,31 @@ def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) ->
         # What is left stands out from less once the gates are narrow again.
         state = settle(data, after, nearly, schedule.sampling)
     return state if state is before else settle(data, state, schedule.settling, schedule.sampling)
+
+
+def with_culprits_marked(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """The same, each chosen plane with what is wrong with it, where what seems sound among them does not hold the motion.
+
+    A motion that a box has bent makes walls seem bent. So the most doubtful goes first and the rest settles without it, until
+    nobody is doubtful: those that had to go are the culprits. Raises Refused where the others do not hold three directions.
+    """
+    assert schedule.settling is not None
+    doubt = plane_doubts(gathered(data, state), state.estimate)
+    if face_three_ways(state.estimate.normals[doubt.max(axis=1) <= 1.0]):
+        return state
+    nearly = replace(schedule.settling, rounds=schedule.tones.settling_rounds)
+    faults, left = dict[str, Fault](), state
+    while doubt.max() > 1.0:
+        worst = int(np.argmax(doubt.max(axis=1)))
+        faults[left.planes[worst].name] = fault_of(doubt[worst])
+        keep = np.arange(len(doubt)) != worst
+        if not face_three_ways(left.estimate.normals[keep]):
+            break
+        left = settle(data, only_planes(left, keep, doubt[:, 2] < 1.0, PlaneSet()), nearly, schedule.sampling)
+        doubt = plane_doubts(gathered(data, left), left.estimate)
+    planes = tuple(replace(plane, fault=faults.get(plane.name, "")) for plane in state.planes)
+    require_three_ways([plane.name for plane in planes], [plane.fault for plane in planes], state.estimate.normals)
+    return replace(state, planes=planes, rounds=left.rounds, iterations=left.iterations)
 
 
 def without_doubtful(data: JointData, state: Estimation, schedule: Schedule, rules: PlaneSet) -> Estimation:
