@@ -16,14 +16,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-#: Numbers of the GNU library's mallopt: how much free memory at the end is kept, how much more is asked for at once, from which
-#: size on an array has pages of its own, how many heaps there are.
-_TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -2, -3, -8
+#: Numbers of the GNU library's mallopt: how much free memory at the end is kept, how much more is asked for at once, how many
+#: arrays may have pages of their own, how many heaps there are.
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX, _ARENA_MAX = -1, -2, -4, -8
 #: All of it: whoever computes ends when he is done.
 _KEPT_BYTES = 2**31 - 1
 _AT_ONCE_BYTES = 2**26
-#: The most that the library takes.
-_OWN_PAGES_BYTES = 2**25
 
 
 def keep_freed_memory() -> None:
@@ -33,7 +31,7 @@ def keep_freed_memory() -> None:
         wish(_ARENA_MAX, 1)  # what one thread drops, another may take
         wish(_TRIM_THRESHOLD, _KEPT_BYTES)
         wish(_TOP_PAD, _AT_ONCE_BYTES)
-        wish(_MMAP_THRESHOLD, _OWN_PAGES_BYTES)
+        wish(_MMAP_MAX, 0)  # those would be given back, and wiped when they are asked for again
 
 
 @contextmanager
