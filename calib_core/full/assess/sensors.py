@@ -103,7 +103,8 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         text = f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
         told.append(("sensor.g_sensitivity", text))
     if rate := by["clock_rate"]:
-        text = f"the lidar's clock gains {rate[0].value:+.1f} millionths on the IMU's; {taken}"
+        how = "gains" if rate[0].value > 0 else "loses"
+        text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"
         told.append(("sensor.clock", text))
     return told
 

@@ -41,11 +41,13 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             "sensor.g_sensitivity",
             "the gyroscope feels forces, up to 0.101 deg/s a g; it was",
         ),
+        ("clock_rate", -60.5, True, "sensor.clock", "clock loses 60.5 millionths on the IMU's; it was taken out"),
+        ("clock_rate", 12.25, True, "sensor.clock", "clock gains 12.2 millionths on the IMU's"),
         ("gyroscope_scale", -4e-3, True, "sensor.gyroscope_scale", "x axis reads 0.40% too little; it was taken out"),
     ],
 )
 def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bool, code: str, text: str) -> None:
-    """And nothing of what is not. Mutations: short and long exchanged; said whether or not; corrected whether or not."""
+    """And nothing of what is not. Mutations: short and long, gains and loses exchanged; said whether or not; corrected whether or not."""
     ((told, sentence),) = _sentences([_found(block, value)], corrected=corrected)
     assert told == code
     assert text in sentence
