@@ -47,7 +47,7 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
     ],
 )
 def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bool, code: str, text: str) -> None:
-    """And nothing of what is not. Mutations: short and long, gains and loses exchanged; said whether or not; corrected whether or not."""
+    """And nothing of what is not. Mutations: short and long, gains and loses exchanged; said or corrected whether or not."""
     ((told, sentence),) = _sentences([_found(block, value)], corrected=corrected)
     assert told == code
     assert text in sentence
