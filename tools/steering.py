@@ -82,6 +82,7 @@ RECORDS = (
     ("assess", "calib_core/full/assess/settings.py", "Plausible"),
     ("assess", "calib_core/full/assess/settings.py", "Wording"),
     ("assess", "calib_core/full/assess/settings.py", "Parts"),
+    ("assess", "calib_core/full/assess/settings.py", "Given"),
     ("assess", "calib_core/full/assess/settings.py", "ClockSteps"),
     ("assess", "calib_core/full/assess/settings.py", "Silence"),
     ("forecast", "calib_core/full/forecast.py", "Forecasting"),

@@ -10,6 +10,9 @@ from calib_core.result import CalibrationResult
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
 
+#: The message that says that what a person gave contradicts the recording.
+CONTRADICTED = "prior.contradicted"
+
 
 def disagrees(result: CalibrationResult) -> bool:
     """Whether parts of the recording contradict each other by more than noise explains."""
@@ -68,6 +71,9 @@ def verdict(result: CalibrationResult) -> str:
         "its parts disagree by more than noise explains, which the error bars allow for; " if disagrees(result) else ""
     )
     if result.status == "weak":
+        given = [message.text for message in result.messages if message.code == CONTRADICTED]
+        if given:
+            return f"Weak: {given[0]}"
         weak = result.observability.weak_directions
         if but and not weak:
             return f"Weak: its parts contradict each other, so that what is stated may be too little; {known}"

@@ -133,6 +133,7 @@ describe("the next step of a refusal", () => {
     ["refused", ["imu.axis_signs"], null, "reading"],
     ["refused", ["points.straightened"], null, "reading"],
     ["weak", ["solve.weak"], null, "record"],
+    ["weak", ["prior.contradicted", "solve.disagreement"], null, null],
     ["calibrated", ["solve.disagreement"], null, "planes"],
     ["calibrated", ["map.none"], null, null],
   ] as const)("of %s with %j puts first what helps", (status, codes, doubted, step) => {

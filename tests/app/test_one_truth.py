@@ -19,7 +19,7 @@ from app.planes.state import suggested
 from app.planes.strength import foreseen, information, share_left
 from app.results.command import command_of
 from app.results.report import report_page
-from app.results.verdict import DISAGREEMENT, solve_outcome, verdict
+from app.results.verdict import CONTRADICTED, DISAGREEMENT, solve_outcome, verdict
 from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
@@ -116,6 +116,15 @@ def test_what_disagrees_is_in_the_first_sentence_and_in_the_colour():
     assert outcome.planes_used == len(result.quality.planes)
     refused = doubtful.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
     assert solve_outcome(refused).tone == "bad"
+
+
+def test_what_was_given_and_is_wrong_comes_first():
+    """Mutation: said of the recording's parts, which it tears apart."""
+    result = widened(world.make_result(), 300.0)
+    said = [Message(code=code, level="warning", text=code) for code in (DISAGREEMENT, CONTRADICTED)]
+    doubtful = result.model_copy(update={"status": "weak", "messages": [*result.messages, *said]})
+    assert verdict(doubtful) == f"Weak: {CONTRADICTED}"
+    assert solve_outcome(doubtful).tone == "doubtful"
 
 
 def cluttered() -> CalibrationResult:

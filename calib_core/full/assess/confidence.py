@@ -9,10 +9,11 @@ import numpy as np
 
 from calib_core.full.assess.considered import Considered, consider
 from calib_core.full.assess.disagreement import Apart, Disagreement, disagreements, take_apart, together
+from calib_core.full.assess.given import Contradiction, contradictions, say_contradictions
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.estimation import Solved
-from calib_core.full.joint.state import TIME_OFFSET
+from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.settings import STEPS
 from calib_core.full.run import Run
@@ -33,13 +34,14 @@ _WORDS = {
 class Confidence:
     """knowledge: with everything counted.   considered: None where the sensors' parameters were estimated, or are none.
 
-    apart: the parts that were compared.
+    apart: the parts that were compared.   contradicted: what was given beforehand and is wrong.
     """
 
     knowledge: Knowledge
     considered: Considered | None
     found: tuple[Disagreement, ...]
     apart: Apart
+    contradicted: tuple[Contradiction, ...] = ()
 
     @property
     def is_torn(self) -> bool:
@@ -67,6 +69,10 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
     apart = take_apart(problem, estimate)
     found = tuple(disagreements(apart, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
+    contradicted = contradictions(
+        priors.rows[CALIBRATION:], priors.calibration_vector(estimate), np.sqrt(np.diag(plain.covariance))
+    )
+    say_contradictions(run, contradicted)
     if beyond.any():
         _say(run, found, beyond)
     knowledge = assess(
@@ -79,7 +85,7 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
     )
     if not frozen:
         _say_steps(run, knowledge)
-    return Confidence(knowledge, considered, found, apart)
+    return Confidence(knowledge, considered, found, apart, tuple(contradicted))
 
 
 def is_torn(found: Sequence[Disagreement]) -> bool:

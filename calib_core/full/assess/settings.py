@@ -72,6 +72,17 @@ class Parts:
 
 
 @dataclass(frozen=True, slots=True)
+class Given:
+    """When the recording contradicts what a person gave."""
+
+    #: derived: one in two million of a normal law; what a person gives is not known better than that.
+    sigmas: float = 5.0
+    #: derived: a descent ends within a seven-hundredth of the answer's sigma: of what the recording says of a value that was
+    #: given a thousand times as sharply (the root of this), it is off by one and a half of its own, and may not pass for five.
+    least_told: float = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
 class ClockSteps:
     """When stretches of time answer two time offsets."""
 
@@ -96,4 +107,5 @@ class Silence:
     least_s: float = 0.35
 
 
-PLAUSIBLE, WORDING, PARTS, CLOCK_STEP, SILENCE = Plausible(), Wording(), Parts(), ClockSteps(), Silence()
+PLAUSIBLE, WORDING, PARTS, GIVEN = Plausible(), Wording(), Parts(), Given()
+CLOCK_STEP, SILENCE = ClockSteps(), Silence()

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
-from calib_core.full.joint.state import CALIBRATION, TRANSLATION
+from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
 from calib_core.full.planes.standing import WORDS
 from calib_core.solver.information import covariance
@@ -103,12 +103,13 @@ def _refuse(before: Estimation, after: Estimation, what: str) -> None:
     worst = int(np.argmax(sigmas))
     raise Refused(
         "solve.unsettled",
-        f"{what}: the {NAMES[worst]} still moved by {_amount(float(moved[worst]), worst)}, {sigmas[worst]:.1f} times its "
+        f"{what}: the {NAMES[worst]} still moved by {amount(float(moved[worst]), worst)}, {sigmas[worst]:.1f} times its "
         f"standard deviation, in the last one; {_CURE}",
     )
 
 
-def _amount(moved: float, which: int) -> str:
-    if which < 3:
-        return f"{np.degrees(abs(moved)):.2g} deg"
-    return f"{abs(moved) * 1e3:.2g} {'mm' if which < 6 else 'ms'}"
+def amount(moved: float, which: int) -> str:
+    """How far the calibration's parameter of that column is moved [rad, m, s], for a person."""
+    if which < TRANSLATION.start:
+        return f"{np.degrees(abs(moved)):.3g} deg"
+    return f"{abs(moved) * 1e3:.3g} {'ms' if which == TIME_OFFSET else 'mm'}"

@@ -222,7 +222,8 @@ def with_culprits_marked(data: JointData, state: Estimation, schedule: Schedule)
     """
     assert schedule.settling is not None
     doubt = plane_doubts(gathered(data, state), state.estimate)
-    if face_three_ways(state.estimate.normals[doubt.max(axis=1) <= 1.0]):
+    sound = doubt.max(axis=1) <= 1.0
+    if sound.all() or face_three_ways(state.estimate.normals[sound]):
         return state
     nearly = replace(schedule.settling, rounds=schedule.tones.settling_rounds)
     faults, left = dict[str, Fault](), state
@@ -233,10 +234,11 @@ def with_culprits_marked(data: JointData, state: Estimation, schedule: Schedule)
         if not face_three_ways(left.estimate.normals[keep]):
             break
         left = settle(data, only_planes(left, keep, doubt[:, 2] < 1.0, PlaneSet()), nearly, schedule.sampling)
+        left = replace(left, rounds=state.rounds)  # beside the way to the answer, whose rounds are bounded
         doubt = plane_doubts(gathered(data, left), left.estimate)
     planes = tuple(replace(plane, fault=faults.get(plane.name, "")) for plane in state.planes)
     require_three_ways([plane.name for plane in planes], [plane.fault for plane in planes], state.estimate.normals)
-    return replace(state, planes=planes, rounds=left.rounds, iterations=left.iterations)
+    return replace(state, planes=planes, iterations=left.iterations)
 
 
 def without_doubtful(data: JointData, state: Estimation, schedule: Schedule, rules: PlaneSet) -> Estimation:

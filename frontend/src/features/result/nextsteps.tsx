@@ -42,6 +42,7 @@ export function firstStep(
   const about = (...starts: string[]) => codes.some((code) => starts.some((start) => code.startsWith(start)));
   if (unit !== null && about("imu.gyroscope_unit", "imu.accelerometer_unit")) return "unit";
   if (about("imu.axis_signs", "points.")) return "reading";
+  if (about("prior.")) return null; // what was given has to be corrected, which the settings are for
   if (status === "weak" || about("motion.", "start.too_short")) return "record";
   if (about("planes.", "solve.", "start.", "paper.")) return "planes";
   return null;
