@@ -15,7 +15,6 @@ dask is an extra: this module is imported when a scheduler is named, never befor
 
 from __future__ import annotations
 
-import multiprocessing
 import threading
 import time
 import uuid
@@ -24,21 +23,21 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from app.errors import Unavailable
-from app.fleet.cluster import connect, is_dropped
-from app.jobs.launch import TERMINATE_GRACE_S, ProcessLauncher, RunningJob
+from app.fleet.cluster import connect
+from app.fleet.on_worker import run_on_worker
+from app.jobs.launch import TERMINATE_GRACE_S, RunningJob
 from app.jobs.orders import PARCEL, Begun, Failed, Happened, Order, Parcel
-from app.limits import LEAST_MEMORY_BYTES, fair_memory_bytes
 from app.schemas.common import ErrorFacts
 from calib_core import __version__
 from calib_core.errors import InputError
 from calib_core.events import LogEvent
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, Queue, Worker
+    from distributed import Client, Future, Queue
 
 JOB = "app.work.functions:run_job"
 
-#: How long one side hears nothing before it looks whether the other is still there.
+#: How long nothing is heard before it is looked whether the other side is still there.
 _LOOK_S = 0.5
 #: How long a scheduler that may have gone is waited for when a connection is closed.
 _CLOSE_S = 2.0
@@ -200,100 +199,10 @@ class ClusterJob:
             yield Failed(error=_facts_of(self._future))
 
 
-def run_on_worker(
-    order_text: str, *, entry: str, queue_name: str, version: str, grace_s: float, memory_bytes: int | None
-) -> None:
-    """Run an order in a process beside this worker and pass on what it tells. The arguments are those of ClusterLauncher.
-
-    version: of the server, which an order is written for.
-    """
-    from distributed import Queue, get_worker
-
-    worker = get_worker()
-    queue, turn = Queue(queue_name), uuid.uuid4().hex
-    try:
-        queue.put((turn, Begun().model_dump_json()))
-        for parcel in _seen_through(worker, order_text, entry, version, grace_s, memory_bytes):
-            queue.put((turn, parcel.model_dump_json()))
-        queue.put((turn, None))
-    finally:
-        queue.close()
-
-
-def _seen_through(
-    worker: Worker, order_text: str, entry: str, version: str, grace_s: float, memory_bytes: int | None
-) -> Iterator[Parcel]:
-    """What the order's process tells on its way, but for that it has begun."""
-    key = str(worker.get_current_task())
-    if version != __version__:
-        yield Failed(error=_other_version(worker, version))
-        return
-    order = Order.model_validate_json(order_text)
-    if not _sees(order):
-        yield Failed(error=_unseen(worker))
-        return
-    # dask starts workers as daemons, which may have no children lest they be left behind. Ours leave with their parent.
-    multiprocessing.current_process().daemon = False
-    running = ProcessLauncher(entry).launch(_with_memory_of(worker, order, memory_bytes))
-    ended = threading.Event()
-    threading.Thread(target=_heed, args=(running, worker, key, grace_s, ended), daemon=True).start()
-    try:
-        yield from (parcel for parcel in running.parcels() if not isinstance(parcel, Begun))
-    finally:
-        ended.set()
-
-
-def _heed(running: RunningJob, worker: Worker, key: str, grace_s: float, ended: threading.Event) -> None:
-    """Stop the process when its task is taken back: asked first, ended after the grace."""
-    while not ended.wait(_LOOK_S):
-        if is_dropped(worker, key):
-            running.ask_to_stop()
-            if not ended.wait(grace_s):
-                running.terminate()
-            return
-
-
-def _with_memory_of(worker: Worker, order: Order, memory_bytes: int | None) -> Order:
-    """The order with the memory that a job may have here: the server may be a smaller machine, or a larger one."""
-    if order.limits is None:
-        return order
-    if memory_bytes is None:
-        threads = worker.state.nthreads
-        bound = worker.memory_manager.memory_limit
-        share = fair_memory_bytes(threads)
-        memory_bytes = share if bound is None else max(LEAST_MEMORY_BYTES, min(share, bound // threads))
-    return order.model_copy(update={"limits": order.limits.model_copy(update={"memory_bytes": memory_bytes})})
-
-
 def _whole(order: Order) -> Order:
     """The order with paths that mean the same in any working directory."""
     paths = {"source": order.source, "cache": order.cache, "folder": order.folder, "unpacked": order.unpacked}
     return order.model_copy(update={name: path and path.absolute() for name, path in paths.items()})
-
-
-def _sees(order: Order) -> bool:
-    """Whether the data directory of the server is here, and may be used."""
-    try:
-        order.folder.mkdir(parents=False, exist_ok=True)
-    except OSError:
-        return False
-    return True
-
-
-def _unseen(worker: Worker) -> ErrorFacts:
-    text = (
-        f"The worker {worker.name} does not see the server's data directory, or may not write there: "
-        "mount it on the workers under the same path, run both as the same user, then run the job again."
-    )
-    return ErrorFacts(code="job.unseen", text=text)
-
-
-def _other_version(worker: Worker, version: str) -> ErrorFacts:
-    text = (
-        f"The worker {worker.name} has unsweep {__version__} and the server {version}: "
-        "install the same on both, then run the job again."
-    )
-    return ErrorFacts(code="job.other_version", text=text)
 
 
 def _facts_of(future: Future[None]) -> ErrorFacts:

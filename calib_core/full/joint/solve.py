@@ -10,21 +10,25 @@ import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
-from calib_core.full.joint.doubt import face_three_ways, plane_doubts, require_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
-from calib_core.full.joint.plane_set import add_planes, drop_planes, mark_planes, only_planes
-from calib_core.full.joint.policies import PlaneSet, Round, Sampling, Settling
+from calib_core.full.joint.judged import (
+    settle_without_doubtful,
+    with_culprits_marked,
+    without_clutter,
+    without_doubtful,
+)
+from calib_core.full.joint.plane_set import add_planes, drop_planes
+from calib_core.full.joint.policies import Round, Sampling
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate
 from calib_core.full.joint.residuals import moved_in_gate
-from calib_core.full.joint.round import gathered, one_round, watched_round
+from calib_core.full.joint.round import one_round, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
-from calib_core.full.joint.tones import admit_rest, admit_tones, found_tones, loudest, say_tones
-from calib_core.full.planes.standing import Fault, fault_of
+from calib_core.full.joint.tones import admit_rest, admit_tones, loudest, say_tones
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 
@@ -135,19 +139,6 @@ def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Esti
     return until_steady(data, state, schedule, schedule.sensors, moved)
 
 
-def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """Without what is no plane by far: it would draw the sensors' parameters aside, and the motion round after round.
-
-    Where no sensor is let go nothing lays points on planes anew, and all planes are judged next. Planes that were chosen stay,
-    and what is wrong with them is noted, as narrow gates will see of a box before a wall what looks like the wall.
-    """
-    if schedule.planes is not None:
-        if not data.sensors.blocks:
-            return state
-        return drop_planes(data, state, schedule.planes, most_share=schedule.planes.clutter_share)
-    return mark_planes(data, state, PlaneSet()) if schedule.chosen else state
-
-
 def first_with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> tuple[Estimation, float]:
     """The first round with the sensors' parameters, and how far it has moved points.
 
@@ -212,53 +203,6 @@ def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) ->
         # What is left stands out from less once the gates are narrow again.
         state = settle(data, after, nearly, schedule.sampling)
     return state if state is before else settle(data, state, schedule.settling, schedule.sampling)
-
-
-def with_culprits_marked(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """The same, each chosen plane with what is wrong with it, where what seems sound among them does not hold the motion.
-
-    A motion that a box has bent makes walls seem bent. So the most doubtful goes first and the rest settles without it, until
-    nobody is doubtful: those that had to go are the culprits. Raises Refused where the others do not hold three directions.
-    """
-    assert schedule.settling is not None
-    doubt = plane_doubts(gathered(data, state), state.estimate)
-    sound = doubt.max(axis=1) <= 1.0
-    if sound.all() or face_three_ways(state.estimate.normals[sound]):
-        return state
-    nearly = replace(schedule.settling, rounds=schedule.tones.settling_rounds)
-    faults, left = dict[str, Fault](), state
-    while doubt.max() > 1.0:
-        worst = int(np.argmax(doubt.max(axis=1)))
-        faults[left.planes[worst].name] = fault_of(doubt[worst])
-        keep = np.arange(len(doubt)) != worst
-        if not face_three_ways(left.estimate.normals[keep]):
-            break
-        left = settle(data, only_planes(left, keep, doubt[:, 2] < 1.0, PlaneSet()), nearly, schedule.sampling)
-        left = replace(left, rounds=state.rounds)  # beside the way to the answer, whose rounds are bounded
-        doubt = plane_doubts(gathered(data, left), left.estimate)
-    planes = tuple(replace(plane, fault=faults.get(plane.name, "")) for plane in state.planes)
-    require_three_ways([plane.name for plane in planes], [plane.fault for plane in planes], state.estimate.normals)
-    return replace(state, planes=planes, iterations=left.iterations)
-
-
-def without_doubtful(data: JointData, state: Estimation, schedule: Schedule, rules: PlaneSet) -> Estimation:
-    """Without what is no plane, unless something shakes the IMU unseen: it would be held against them, and is known later."""
-    tones = schedule.tones
-    if found_tones(data, state, tones, schedule.sensors, schedule.sampling, least=tones.explains_in_company):
-        return state
-    return drop_planes(data, state, rules, settled=True)
-
-
-def settle_without_doubtful(
-    data: JointData, state: Estimation, rules: PlaneSet, settling: Settling, sampling: Sampling
-) -> Estimation:
-    """Settled again without what turns out to be no plane, in as many turns as there are."""
-    for _ in range(rules.turns):
-        left = drop_planes(data, state, rules, settled=True)
-        if left is state:
-            break
-        state = settle(data, left, settling, sampling)
-    return state
 
 
 def admit_sensors(data: JointData, state: Estimation) -> Estimation:
