@@ -54,6 +54,7 @@ def factor_influences(problem: JointProblem, estimate: Estimate) -> FactorInflue
     """Of every factor at the optimum. Raises NotPositiveDefinite."""
     along, border = unit_responses(problem.linearise(estimate), CALIBRATION)
     layout = problem.layout(estimate)
+    along = along + problem.unseen(estimate).falls(border[GRAVITY])
     along, border = along / UNITS, border / UNITS
     return FactorInfluences(
         _of_links(problem, estimate, layout, along, border),

@@ -61,6 +61,14 @@ def require_solution(state: Estimation) -> None:
         raise Refused("solve.diverged", f"the joint solve found no stable answer; {_CURE}")
 
 
+def require_points(points: int) -> None:
+    """Raises Refused where a motion has left nothing of what the lidar saw on the planes."""
+    if points == 0:
+        raise Refused(
+            "solve.diverged", f"no point lies on a plane any more by the motion that the solve has come to; {_CURE}"
+        )
+
+
 def require_sensors(state: Estimation, most: float) -> None:
     """Raises Refused where a parameter is further from its prior than a sensor that works can be. For the end of a solve: on
     the way, with a door still among the planes, one may well go astray and come back."""

@@ -114,7 +114,8 @@ class Estimation:
     estimate: its knots are the first `knots` of the data's.   planes: in the order of its normals.   positions: scans in
     play, ascending.   nuisance: the sensors' own parameters in play, none before they are admitted.   support: the cells
     that each plane is known to fill.   observations: points given to planes, None where they have to be given anew.
-    minimum: where the last round ended.   rounds, iterations: how many there were.
+    minimum: where the last round ended.   rounds, iterations: how many there were.   untuned: what pulls at the readings has
+    shown to be no tone (tones.py), and none is looked for any more.
     """
 
     estimate: Estimate
@@ -128,6 +129,7 @@ class Estimation:
     minimum: Minimum[Estimate] | None = None
     rounds: int = 0
     iterations: int = 0
+    untuned: bool = False
 
     @property
     def knots(self) -> int:

@@ -318,6 +318,11 @@ class Tones:
     #: come to: nearer, it is that tone's own. How near two of them may lie, in turns. Seen: of 0.95 and 0.984 Hz in 20 s the
     #: second was left out at one turn, and its image in the lidar's view taken for one of 2.3 m/s2.
     apart: float = 0.5
+    #: derived: under the periodogram's taper a line is four turns wide: three in a row, each nearer to the next than that, are no
+    #: lines but one hump, what a lift's start or a wall that is no plane leaves. Two there are: motors that turn nearly alike. An
+    #: engine's speed makes bands; where nothing else shakes the IMU, no engine does.
+    hump: float = 4.0
+    hump_of: int = 3
     #: measured: bent walls, a door ajar and boards at their feet explained tones of 10, 20, 29.6 and 30 Hz and up to 29 m/s2: a
     #: sweep's harmonics, to either side of which a hand's motion goes up to one or two hertz. What shakes there moves by tenths
     #: of a millimetre.

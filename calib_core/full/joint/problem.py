@@ -28,11 +28,12 @@ from calib_core.full.joint.state import (
     Layout,
     no_bins,
 )
+from calib_core.full.joint.unseen import Unseen
 from calib_core.geometry import hat
 from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.threads import workers
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,13 @@ class JointProblem:
 
     def moved(self, estimate: Estimate, solution: ArrowSolution) -> Estimate:
         """The estimate after a step."""
-        return estimate.moved(solution.step, solution.step_shared, self.layout(estimate))
+        fallen = self.unseen(estimate).falls(solution.step_shared[GRAVITY])
+        return estimate.moved(solution.step + fallen, solution.step_shared, self.layout(estimate))
+
+    def unseen(self, estimate: Estimate) -> Unseen:
+        """The directions that no plane sees, and how knots fall along them; none where velocity is held."""
+        unseen = Unseen.of(self.bins, estimate, self.readings, self.gauge_knot)
+        return replace(unseen, runs=(), everywhere=np.zeros((3, 0))) if self.hold_velocity else unseen
 
     def linearise(self, estimate: Estimate) -> ArrowSystem:
         """The normal equations at an estimate."""
@@ -116,9 +123,12 @@ class JointProblem:
             corner=np.zeros_like(system.corner),
             gradient_shared=np.zeros_like(system.gradient_shared),
         )
-        links = workers().submit(self._add_links, system, estimate, layout)
+        unseen = self.unseen(estimate)
+        links = workers().submit(self._add_links, system, estimate, layout, unseen.seen)
         self.lidar.add_to(own, estimate, layout)
         links.result()
+        unseen.let_fall(system, own, self._of_lidar(layout))
+        unseen.hold(system)
         system.diagonal += own.diagonal
         system.gradient += own.gradient
         system.corner += own.corner
@@ -172,7 +182,15 @@ class JointProblem:
             accel = accel + self.sensors.accel @ change
         return gyro, accel
 
-    def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
+    def _of_lidar(self, layout: Layout) -> BoolArray:
+        """(S,) the shared columns that no link sees."""
+        seen = np.ones(layout.size, np.bool_)
+        seen[GRAVITY.start : layout.every_plane().start] = False
+        seen[layout.nuisance().start + self.sensors.imu_places] = False
+        return seen
+
+    def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout, seen: FloatArray) -> None:
+        """seen: (3, 3) of gravity, what is not along a direction that no plane sees."""
         f = link_factors(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
         system.cost += 0.5 * float(np.sum(f.residual**2))
         columns = layout.nuisance().start + self.sensors.imu_places
@@ -180,7 +198,7 @@ class JointProblem:
         if len(columns):
             own = f.r_D_gyro_bias @ self.sensors.gyro + f.r_D_accel_bias @ self.sensors.accel
         add_links_kernel(
-            f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
+            f.r_D_first, f.r_D_second, f.r_D_gravity @ seen, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
             self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start, columns, *self.nodes.windows(),
             system.diagonal, system.lower, system.border, system.corner, system.gradient, system.gradient_shared,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from calib_core.errors import Cancelled
 from calib_core.events import ignore_event
 from calib_core.factors.lidar_plane import Gate
 from calib_core.full.joint import association
-from calib_core.full.joint.bounds import require_bounds
+from calib_core.full.joint.bounds import require_bounds, require_points
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.live import iteration_event
@@ -130,6 +130,7 @@ def descend(
     Raises Refused where the answer has left its bounds, and Cancelled.
     """
     problem = gathered(data, state)
+    require_points(len(problem.bins.knot))
     problem = replace(problem, frozen=problem.frozen + also_frozen)
     run, names, number = data.run, [plane.name for plane in state.planes], state.rounds + 1
     count = state.iterations

@@ -25,6 +25,7 @@ from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.prepare.nuisance import TONE
+from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
 
 
@@ -75,6 +76,8 @@ def admit_tones(
     """
     found = found_tones(data, state, rules, round_, sampling, least=least, loud=loud)
     while found:
+        if is_hump(data, state, found[0].hz, rules):
+            return without_tones(data, state, round_, sampling)
         after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
         left = found_tones(data, after, rules, round_, sampling, least=least, loud=loud)
         if left and left[0].decrease > found[0].decrease:
@@ -86,7 +89,34 @@ def admit_tones(
 def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
     """The one that explains the most now: for a state at rest with all points, from which the way back is long."""
     found = found_tones(data, state, rules, round_, sampling, least=rules.explains)
-    return told(data, with_tone(data, state, found[0].hz, rules), round_, sampling) if found else state
+    if not found:
+        return state
+    if is_hump(data, state, found[0].hz, rules):
+        return without_tones(data, state, round_, sampling)
+    return told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
+
+
+def is_hump(data: JointData, state: Estimation, hz: float, rules: Tones) -> bool:
+    """Whether one more tone at hz were no line beside those that are known, but a part of the same hump.
+
+    What happens once, as a lift that starts, is the sum of many sines. They take it away, and with it what tells the lever arm:
+    a cabin's 0.8 m/s2 for two seconds ended four and a half sigmas off, with eight of them and no word.
+    """
+    if data.run.noise.shaken:
+        return False
+    knots_s = data.readings.knots_s[[0, state.knots - 1]]
+    lines = np.sort([*state.nuisance.tones_hz, hz])
+    row = np.cumsum(np.diff(lines, prepend=lines[0]) * float(np.diff(knots_s)[0]) >= rules.hump)
+    return bool(np.bincount(row).max() >= rules.hump_of)
+
+
+def without_tones(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
+    """With what pulls at the readings left in them, for the error bars to count, and two rounds back to where that leads."""
+    place, e = state.nuisance.places[TONE], state.estimate
+    bare = state.with_nuisance(
+        state.nuisance.without_tones(), np.delete(e.nuisance, np.arange(place.start, place.stop))
+    )
+    return told(data, replace(bare, untuned=True), round_, sampling)
 
 
 def found_tones(
@@ -106,7 +136,7 @@ def found_tones(
     does a plane that was chosen and is none.
     """
     known = state.nuisance.tones_hz
-    if len(known) >= rules.most:
+    if len(known) >= rules.most or state.untuned:
         return []
     held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
     if (held and not data.run.noise.shaken) or any(plane.fault for plane in state.planes):
@@ -221,14 +251,25 @@ def peaks_hz(of: Periodogram, power: FloatArray, rules: Tones) -> list[float]:
 
 
 def say_tones(data: JointData, state: Estimation) -> None:
-    """What shook the IMU unseen, for a person, tone by tone."""
+    """What shook the IMU unseen, for a person, tone by tone; or that it was no tone."""
+    if state.untuned:
+        data.run.say(
+            "warning",
+            "motion.unseen",
+            "something accelerates or turns the sensors that no plane shows, and it is no steady tone: the whole room moves (a "
+            "lift, a vehicle, a ship), the mount gives, or a surface that is no plane bends the motion; it is left in, and the "
+            "error bars count it: record where nothing but the rig moves",
+        )
+    at_knots = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
+    shaken = "it is shaken faster than it samples" + ("" if data.run.noise.shaken else ", or the whole room sways")
     for hz, values in zip(state.nuisance.tones_hz, tone_values(state.nuisance, state.estimate.nuisance), strict=True):
-        parts = values[:24].reshape(4, 2, 3)
-        gyro, accel = np.sqrt(0.5 * np.sum(parts**2, axis=(0, 2)))
+        # Its part that goes with the IMU and that of the room may be nearly the same, each many times as large as their sum.
+        both = tone_readings(hz, values, at_knots.knots_s, at_knots.at_knots).reshape(-1, 2, 3)
+        gyro, accel = np.sqrt(np.mean(np.sum(both**2, axis=2), axis=0))
         data.run.say(
             "warning",
             "imu.tone",
-            f"the IMU reads a tone of {hz + values[24]:.2f} Hz ({accel:.2g} m/s2 and {np.degrees(gyro):.2g} deg/s rms) that "
-            "nothing moved by: it is shaken faster than it samples; the tone is estimated along and taken out, but record with "
-            "the IMU's own low-pass filter on, or at a higher rate",
+            f"the IMU reads a tone of {hz + values[24]:.2f} Hz ({accel:.2g} m/s2 and {np.degrees(gyro):.2g} deg/s rms) that no "
+            f"plane shows: {shaken}; the tone is estimated along and taken out, but record with the IMU's own low-pass filter on, "
+            "or at a higher rate",
         )

@@ -127,6 +127,10 @@ class Nuisance:
         """With those tones after all of these. tones: nothing but tones, as they are before the sensors' parameters come in."""
         return Nuisance((*self.blocks, *tones.blocks), None, tones.tones_hz, tones.tones_zero_s)
 
+    def without_tones(self) -> Nuisance:
+        """The same but for what shakes the IMU."""
+        return Nuisance(tuple(each for each in self.blocks if each.block != TONE), self.surface)
+
     @property
     def lasers(self) -> int:
         """Lasers that are told apart; 0 where none are."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import Refused
-from calib_core.full.joint.bounds import last_move, require_bounds, require_rest, require_sensors
+from calib_core.full.joint.bounds import last_move, require_bounds, require_points, require_rest, require_sensors
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from calib_core.solver.information import covariance
@@ -65,6 +65,13 @@ def test_a_doubtful_plane_that_was_chosen_is_why_a_solve_does_not_rest(half: Hal
         require_rest(half.state, marked, 1.0)
     assert refused.value.code == "planes.unsettled"
     require_rest(half.state, replace(half.state, planes=marked.planes), 1.0)
+
+
+def test_a_motion_on_which_no_point_lies_is_told_as_that() -> None:
+    """Seen: a ship that rolls ended in an IndexError. Mutation: the number of scans asked for."""
+    require_points(1)
+    with pytest.raises(Refused, match="no point lies on a plane any more"):
+        require_points(0)
 
 
 def test_a_sensor_that_no_one_builds_is_told_as_that(half: Half) -> None:

@@ -47,13 +47,18 @@ def _estimate(rng: np.random.Generator) -> Estimate:
     )
 
 
-def _problem(seed: int, *, delta_s: float = 0.0) -> tuple[JointProblem, Estimate]:
+def _problem(seed: int, *, delta_s: float = 0.0, unseen: int = 0) -> tuple[JointProblem, Estimate]:
     """A problem in which nothing fits anything: residuals of every kind are large.
 
-    delta_s: the estimate's time offset less that for which the bins were made.
+    delta_s: the estimate's time offset less that for which the bins were made.   unseen: directions that no plane sees.
     """
     rng = np.random.default_rng(seed)
     e = _estimate(rng)
+    if unseen:
+        across = np.linalg.qr(rng.normal(size=(3, 3)))[0][:, unseen:]
+        # Next to nothing, which counts where it is summed up.
+        flat = e.normals @ across @ across.T + 3e-4 * rng.normal(size=e.normals.shape)
+        e = replace(e, normals=flat / np.linalg.norm(flat, axis=1, keepdims=True))
     links = KNOTS - 1
     readings = UpsampledImu(
         H_S * np.arange(KNOTS), H_S, rng.normal(size=(links, 4, 3)), 9.0 + rng.normal(size=(links, 4, 3)),
@@ -64,7 +69,8 @@ def _problem(seed: int, *, delta_s: float = 0.0) -> tuple[JointProblem, Estimate
     bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
     pairs = np.array([(k, j) for k in range(KNOTS) for j in range(PLANES) if rng.random() < 0.7])
     y = np.concatenate([rng.normal(size=(len(pairs), 9, 3)), np.ones((len(pairs), 9, 1))], axis=2)
-    y = np.concatenate([y, 0.1 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
+    # A centimetre for each: what three planes see, no direction is hidden from.
+    y = 100.0 * np.concatenate([y, 0.1 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
     bins = Bins(pairs[:, 0], pairs[:, 1], np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), OFFSET_S - delta_s)
     rows = (PriorRow(0, 0.3, 0.5), PriorRow(2, -0.1, 0.2), PriorRow(4, 1.0, 0.4), PriorRow(6, 0.5, 0.3))
     priors = Priors(e.R_imu_lidar, rows, 9.8, 0.05, gyro_walk=0.3, accel_walk=0.7)
@@ -151,13 +157,16 @@ def _written_out(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("delta_s", [0.0, 0.004])
-def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s: float) -> None:
+@pytest.mark.parametrize("unseen", range(3))
+def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s: float, unseen: int) -> None:
     """Fails when the border misses the bins' share of a plane, or the node right of a link gets the left's weight; when the
     frame is held by the IMU's pose, or that of the lidar without the lever arm.
 
-    With delta the gyro bias also turns the pose that a bin asks for, by delta times as much: left out, and so here.
+    With delta the gyro bias also turns the pose that a bin asks for, by delta times as much: left out, and so here. Where no
+    plane sees a direction, gravity's columns are those of a step that lets the knots fall: fails where links feel it, or the
+    calibration's columns, the planes' or a scan's own do not.
     """
-    problem, e = _problem(seed, delta_s=delta_s)
+    problem, e = _problem(seed, delta_s=delta_s, unseen=unseen)
     r, J = _stacked(problem, e), _numerical_jacobian(problem, e)
     assert problem.cost(e) == pytest.approx(0.5 * r @ r)
     system = problem.linearise(e)
@@ -166,13 +175,17 @@ def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s:
     idle = np.zeros(len(g))
     idle[: KNOTS * 9] = 1e-6
     idle[KNOTS * 9 + LAYOUT.plane(0).start :] += 1e-4
+    told = e.normals[problem.bins.plane] * np.sqrt(problem.bins.scatter[:, 3, 3])[:, None]
+    free = np.linalg.svd(told)[2][3 - unseen :]
+    drift = np.zeros((len(g), len(g)))
+    drift[6:9, 6:9] = 1e4 * free.T @ free
     use = np.ones(len(g), bool)
     if delta_s:
         bias = LAYOUT.gyro_bias()
         use[KNOTS * 9 + bias.start : KNOTS * 9 + bias.stop] = False
     expected = J.T @ J
     scale = np.sqrt(np.diag(expected))
-    difference = (H - np.diag(idle) - frame_held(problem, e) - expected) / scale[:, None] / scale
+    difference = (H - np.diag(idle) - drift - frame_held(problem, e) - expected) / scale[:, None] / scale
     # 1e8 on the diagonal costs eight of its own digits.
     np.testing.assert_allclose(difference[np.ix_(use, use)], 0.0, atol=2e-6)
     np.testing.assert_allclose((g - J.T @ r)[use] / scale[use], 0.0, atol=2e-6 * np.linalg.norm(r))

@@ -23,6 +23,8 @@ from calib_core.types import FloatArray
 from tests.core.full.joint import test_problem as plain
 
 LASERS, POINTS, IMU = 3, 11, 25
+#: Of every point [1/m]: a decimetre for each, and all together see every direction.
+ROOT_WEIGHT = 10.0
 NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate_std_ppm=40.0)
 #: Columns of a laser -> features of a point: offset, elevation, azimuth, scale; of all: offset, incidence, eccentricity, grazing.
 FEATURE = (0, 1, 2, 3, 0, 4, 5, 6, 7)
@@ -52,8 +54,10 @@ class Case:
         self.pair = np.repeat(np.arange(len(pairs)), POINTS)
         self.laser = rng.integers(0, LASERS, len(self.pair))
         n = len(self.pair)
-        self.y = np.concatenate([rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1)
-        self.f = rng.normal(size=(n, 8))
+        self.y = ROOT_WEIGHT * np.concatenate(
+            [rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1
+        )
+        self.f = ROOT_WEIGHT * rng.normal(size=(n, 8))
         self.patch = rng.integers(0, nuisance.patches + 1, n)
         unit = self.patch * LASERS + self.laser
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
@@ -177,7 +181,7 @@ def test_bins_know_of_what_their_lasers_have_changed() -> None:
     r = case.stacked(case.estimate)[links : links + len(case.pair)]
     bins = len(case.problem.bins.plane)
     np.testing.assert_allclose(
-        case.problem.lidar.sums(case.estimate), np.bincount(case.pair, r, bins), rtol=1e-9, atol=1e-9
+        case.problem.lidar.sums(case.estimate), np.bincount(case.pair, ROOT_WEIGHT * r, bins), rtol=1e-9, atol=1e-8
     )
     of_planes = np.bincount(case.problem.bins.plane[case.pair], r**2, len(case.estimate.normals))
     np.testing.assert_allclose(case.problem.lidar.squares(case.estimate), of_planes, rtol=1e-9)

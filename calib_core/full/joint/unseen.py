@@ -1,0 +1,100 @@
+"""Directions that no plane sees, along which the motion has a freedom that no datum takes, and equations lose their digits.
+
+Between two walls and on a floor, the way along them shows in no point. There the whole chain of knots may drift evenly and
+nothing changes, and where it falls as gravity does, gravity alone tells:
+
+    p(t) -> p(t) + u (a + b t + c t^2 / 2),    v(t) -> v(t) + u (b + c t),    g -> g + c u,    u . n_j = 0 of all planes j
+
+What holds it otherwise, CHAIN.knot, is a ten-thousand-millionth of a millionth of what a link tells of a place. Round-off of the
+elimination then takes from gravity and the biases what was never there: answers within a millimetre were said to be known to a
+metre. So the drift is held at one knot, where nobody feels it, and the knots are counted from where gravity's own step along u
+lets them fall (t from that knot on): links do not feel such a step at all then, and need not cancel out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.factors.imu import KNOT, PLACE, VELOCITY
+from calib_core.full.joint.settings import CHAIN
+from calib_core.full.joint.state import GRAVITY, Bins, Estimate
+from calib_core.imu.preintegration import UpsampledImu
+from calib_core.solver.arrow import ArrowSystem
+from calib_core.types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Of one chain. runs: of linked knots, first and after the last, each with its unseen directions (3, r), map axes.
+    everywhere: (3, r) those that no run sees.   since_s: (K,) after the gauge knot.
+    """
+
+    runs: tuple[tuple[int, int, FloatArray], ...]
+    everywhere: FloatArray
+    gauge_knot: int
+    since_s: FloatArray
+
+    @staticmethod
+    def of(bins: Bins, estimate: Estimate, readings: UpsampledImu, gauge_knot: int) -> Unseen:
+        """By how much the points of each plane tell of a place across it."""
+        weight = bins.scatter[:, 3, 3]
+        breaks = (np.flatnonzero(~readings.linked) + 1).tolist()
+        edges = np.array([0, *breaks, len(readings.knots_s)])
+        run = np.searchsorted(edges, bins.knot, side="right") - 1
+        each = np.zeros((len(edges) - 1, len(estimate.normals)))
+        np.add.at(each, (run, bins.plane), weight)
+        runs = tuple(
+            (int(first), int(last), _unseen(told, estimate.normals))
+            for first, last, told in zip(edges, edges[1:], each, strict=False)
+        )
+        since_s = readings.knots_s - readings.knots_s[gauge_knot]
+        return Unseen(runs, _unseen(each.sum(axis=0), estimate.normals), gauge_knot, since_s)
+
+    def hold(self, system: ArrowSystem) -> None:
+        """Holds one knot of each run along what no plane sees in it; the gauge knot's place is held already."""
+        for first, last, free in self.runs:
+            held = CHAIN.unseen_held * free @ free.T
+            ours = first <= self.gauge_knot < last
+            knot = self.gauge_knot if ours else first
+            system.diagonal[knot, VELOCITY, VELOCITY] += held
+            if not ours:
+                system.diagonal[knot, PLACE, PLACE] += held
+
+    @property
+    def seen(self) -> FloatArray:
+        """(3, 3) takes from a vector what lies along the directions that are seen nowhere."""
+        return np.asarray(np.eye(3) - self.everywhere @ self.everywhere.T)
+
+    def falls(self, step: FloatArray) -> FloatArray:
+        """(K, 9, ...) by how much the knots follow a step (3, ...) of gravity, beside what is solved of them."""
+        along = np.tensordot(self.everywhere @ self.everywhere.T, step, 1)
+        out = np.zeros((len(self.since_s), KNOT, *step.shape[1:]))
+        out[:, PLACE] = np.multiply.outer(0.5 * self.since_s**2, along)
+        out[:, VELOCITY] = np.multiply.outer(self.since_s, along)
+        return out
+
+    def let_fall(self, system: ArrowSystem, lidar: ArrowSystem, of_lidar: BoolArray) -> None:
+        """Has a system's knots counted from where gravity's step lets them fall.
+
+        lidar: what the points told of the knots by themselves.   of_lidar: (S,) the shared columns that points alone see; links,
+        which see the others, do not feel a fall.
+        """
+        if not self.everywhere.shape[1]:
+            return
+        T, known = self.falls(np.eye(3)), system.known()
+        system.border[:, :, GRAVITY] += lidar.diagonal @ T
+        coupled = np.swapaxes(T, 1, 2) @ np.where(of_lidar[known][:, None], system.border, 0.0)
+        across = np.zeros((3, len(of_lidar)))
+        np.add.at(across.T, known, np.swapaxes(coupled, 1, 2))
+        system.corner[GRAVITY] += across
+        system.corner[:, GRAVITY] += across.T
+        system.corner[GRAVITY, GRAVITY] += np.einsum("kia,kij,kjb->ab", T, lidar.diagonal, T)
+        system.gradient_shared[GRAVITY] += np.einsum("kia,ki->a", T, lidar.gradient)
+
+
+def _unseen(told: FloatArray, normals: FloatArray) -> FloatArray:
+    """(3, r) along which planes tell too little. told: (P,) [1/m2] of a place across each."""
+    information, directions = np.linalg.eigh((normals.T * told) @ normals)
+    return np.asarray(directions[:, information < CHAIN.unseen])

@@ -1,0 +1,124 @@
+"""Chains with a direction that no plane sees, against a slow elimination with more digits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.factors.imu import KnotStates
+from calib_core.full.joint.priors import Priors
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import BiasNodes, Bins, Estimate
+from calib_core.full.joint.unseen import Unseen
+from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
+from calib_core.solver.arrow import ArrowSystem, solve_arrow
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray
+
+KNOTS, H_S = 700, 0.01
+#: A consumer's IMU.
+DENSITY = NoiseDensity(np.full(3, 1e-4), np.full(3, 1.2e-3))
+
+
+def _corridor(see: int, *, silent_at: int = -1) -> tuple[JointProblem, Estimate]:
+    """Seven seconds of a rig that turns, by points on two walls and a floor; see: of three directions, how many have planes."""
+    rng = np.random.default_rng(1)
+    t = H_S * np.arange(KNOTS)
+    turns = np.stack([0.4 * np.sin(1.1 * t), 0.5 * np.sin(0.7 * t + 1.0), 0.8 * np.sin(0.9 * t + 2.0)], axis=1)
+    normals = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    turned = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+    e = Estimate(
+        states=KnotStates(
+            turned @ Rotation.from_rotvec(turns).as_matrix(), 0.3 * np.sin(turns), 0.3 * np.cos(turns) * 0.8
+        ),
+        R_imu_lidar=Rotation.random(rng=rng).as_matrix(),
+        p_imu_lidar=np.array([0.1, -0.05, 0.08]),
+        time_offset_s=0.0,
+        gravity=turned @ np.array([0.0, 0.0, -9.81]),
+        gyro_bias=np.zeros((1, 3)),
+        accel_bias=np.zeros((1, 3)),
+        normals=normals @ turned.T,
+        offsets_m=np.array([1.0, 1.2, 2.0, 1.4]),
+    )
+    links = KNOTS - 1
+    linked = np.arange(links) != silent_at
+    gyro, accel = rng.normal(size=(links, 4, 3)), 9.0 + rng.normal(size=(links, 4, 3))
+    knots = rng.normal(size=(2, KNOTS, 3))
+    readings = UpsampledImu(t, H_S, gyro, accel, knots[0], knots[1], np.zeros((links, 6)), linked)
+    nodes = BiasNodes(np.array([t[links // 2]]), np.zeros(links, np.int64), np.zeros(links))
+    planes = [j for j in range(4) if see == 3 or j != 2]
+    pairs = np.array([(k, j) for k in range(KNOTS) for j in planes if rng.random() < 0.5])
+    y = np.concatenate([rng.normal(size=(len(pairs), 9, 3)), np.ones((len(pairs), 9, 1))], axis=2)
+    y = 100.0 * np.concatenate([y, 0.01 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
+    bins = Bins(pairs[:, 0], pairs[:, 1], np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), 0.0)
+    priors = Priors(e.R_imu_lidar, (), 9.81, 0.05, gyro_walk=1e-5, accel_walk=1e-4)
+    nothing = np.zeros((links, 3))
+    links_of = preintegrate(readings, nothing, nothing, DENSITY)
+    return JointProblem(readings, nodes, links_of, nothing, nothing, bins, priors, KNOTS // 3), e
+
+
+def _slowly(system: ArrowSystem) -> FloatArray:
+    """The border's information by eliminating knot after knot with the longest floating-point numbers there are."""
+    T = np.longdouble
+    D, lower, border = (each.astype(T) for each in (system.diagonal, system.lower, system.whole_border()))
+    left, carried = system.corner.astype(T), np.zeros((9, border.shape[2]), T)
+    L = np.eye(9, dtype=T)
+    for k in range(len(D)):
+        own, theirs = D[k].copy(), border[k].copy()
+        if k:
+            M = _forward(L, lower[k - 1].T).T
+            own, theirs = own - M @ M.T, theirs - M @ carried
+        L = _cholesky(own)
+        carried = _forward(L, theirs)
+        left = left - carried.T @ carried
+    return np.asarray(left, np.float64)
+
+
+def _cholesky(A: FloatArray) -> FloatArray:
+    L = np.zeros_like(A)
+    for j in range(len(A)):
+        L[j, j] = np.sqrt(A[j, j] - L[j, :j] @ L[j, :j])
+        L[j + 1 :, j] = (A[j + 1 :, j] - L[j + 1 :, :j] @ L[j, :j]) / L[j, j]
+    return L
+
+
+def _forward(L: FloatArray, right: FloatArray) -> FloatArray:
+    out = np.zeros_like(right)
+    for i in range(len(L)):
+        out[i] = (right[i] - L[i, :i] @ out[:i]) / L[i, i]
+    return out
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="this machine has no longer numbers than doubles")
+@pytest.mark.parametrize("see", [2, 3])
+def test_a_direction_that_no_plane_sees_costs_no_digits(see: int) -> None:
+    """Fails where the drift is not held, or links feel the fall that gravity's step brings: by 20 % and more."""
+    problem, e = _corridor(see)
+    system = problem.linearise(e)
+    quick, slow = (covariance(information).matrix for information in (solve_arrow(system).information, _slowly(system)))
+    scale = np.sqrt(np.diag(slow))
+    np.testing.assert_allclose(quick / scale[:, None] / scale, slow / scale[:, None] / scale, atol=2e-3)
+
+
+def test_each_run_is_held_by_one_knot_of_its_own() -> None:
+    """Fails where a run after a silence is not held, or the gauge knot's place is held twice."""
+    problem, e = _corridor(2, silent_at=400)
+    unseen = Unseen.of(problem.bins, e, problem.readings, problem.gauge_knot)
+    empty = ArrowSystem.zeros(KNOTS, 9, problem.layout(e).size)
+    unseen.hold(empty)
+    u = e.normals[2]
+    expected = np.zeros((KNOTS, 9, 9))
+    expected[problem.gauge_knot, 6:, 6:] = expected[401, 6:, 6:] = expected[401, 3:6, 3:6] = 1e4 * np.outer(u, u)
+    np.testing.assert_allclose(empty.diagonal, expected, atol=1e-6)
+    along = np.abs(unseen.everywhere.T @ u)
+    np.testing.assert_allclose(along, 1.0, atol=1e-9)
+
+
+def test_nothing_is_held_where_planes_face_three_ways() -> None:
+    """Fails where the limit of what is seen is so high that a room's planes do not reach it."""
+    problem, e = _corridor(3)
+    assert problem.unseen(e).everywhere.shape == (3, 0)
+    assert replace(problem, hold_velocity=True).unseen(e).runs == ()
