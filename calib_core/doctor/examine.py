@@ -127,7 +127,7 @@ def _report(
         container=recording.kind,
         duration_s=recording.duration_s,
         start_ns=recording.start_ns,
-        topics=tuple(_topic(t, recording) for t in recording.topics),
+        topics=tuple(_topic(t, recording, state, (lidar, sensors.imu)) for t in recording.topics),
         lidar_candidates=tuple(t.name for t in lidar_topics(recording.topics)),
         imu_candidates=tuple(t.name for t in imu_topics(recording.topics)),
         lidar=lidar,
@@ -245,13 +245,26 @@ def _overlap_s(imu: ImuData | None, header_ns: IntArray, offset_ns: int) -> floa
     return max(0, end - begin) * 1e-9
 
 
-def _topic(topic: TopicSummary, recording: OpenRecording) -> TopicReport:
-    rate = (topic.count - 1) / recording.duration_s if topic.count > 1 and recording.duration_s > 0 else 0.0
+def _topic(
+    topic: TopicSummary,
+    recording: OpenRecording,
+    state: Examination,
+    read: tuple[LidarReport | None, ImuReport | None],
+) -> TopicReport:
+    """One topic. read: what was read of those that are calibrated, whose stamps tell the rate.
+
+    Of the others no message is looked at: what is known is how many came in the recording's time, which may have begun without
+    them.
+    """
+    rates = {part.topic: part.stamps.rate_hz for part in read if part is not None}
+    chosen = (part.name for part in (state.lidar_topic, state.imu_topic) if part is not None)
+    rates = dict.fromkeys(chosen, 0.0) | rates
+    counted = topic.count / recording.duration_s if topic.count > 1 and recording.duration_s > 0 else 0.0
     return TopicReport(
         name=topic.name,
         type=topic.type,
         messages=topic.count,
-        rate_hz=round(rate, 3),
+        rate_hz=rates.get(topic.name, counted),
         role="lidar"
         if topic.type in CLOUD_TYPES
         else "imu"

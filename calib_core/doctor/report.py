@@ -42,7 +42,10 @@ class FindingReport(_Model):
 
 
 class TopicReport(_Model):
-    """One topic. role: what it could serve as here; "packets" for raw packets, decoded or not."""
+    """One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
+
+    rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by their number.
+    """
 
     name: str
     type: str

@@ -3461,6 +3461,8 @@ export interface components {
         /**
          * TopicReport
          * @description One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
+         *
+         *     rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by their number.
          */
         TopicReport: {
             /** Messages */
