@@ -100,7 +100,7 @@ def _gyro_bias(done: Calibration) -> np.ndarray[tuple[int, ...], np.dtype[np.flo
 
 
 def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -> str:
-    """The verdict for a person."""
+    """The verdict for a person. Of what the file does not have, or has no limit, nothing is said: it is not judged."""
     if not axes:
         reasons = [message.text for message in found.result.messages if message.level == "error"]
         why = reasons[0] if reasons else "it gives no calibration"
@@ -111,12 +111,15 @@ def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -
             unit: max((a.smallest_error for a in told if a.unit == unit), default=None) for unit in ("deg", "mm", "ms")
         }
         errors = ", ".join(f"{value:.3g} {unit}" for unit, value in reach.items() if value is not None)
-        return f"Passed: the extrinsic is within its limits on every axis; errors from {errors} on would have shown."
+        which = "on every axis" if len(told) == len(axes) else f"on the {len(told)} axes that are judged"
+        return f"Passed: the extrinsic is within its limits {which}; errors from {errors} on would have shown."
     chosen = [axis for axis in axes if axis.verdict == ("failed" if verdict == "failed" else "unknown")]
     if verdict == "failed":
         worst = max(chosen, key=lambda a: abs(a.difference or 0.0) / a.smallest_error)
+        judged = [axis for axis in axes if axis.verdict is not None]
+        of = f"{len(judged)} axes" if len(judged) == len(axes) else f"the {len(judged)} axes that are judged"
         return (
-            f"Failed on {len(chosen)} of {len(axes)} axes: the {AXIS_WORDS[worst.axis]} is off by "
+            f"Failed on {len(chosen)} of {of}: the {AXIS_WORDS[worst.axis]} is off by "
             f"{_off(worst)} {worst.unit}, where {worst.limit:g} {worst.unit} is allowed."
         )
     if not chosen:

@@ -115,6 +115,18 @@ def test_what_the_recording_cannot_tell_is_said() -> None:
     assert audited(make_result(R, P), TRUTH, nothing).verdict == "unknown"
 
 
+def test_axes_are_counted_that_are_judged() -> None:
+    """A file without a time offset, limits without turns. Mutations: one of seven said of six; "every axis" of six."""
+    found = make_result(R, P, OFFSET_NS)
+    wrong, _ = moved(5, 300.0)
+    assert audited(found, wrong, Limits()).text.startswith("Failed on 1 of 7 axes: ")
+    assert audited(found, wrong, Limits(), None).text.startswith("Failed on 1 of the 6 axes that are judged: ")
+    assert "within its limits on every axis;" in audited(found, TRUTH, Limits()).text
+    right = audited(found, TRUTH, Limits(rotation_deg=None), None).text
+    assert "within its limits on the 3 axes that are judged; errors from" in right
+    assert " ms" not in right
+
+
 @pytest.mark.parametrize(
     ("difference", "std", "said"),
     [
