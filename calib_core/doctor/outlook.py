@@ -143,6 +143,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
             std=float(np.degrees(std[i]) if i < 3 else std[i]),
             unit=_UNITS[i],
             weak=bool(weak),
+            advice=next((said.text for said in outlook.advice if weak and i in said.about), ""),
         )
         for i, weak in enumerate(weak_parameters(knowledge))
     )
@@ -154,7 +155,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
         parameters=parameters,
         weak=tuple(direction.text for direction in knowledge.weak),
         planes=names,
-        advice=outlook.advice,
+        advice=tuple(said.text for said in outlook.advice),
         covered_s=round(outlook.covered_s, 2),
     )
 

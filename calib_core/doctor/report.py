@@ -208,12 +208,16 @@ class Timeline(_Model):
 
 
 class ParameterForecast(_Model):
-    """Standard deviation to expect of one parameter of the calibration; units as in the result document."""
+    """Standard deviation to expect of one parameter of the calibration; units as in the result document.
+
+    advice: what to record to know it, "" where it is known or nothing can be said.
+    """
 
     name: Axis
     std: float
     unit: Literal["deg", "m", "s"]
     weak: bool
+    advice: str = ""
 
 
 class Forecast(_Model):

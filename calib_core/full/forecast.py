@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.factors.lidar_plane import Gate
-from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.assess.observability import Advice, Knowledge, advice, assess
 from calib_core.full.assess.verdict import require_rotation
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
@@ -90,7 +90,7 @@ class Outlook:
     knowledge: Knowledge | None = None
     code: str = ""
     reason: str = ""
-    advice: tuple[str, ...] = ()
+    advice: tuple[Advice, ...] = ()
     covered_s: float = 0.0
     range_std_m: float | None = None
 

@@ -212,7 +212,8 @@ def test_a_guess_s_rotation_is_judged_alike_by_the_command_line_and_the_page(tmp
 def test_a_forecast_that_is_useless_says_so_and_what_to_do():
     """Where the motion does not tell an axis, another motion is asked for; where too few planes are left, more planes.
 
-    Mutations: weak by what the planes fix alone; one advice for both; an axis that only a prior holds taken for known.
+    Mutations: weak by what the planes fix alone; one advice for both; an axis that only a prior holds taken for known; the
+    forecast's first advice, which is about a turn, given for a position.
     """
     start = suggested(PROPOSALS)
     good = foreseen(FORECAST, start, start)
@@ -221,16 +222,23 @@ def test_a_forecast_that_is_useless_says_so_and_what_to_do():
 
     def with_std(std: float, *, weak: bool = False) -> Forecast:
         changed = tuple(
-            p.model_copy(update={"std": std, "weak": weak}) if p.name == "tz" else p for p in FORECAST.parameters
+            p.model_copy(update={"std": std, "weak": weak, "advice": "Tilt the rig."}) if p.name == "tz" else p
+            for p in FORECAST.parameters
         )
-        return FORECAST.model_copy(update={"parameters": changed, "advice": ("Tilt the rig.",)})
+        return FORECAST.model_copy(update={"parameters": changed, "advice": ("Turn about x.", "Tilt the rig.")})
 
     for forecast in (with_std(1.5), with_std(0.001, weak=True)):
         useless = foreseen(forecast, start, start)
         assert useless is not None
         assert useless.weak
         assert "Position z" in useless.text
-        assert useless.text.endswith("Tilt the rig.")
+        assert useless.text.endswith("does not tell it. Tilt the rig.")
+    silent = with_std(1.5).model_copy(
+        update={"parameters": tuple(p.model_copy(update={"advice": ""}) for p in with_std(1.5).parameters)}
+    )
+    asked = foreseen(silent, start, start)
+    assert asked is not None
+    assert asked.text.endswith("Record again, with turns about all three axes.")
     thin = start.model_copy(
         update={"patches": tuple(p.model_copy(update={"n_points": p.n_points * 40}) for p in start.patches)}
     )

@@ -68,6 +68,14 @@ def test_what_is_foretold_to_be_weak_is_weak() -> None:
     assert [p.name for p in told.parameters if p.weak] == ["tx", "ty", "tz"]
     assert len(told.weak) == len(result.observability.weak_directions) == 1
     assert list(told.advice) == result.observability.advice
+    own = {p.name: p.advice for p in told.parameters}
+    assert all(
+        own[name] in ("", line)
+        for name in ("tx", "ty", "tz")
+        for line in told.advice
+        if f"IMU's {name[1]} axis," in line
+    )
+    assert {text for text in own.values() if text} == set(told.advice)
     ratio = np.array([p.std for p in told.parameters]) / stds(result)
     assert ((ratio > 1 / FACTOR) & (ratio < FACTOR)).all(), ratio
 

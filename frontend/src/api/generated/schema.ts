@@ -2264,8 +2264,15 @@ export interface components {
         /**
          * ParameterForecast
          * @description Standard deviation to expect of one parameter of the calibration; units as in the result document.
+         *
+         *     advice: what to record to know it, "" where it is known or nothing can be said.
          */
         ParameterForecast: {
+            /**
+             * Advice
+             * @default
+             */
+            advice: string;
             /**
              * Name
              * @enum {string}
