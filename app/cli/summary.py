@@ -12,6 +12,7 @@ from app.cli.terminal import LEVEL_STYLES, bullet
 from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
+from calib_core.sigmas import Unit, std_cell
 
 _TONE_STYLES: dict[Tone, str] = {"good": "bold green", "doubtful": "bold yellow", "bad": "bold red"}
 
@@ -41,9 +42,9 @@ def _numbers(
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
     table.add_row("rotation (roll, pitch, yaw)", *_cells(transform.euler_xyz_deg, 4), "deg")
-    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_cells(uncertainty.rotation_std_deg, 4), "deg")
+    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_stds(uncertainty.rotation_std_deg, "deg", 4), "deg")
     table.add_row("translation (lidar seen from the IMU)", *_cells(_mm(transform.translation_m), 2), "mm")
-    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_cells(_mm(uncertainty.translation_std_m), 2), "mm")
+    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_stds(uncertainty.translation_std_m, "m", 2), "mm")
     table.add_row("time offset (add to IMU stamps)", f"{1e3 * time_offset_s:.4f}", "", "", "ms")
     table.add_row("  [dim]1 sigma[/]", offset_std_ms, "", "", "ms")
     return Padding(table, (1, 0))
@@ -65,6 +66,10 @@ def _remarks(result: CalibrationResult) -> list[RenderableType]:
             told += f" {text}"
             lines.append(bullet("-", Text(text), style))
     return lines
+
+
+def _stds(stds: list[float], unit: Unit, digits: int) -> list[str]:
+    return [std_cell(std, unit, digits) for std in stds]
 
 
 def _mm(values_m: list[float]) -> list[float]:

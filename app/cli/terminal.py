@@ -20,6 +20,7 @@ from rich.text import Text
 
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
+from calib_core.sigmas import std_cell
 
 STAGE_TITLES = {
     "read": "Reading the recording",
@@ -163,22 +164,25 @@ def iteration_table(event: IterationEvent) -> Table:
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
     table.add_column("error bar, marked where weak", min_width=_BAR_CELLS)
-    mm, translation_std_mm = [1e3 * v for v in event.translation_m], [1e3 * v for v in event.translation_std_m]
+    mm = [1e3 * v for v in event.translation_m]
     table.add_row("rotation (roll, pitch, yaw)", *_cells(event.euler_xyz_deg, 4), "deg", "")
     table.add_row(
         "  [dim]1 sigma about lidar x, y, z[/]",
-        *_cells(event.rotation_std_deg, 4),
+        *(std_cell(std, "deg", 4) for std in event.rotation_std_deg),
         "deg",
         error_bar(max(event.rotation_std_deg), WEAK_DEG),
     )
     table.add_row("lever arm (lidar in IMU axes)", *_cells(mm, 2), "mm", "")
     table.add_row(
-        "  [dim]1 sigma[/]", *_cells(translation_std_mm, 2), "mm", error_bar(max(event.translation_std_m), WEAK_M)
+        "  [dim]1 sigma[/]",
+        *(std_cell(std, "m", 2) for std in event.translation_std_m),
+        "mm",
+        error_bar(max(event.translation_std_m), WEAK_M),
     )
     table.add_row("time offset", f"{1e3 * event.time_offset_s:.4f}", "", "", "ms", "")
     table.add_row(
         "  [dim]1 sigma[/]",
-        f"{1e3 * event.time_offset_std_s:.4f}",
+        std_cell(event.time_offset_std_s, "s", 4),
         "",
         "",
         "ms",

@@ -22,6 +22,7 @@ from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
+from calib_core.sigmas import std_cell
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -101,10 +102,11 @@ def _rows(result: CalibrationResult) -> list[tuple[str, str, str, str, str]]:
     if transform is None or uncertainty is None or time_offset_s is None:
         return []
     turns = zip(("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
-    rows = [(name, f"{v:.4f}", f"{std:.4f}", "deg", f"about lidar {axis}") for name, axis, v, std in turns]
+    rows = [(name, f"{v:.4f}", std_cell(std, "deg", 4), "deg", f"about lidar {axis}") for name, axis, v, std in turns]
     places = zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
     rows += [
-        (f"Position {axis}", f"{1e3 * v:.2f}", f"{1e3 * std:.2f}", "mm", f"along IMU {axis}") for axis, v, std in places
+        (f"Position {axis}", f"{1e3 * v:.2f}", std_cell(std, "m", 2), "mm", f"along IMU {axis}")
+        for axis, v, std in places
     ]
     return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", sigma_of_offset(result), "ms", "of the clocks")]
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from app.schemas.jobs import SolveOutcome, Tone
 from calib_core.result import CalibrationResult
+from calib_core.sigmas import std_cell, std_text
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
@@ -51,7 +50,7 @@ def sigma_of_offset(result: CalibrationResult) -> str:
     """The time offset's standard deviation [ms] for a table."""
     if result.uncertainty is None:
         return ""
-    return "held" if held_offset(result) else f"{1e3 * result.uncertainty.time_offset_std_s:.4f}"
+    return "held" if held_offset(result) else std_cell(result.uncertainty.time_offset_std_s, "s", 4)
 
 
 def verdict(result: CalibrationResult) -> str:
@@ -59,9 +58,9 @@ def verdict(result: CalibrationResult) -> str:
     if result.status == "refused" or result.uncertainty is None:
         reasons = [message.text for message in result.messages if message.level == "error"]
         return "Refused: " + (reasons[0] if reasons else "this recording does not determine the answer.")
-    turn = f"{two_digits(max(result.uncertainty.rotation_std_deg))} deg"
-    place = f"{two_digits(max(result.uncertainty.translation_std_m) * 1e3)} mm"
-    clock = f"{two_digits(result.uncertainty.time_offset_std_s * 1e3)} ms"
+    turn = std_text(max(result.uncertainty.rotation_std_deg), "deg")
+    place = std_text(max(result.uncertainty.translation_std_m), "m")
+    clock = std_text(result.uncertainty.time_offset_std_s, "s")
     known = (
         f"one standard deviation is {turn} and {place} at most; the time offset was held, not estimated."
         if held_offset(result)
@@ -79,15 +78,6 @@ def verdict(result: CalibrationResult) -> str:
             return f"Weak: its parts contradict each other, so that what is stated may be too little; {known}"
         return f"Weak: {but}{weak[0].text}" if weak else f"Weak: {but}{known}"
     return f"Calibrated, but {but}{known}" if but else f"Calibrated: {known}"
-
-
-def two_digits(value: float) -> str:
-    """With its last zero, as the tables beside the sentence have it: 0.020 and not 0.02."""
-    if value <= 0.0:
-        return "0"
-    # Rounded first: 0.0996 has its two digits one place further left than it seems.
-    rounded = float(f"{value:.1e}")
-    return f"{rounded:.{max(0, 1 - math.floor(math.log10(rounded)))}f}"
 
 
 def solve_outcome(result: CalibrationResult) -> SolveOutcome:

@@ -17,6 +17,7 @@ from calib_core.full.forecast import NO_PLANES, Outlook, forecast
 from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.planes.segment import determinacy
 from calib_core.result import COVARIANCE_ORDER
+from calib_core.sigmas import std_text
 from calib_core.types import Finding, FloatArray, ImuData, PlaneProposals, Recording, Scan
 
 _UNITS = ("deg", "deg", "deg", "m", "m", "m", "s")
@@ -179,7 +180,7 @@ def in_words(parameters: Sequence[ParameterForecast]) -> str:
         bad = [n[-1] for n in names if by_name[n].weak]
         if good:
             where = f" {preposition} {joined([p.name[-1] for p in good])}" if bad else ""
-            known.append(f"the {group}{where} to {_amount(max(good, key=lambda p: p.std))}")
+            known.append(f"the {group}{where} to {_largest(good)}")
         if bad:
             where = f" {preposition} {joined(bad)}" if good else ""
             unknown.append(f"the {group}{where}")
@@ -189,11 +190,9 @@ def in_words(parameters: Sequence[ParameterForecast]) -> str:
     return f"{text}, but not {joined(unknown, 'nor')}." if unknown else f"{text}."
 
 
-def _amount(parameter: ParameterForecast) -> str:
-    scale, unit = {"deg": (1.0, "deg"), "m": (1e3, "mm"), "s": (1e3, "ms")}[parameter.unit]
-    value = scale * parameter.std
-    digits = max(0, 1 - int(np.floor(np.log10(max(value, 1e-9)))))
-    return f"{value:.{digits}f} {unit}"
+def _largest(parameters: Sequence[ParameterForecast]) -> str:
+    """Of one unit."""
+    return std_text(max(parameter.std for parameter in parameters), parameters[0].unit)
 
 
 def joined(words: Sequence[str], last: str = "and") -> str:

@@ -13,6 +13,9 @@ from rich.console import Console
 
 from app.cli.options import parse_field_of_view, parse_gravity, parse_points
 from app.cli.summary import result_summary
+from app.cli.terminal import iteration_table
+from app.fleet.overview import sigmas_of
+from app.fleet.summary import Row
 from app.jobs.orders import StoredRequest
 from app.planes.operations import apply
 from app.planes.state import suggested
@@ -30,6 +33,7 @@ from calib_core import api
 from calib_core.audit.limits import Limits
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.errors import SettingsError
+from calib_core.events import IterationEvent
 from calib_core.full.assess.observability import LIMITS, UNITS
 from calib_core.full.prepare.settings import LENGTH
 from calib_core.result import (
@@ -181,6 +185,30 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
     assert re.sub(r"^\w+[:,] ", "", listed.verdict)[1:] in html.unescape(page)
     assert f"on {listed.planes_used} planes" in printed
     assert listed.planes_used == len(result.quality.planes)
+
+
+def test_what_is_not_known_is_no_number_to_the_hundredth_of_a_millimetre():
+    """A lever arm that only its standing prior holds, everywhere that it is printed. Mutation: 9135.06 mm, as it was."""
+    made = weak()
+    assert made.uncertainty is not None
+    unknown = made.uncertainty.model_copy(
+        update={"translation_std_m": [0.0012, 9.13506, 0.0031], "rotation_std_deg": [0.01, 0.02, 190.0]}
+    )
+    result = made.model_copy(update={"uncertainty": unknown, "status": "calibrated"})
+    screen = Console(file=io.StringIO(), width=240)
+    screen.print(result_summary(result))
+    step = IterationEvent(
+        iteration=1, round=1, cost=1.0, matrix=[], planes=[], euler_xyz_deg=[0.0] * 3, translation_m=[0.0] * 3, time_offset_s=0.0,
+        rotation_std_deg=unknown.rotation_std_deg, translation_std_m=unknown.translation_std_m, time_offset_std_s=2.0,
+    )  # fmt: skip
+    screen.print(iteration_table(step))
+    row = Row(name="a", recording="a", verdict="weak", translation_std_x_m=9.13506, rotation_std_x_deg=190.0)
+    fleet = " ".join(sigma.text for sigma in sigmas_of(row))
+    for said in (report_page(result), screen.file.getvalue(), solve_outcome(result).verdict, fleet):
+        assert "9.1 m" in said
+        assert "not determined" in said
+        assert "9135" not in said
+    assert "2.0 s" in screen.file.getvalue()
 
 
 @pytest.mark.parametrize(

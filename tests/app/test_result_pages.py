@@ -9,7 +9,7 @@ from rich.console import Console
 
 from app.cli.summary import result_summary
 from app.results.report import report_page
-from app.results.verdict import two_digits, verdict
+from app.results.verdict import verdict
 from calib_core.result import Message, WeakDirection
 from tests.app.support import world
 
@@ -55,12 +55,6 @@ def test_an_offset_that_was_held_has_no_sigma():
     *_, last = (line for line in console.file.getvalue().splitlines() if "1 sigma" in line)
     assert re.search(r"1 sigma +held +ms", last)
     assert re.search(r">Time offset</th><td[^>]*>[-\d.]+</td><td[^>]*>held</td>", report_page(result))
-
-
-def test_sigmas_keep_their_last_zero():
-    """As the tables beside the sentence have them. Mutations: the zero dropped; digits counted before rounding."""
-    shown = {0.02: "0.020", 3.0: "3.0", 0.0996: "0.10", 0.0994: "0.099", 12.3: "12", 0.0: "0"}
-    assert {value: two_digits(value) for value in shown} == shown
 
 
 def test_the_page_stands_alone_and_escapes_what_files_say():

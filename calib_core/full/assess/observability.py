@@ -16,6 +16,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import COVARIANCE_ORDER, WeakDirection
+from calib_core.sigmas import std_text
 from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
@@ -122,11 +123,10 @@ def _mixture(vector: FloatArray) -> str:
 
 def _amount(vector: FloatArray, spread: float, largest: int) -> str:
     size = abs(float(vector[largest])) * spread
+    std = size * float(UNITS[largest])
     if largest < 3:
-        return f"{size:.2g} deg"
-    if largest < CALIBRATION - 1:
-        return f"{size * 10:.3g} mm"
-    return f"{size:.2g} ms"
+        return std_text(float(np.degrees(std)), "deg")
+    return std_text(std, "m" if largest < CALIBRATION - 1 else "s")
 
 
 def named_direction(covariance: FloatArray) -> str:
