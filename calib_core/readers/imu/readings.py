@@ -150,7 +150,7 @@ def _spikes_finding(leapt: BoolArray, gyro: FloatArray, accel: FloatArray, topic
             Evidence("spikes", n_leapt),
             Evidence("readings", len(leapt)),
             Evidence("fastest of them", round(float(np.abs(gyro[leapt]).max()), 3), "rad/s"),
-            Evidence("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s2"),
+            Evidence("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s²"),
         ),
         consequence="the motion between their neighbours is interpolated; look for what damages them",
     )
