@@ -7,6 +7,7 @@ Degrees, millimetres and milliseconds to two digits. What is known to no better 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 Unit = Literal["deg", "m", "s"]
@@ -47,3 +48,12 @@ def std_cell(std: float, unit: Unit, digits: int, *, named: bool = False) -> str
     if std >= (_ALL_ROUND_DEG if unit == "deg" else 1.0):
         return std_text(std, unit)
     return f"{usual * std:.{digits}f}" + (f" {name}" if named else "")
+
+
+def std_row(stds: Sequence[float], unit: Unit, digits: int) -> tuple[list[str], str]:
+    """Cells of one row, and the unit at its end: none where a cell has another one, each has its own then."""
+    plain = [std_cell(std, unit, digits) for std in stds]
+    named = [std_cell(std, unit, digits, named=True) for std in stds]
+    if any(one == other for one, other in zip(plain, named, strict=True)):
+        return named, ""
+    return plain, _SMALLER[unit][1]

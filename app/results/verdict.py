@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.schemas.jobs import SolveOutcome, Tone
-from calib_core.result import CalibrationResult
+from calib_core.result import CalibrationResult, Status
 from calib_core.sigmas import std_cell, std_text
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
@@ -11,6 +11,9 @@ DISAGREEMENT = "solve.disagreement"
 
 #: The message that says that what a person gave contradicts the recording.
 CONTRADICTED = "prior.contradicted"
+
+
+HEADINGS: dict[Status, str] = {"calibrated": "Calibrated", "weak": "Weak", "refused": "Refused"}
 
 
 def disagrees(result: CalibrationResult) -> bool:
@@ -54,30 +57,38 @@ def sigma_of_offset(result: CalibrationResult) -> str:
 
 
 def verdict(result: CalibrationResult) -> str:
-    """One sentence for a person: may I use this, and how well is it known."""
+    """One word and a sentence or two for a person: may I use this, and how well is it known."""
+    return f"{HEADINGS[result.status]}. {told(result)}"
+
+
+def told(result: CalibrationResult) -> str:
+    """The sentences behind the word, each a whole one: they stand under a heading too."""
     if result.status == "refused" or result.uncertainty is None:
         reasons = [message.text for message in result.messages if message.level == "error"]
-        return "Refused: " + (reasons[0] if reasons else "this recording does not determine the answer.")
+        return _whole(reasons[0] if reasons else "this recording does not determine the answer")
     turn = std_text(max(result.uncertainty.rotation_std_deg), "deg")
     place = std_text(max(result.uncertainty.translation_std_m), "m")
     clock = std_text(result.uncertainty.time_offset_std_s, "s")
     known = (
-        f"one standard deviation is {turn} and {place} at most; the time offset was held, not estimated."
+        f"One standard deviation is {turn} and {place} at most; the time offset was held, not estimated."
         if held_offset(result)
-        else f"one standard deviation is {turn}, {place} and {clock} at most."
+        else f"One standard deviation is {turn}, {place} and {clock} at most."
     )
-    but = (
-        "its parts disagree by more than noise explains, which the error bars allow for; " if disagrees(result) else ""
-    )
+    parts = "Parts of the recording disagree by more than noise explains; the error bars allow for that."
     if result.status == "weak":
         given = [message.text for message in result.messages if message.code == CONTRADICTED]
-        if given:
-            return f"Weak: {given[0]}"
         weak = result.observability.weak_directions
-        if but and not weak:
-            return f"Weak: its parts contradict each other, so that what is stated may be too little; {known}"
-        return f"Weak: {but}{weak[0].text}" if weak else f"Weak: {but}{known}"
-    return f"Calibrated, but {but}{known}" if but else f"Calibrated: {known}"
+        if given:
+            return _whole(given[0])
+        if disagrees(result) and not weak:
+            parts = "Parts of the recording contradict each other, so that errors may be larger than stated."
+        known = _whole(weak[0].text) if weak else known
+    return f"{parts} {known}" if disagrees(result) else known
+
+
+def _whole(text: str) -> str:
+    """A message as a sentence of its own."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
 def solve_outcome(result: CalibrationResult) -> SolveOutcome:

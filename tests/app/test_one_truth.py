@@ -115,7 +115,7 @@ def test_what_disagrees_is_in_the_first_sentence_and_in_the_colour():
     doubtful = result.model_copy(update={"messages": [*result.messages, said]})
     outcome = solve_outcome(doubtful)
     assert outcome.tone == "doubtful"
-    assert outcome.verdict.startswith("Calibrated, but its parts disagree")
+    assert outcome.verdict.startswith("Calibrated. Parts of the recording disagree")
     assert DISAGREEMENT in outcome.codes
     assert outcome.planes_used == len(result.quality.planes)
     refused = doubtful.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
@@ -127,7 +127,7 @@ def test_what_was_given_and_is_wrong_comes_first():
     result = widened(world.make_result(), 300.0)
     said = [Message(code=code, level="warning", text=code) for code in (DISAGREEMENT, CONTRADICTED)]
     doubtful = result.model_copy(update={"status": "weak", "messages": [*result.messages, *said]})
-    assert verdict(doubtful) == f"Weak: {CONTRADICTED}"
+    assert verdict(doubtful) == f"Weak. {CONTRADICTED.capitalize()}."
     assert solve_outcome(doubtful).tone == "doubtful"
 
 
@@ -182,7 +182,9 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
         assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", printed), number
     assert (listed.translation_std_m, listed.rotation_std_deg) == (known.translation_std_m, known.rotation_std_deg)
     assert listed.verdict in printed
-    assert re.sub(r"^\w+[:,] ", "", listed.verdict)[1:] in html.unescape(page)
+    word, sentences = listed.verdict.split(". ", 1)
+    assert f"<b>{word}.</b> {sentences}</div>" in html.unescape(page)
+    assert re.fullmatch(r"([A-Z][^.]*(\.\d[^.]*)*\. ?)+", sentences), sentences  # each a whole one
     assert f"on {listed.planes_used} planes" in printed
     assert listed.planes_used == len(result.quality.planes)
 

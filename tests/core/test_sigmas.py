@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from calib_core.sigmas import Unit, std_cell, std_text, two_digits
+from calib_core.sigmas import Unit, std_cell, std_row, std_text, two_digits
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,10 @@ def test_sigmas_keep_their_last_zero() -> None:
     """As the tables beside the sentence have them. Mutations: the zero dropped; digits counted before rounding."""
     shown = {0.02: "0.020", 3.0: "3.0", 0.0996: "0.10", 0.0994: "0.099", 12.3: "12", 0.0: "0"}
     assert {value: two_digits(value) for value in shown} == shown
+
+
+def test_a_row_with_another_unit_names_each() -> None:
+    """Mutation: the column's unit behind a number of another: 9.1 m mm."""
+    assert std_row([0.0012, 0.0031], "m", 2) == (["1.20", "3.10"], "mm")
+    assert std_row([0.0012, 9.13506], "m", 2) == (["1.20 mm", "9.1 m"], "")
+    assert std_row([0.01, 200.0], "deg", 4) == (["0.0100 deg", "not determined"], "")
