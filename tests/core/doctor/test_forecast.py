@@ -30,7 +30,7 @@ def recording() -> Recording:
 
 def foretold(recording: Recording) -> Forecast:
     sampled = SampledScans.of(recording)
-    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns)
+    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns, whole=recording.scans)
     return forecast_report(outlook, planes_report(outlook.proposals, outlook.gravity), share=sampled.share)
 
 
