@@ -1,8 +1,8 @@
 """What a solve of a recording would know, before it is run: the same information, at a fraction of the price.
 
 How well a calibration is determined depends on the motion, the planes and the noise, hardly on the answer itself. So a
-sample of every scan's points gives planes and a lidar-only track, the track gives start values, the IMU smooths the
-motion with the calibration held at them, and the joint problem is linearised there once:
+few whole scans give the planes, a sample of every scan's points a lidar-only track, the track gives start values, the IMU
+smooths the motion with the calibration held at them, and the joint problem is linearised there once:
 
     information(7 x 7) = what remains of J' J after eliminating knots, biases, gravity and planes
 

@@ -109,3 +109,16 @@ def test_a_coarser_sample_foretells_the_same(recording: Recording) -> None:
     assert dense.knowledge is not None
     assert sparse.knowledge is not None
     assert sparse.knowledge.data_std == pytest.approx(dense.knowledge.data_std, rel=0.1)
+
+
+def test_planes_that_only_later_scans_show_are_listed_and_not_followed(recording: Recording) -> None:
+    """The sample ends before the first scan whose planes fix a place. Mutation: they are followed from that scan all the same."""
+    some = replace(recording, scans=list(recording.scans[:45]))
+    sampled = SampledScans.of(some)
+    bare = [replace(scan, points=scan.points[:50]) for scan in some.scans]
+    whole = [*bare, *recording.scans[45:]]
+    outlook = forecast(replace(some, scans=sampled.scans), sampled.points, whole=whole)
+    assert outlook.proposals.reference_scans[0] >= 45
+    assert len(outlook.proposals.patches) >= 5
+    assert outlook.gravity is None
+    assert outlook.knowledge is not None
