@@ -21,21 +21,19 @@ from calib_core.doctor.report import (
     OnReport,
     PlanesReport,
     Timeline,
-    TopicReport,
 )
 from calib_core.doctor.timeline import timeline
+from calib_core.doctor.topics import topic_report
 from calib_core.doctor.verdict import judge
 from calib_core.doctor.whole_scans import WholeScans
 from calib_core.errors import InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.readers.clouds.deskewed import deskew_suspicion
-from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES
 from calib_core.readers.container.opening import OpenRecording, open_recording
-from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.reading import damage_findings, span_ns
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s
-from calib_core.readers.topics import CLOUD_TYPES, imu_topics, lidar_topics
+from calib_core.readers.topics import imu_topics, lidar_topics
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, ImuData, IntArray
 
@@ -127,7 +125,7 @@ def _report(
         container=recording.kind,
         duration_s=recording.duration_s,
         start_ns=recording.start_ns,
-        topics=tuple(_topic(t, recording, state, (lidar, sensors.imu)) for t in recording.topics),
+        topics=tuple(topic_report(t, recording, state, (lidar, sensors.imu)) for t in recording.topics),
         lidar_candidates=tuple(t.name for t in lidar_topics(recording.topics)),
         imu_candidates=tuple(t.name for t in imu_topics(recording.topics)),
         lidar=lidar,
@@ -243,36 +241,6 @@ def _overlap_s(imu: ImuData | None, header_ns: IntArray, offset_ns: int) -> floa
     begin = max(int(header_ns.min()), int(imu.stamps_ns[0]) + offset_ns)
     end = min(int(header_ns.max()), int(imu.stamps_ns[-1]) + offset_ns)
     return max(0, end - begin) * 1e-9
-
-
-def _topic(
-    topic: TopicSummary,
-    recording: OpenRecording,
-    state: Examination,
-    read: tuple[LidarReport | None, ImuReport | None],
-) -> TopicReport:
-    """One topic. read: what was read of those that are calibrated, whose stamps tell the rate.
-
-    Of the others no message is looked at: what is known is how many came in the recording's time, which may have begun without
-    them.
-    """
-    rates = {part.topic: part.stamps.rate_hz for part in read if part is not None}
-    chosen = (part.name for part in (state.lidar_topic, state.imu_topic) if part is not None)
-    rates = dict.fromkeys(chosen, 0.0) | rates
-    counted = topic.count / recording.duration_s if topic.count > 1 and recording.duration_s > 0 else 0.0
-    return TopicReport(
-        name=topic.name,
-        type=topic.type,
-        messages=topic.count,
-        rate_hz=rates.get(topic.name, counted),
-        role="lidar"
-        if topic.type in CLOUD_TYPES
-        else "imu"
-        if topic.type == "sensor_msgs/msg/Imu"
-        else "packets"
-        if topic.type in (*PACKET_TYPES, *FOREIGN_PACKET_TYPES)
-        else "other",
-    )
 
 
 def _finding(finding: Finding) -> FindingReport:
