@@ -104,7 +104,7 @@ def foretell(rows: Sequence[Row], recording: Recording) -> list[Row]:
 def forecast_of(recording: Recording) -> Forecast:
     """The doctor's forecast of a recording in memory, from the same sample that it takes of a file."""
     sampled = SampledScans.of(recording)
-    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns)
+    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns, whole=recording.scans)
     return forecast_report(outlook, planes_report(outlook.proposals, outlook.gravity), share=sampled.share)
 
 

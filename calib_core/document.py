@@ -12,6 +12,7 @@ import numpy as np
 
 from calib_core.events import OnEvent, ShouldCancel
 from calib_core.geometry import euler_xyz_deg, quaternion_xyzw, transform_matrix
+from calib_core.pace import rate_hz
 from calib_core.result import (
     CalibrationResult,
     Evidence,
@@ -27,7 +28,7 @@ from calib_core.result import (
     WeakDirection,
 )
 from calib_core.settings import CalibrateSettings, ImuNoise
-from calib_core.types import FloatArray, InitialGuess, IntArray, Plane, Recording, Trajectory
+from calib_core.types import FloatArray, InitialGuess, Plane, Recording, Trajectory
 
 
 @dataclass(frozen=True)
@@ -168,18 +169,11 @@ def provenance(recording: Recording, settings: CalibrateSettings) -> Provenance:
             lidar_frame_id=recording.lidar.frame_id,
             imu_frame_id=recording.imu.frame_id,
             lidar_model=recording.lidar.model,
-            imu_rate_hz=_rate_hz(recording.imu.stamps_ns),
+            imu_rate_hz=rate_hz(recording.imu.stamps_ns) or None,
         ),
         settings=settings.model_dump(mode="json"),
         software={"unsweep": _version("unsweep"), "numpy": np.__version__, "python": platform.python_version()},
     )
-
-
-def _rate_hz(stamps_ns: IntArray) -> float | None:
-    """Readings a second, by the median of their distances; None where there are too few."""
-    steps_ns = np.diff(stamps_ns)
-    usual_ns = float(np.median(steps_ns)) if steps_ns.size else 0.0
-    return 1e9 / usual_ns if usual_ns > 0.0 else None
 
 
 def _version(name: str) -> str:

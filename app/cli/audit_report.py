@@ -9,8 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import bullet
-from calib_core.audit.report import AuditReport, AxisAudit, Verdict
+from calib_core.audit.report import AuditReport, AxisAudit, Verdict, in_si
 from calib_core.result import AXIS_WORDS
+from calib_core.sigmas import std_cell, std_text
 
 _STYLES: dict[Verdict, str] = {"passed": "bold green", "failed": "bold red", "unknown": "bold yellow"}
 
@@ -38,9 +39,16 @@ def _axes(axes: list[AxisAudit]) -> RenderableType:
         table.add_row(
             AXIS_WORDS[axis.axis].removesuffix(" axis"),
             "-" if axis.difference is None else f"{axis.difference:+.3f} {axis.unit}",
-            f"{axis.difference_std:.3f} {axis.unit}",
+            std_cell(*in_si(axis.difference_std, axis.unit), 3, named=True),
             "-" if axis.limit is None else f"{axis.limit:g} {axis.unit}",
-            f"from {axis.smallest_error:.3g} {axis.unit}",
+            f"from {_reach(axis)}",
             Text(verdict, style="dim" if axis.verdict is None else _STYLES[axis.verdict]),
         )
     return Padding(table, (1, 0))
+
+
+def _reach(axis: AxisAudit) -> str:
+    """What would have shown: the limit as it was given, or three sigmas."""
+    if axis.limit is not None and axis.smallest_error <= axis.limit:
+        return f"{axis.limit:g} {axis.unit}"
+    return std_text(*in_si(axis.smallest_error, axis.unit))

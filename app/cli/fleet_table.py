@@ -17,6 +17,7 @@ from rich.text import Text
 from app.cli.terminal import Manner, stderr_console
 from app.fleet.campaign import OnRow
 from app.fleet.summary import Row, Verdict
+from calib_core.sigmas import Unit, std_cell, std_text
 
 _STYLES: dict[Verdict, str] = {"calibrated": "green", "weak": "yellow", "refused": "red", "failed": "bold red"}
 #: So many of the latest rows are shown: more would push the counts off a small terminal.
@@ -81,7 +82,8 @@ class FleetTable:
         table.add_column("why", overflow="fold")
         for row in self._rows[-_SHOWN:]:
             verdict = Text(row.verdict, style=_STYLES[row.verdict])
-            table.add_row(Text(row.name), verdict, *_sigmas(row), f"{row.duration_s:.1f} s", Text(row.sentence))
+            cells = ("" if sigma is None else std_cell(*sigma) for sigma in _largest(row))
+            table.add_row(Text(row.name), verdict, *cells, f"{row.duration_s:.1f} s", Text(row.sentence))
         told = f"{len(self._rows)} of {self._total} done ({counts(self._rows)}); {self._where}{self._left()}"
         return Group(table, Text(told, style="bold"))
 
@@ -92,21 +94,21 @@ class FleetTable:
         return f"; about {ahead * (monotonic() - self._start_s) / self._fresh / 60.0:.0f} min left"
 
 
-def _sigmas(row: Row) -> tuple[str, str, str]:
-    """The largest sigma of each kind [deg, mm, ms]."""
+def _largest(row: Row) -> list[tuple[float, Unit, int] | None]:
+    """The largest sigma of each kind with its unit and a table's decimals; None where the row has none."""
     turn = [v for v in (row.rotation_std_x_deg, row.rotation_std_y_deg, row.rotation_std_z_deg) if v != ""]
     shift = [v for v in (row.translation_std_x_m, row.translation_std_y_m, row.translation_std_z_m) if v != ""]
     offset = row.time_offset_std_s
-    return (
-        f"{max(turn):.4f}" if turn else "",
-        f"{1e3 * max(shift):.2f}" if shift else "",
-        "" if offset == "" else f"{1e3 * offset:.4f}",
-    )
+    return [
+        (max(turn), "deg", 4) if turn else None,
+        (max(shift), "m", 2) if shift else None,
+        None if offset == "" else (offset, "s", 4),
+    ]
 
 
 def _after(row: Row) -> str:
-    deg, mm, ms = _sigmas(row)
-    sigmas = f", 1 sigma up to {deg} deg, {mm} mm, {ms} ms" if deg else ""
+    known = [std_text(std, unit) for std, unit, _ in filter(None, _largest(row))]
+    sigmas = f", 1 sigma up to {', '.join(known)}" if known else ""
     return f"{sigmas}: {row.sentence}" if row.sentence else sigmas
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import floor, log10
-
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -15,6 +13,7 @@ from calib_core.doctor.report import (
     PlanesReport,
 )
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
+from calib_core.sigmas import two_digits
 
 #: Beyond so many times what counts as weak, a number would only pretend to be one.
 _UNKNOWN_TIMES = 5.0
@@ -66,8 +65,5 @@ def _known(parameter: ParameterForecast, scale: float, weak: float) -> Text:
     """One standard deviation with two digits, and whether that is little."""
     if parameter.weak and parameter.std > _UNKNOWN_TIMES * weak:
         return Text("unknown", style="bold yellow")
-    value = scale * parameter.std
-    digits = max(0, 1 - floor(log10(value))) if value > 0 else 2
-    return Text(
-        f"{value:.{digits}f}" + (" weak" if parameter.weak else ""), style="yellow" if parameter.weak else "green"
-    )
+    said = two_digits(scale * parameter.std) + (" weak" if parameter.weak else "")
+    return Text(said, style="yellow" if parameter.weak else "green")

@@ -81,7 +81,7 @@ def _noise(noise: ImuNoiseReport, style: str) -> Text:
     gyro = noise.noise.gyroscope_noise_density_rad_s_sqrt_hz
     accel = noise.noise.accelerometer_noise_density_m_s2_sqrt_hz
     name = "" if noise.origin == "measured" else f"{noise.origin}: "
-    return Text.assemble((f"{gyro:.1e} rad/s/√Hz, {accel:.1e} m/s²/√Hz", style), (f"   {name}{noise.source}", "dim"))
+    return Text.assemble((f"{gyro:.2g} rad/s/√Hz, {accel:.2g} m/s²/√Hz", style), (f"   {name}{noise.source}", "dim"))
 
 
 def motion_block(report: DoctorReport, imu: ImuReport) -> RenderableType:

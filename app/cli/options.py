@@ -120,7 +120,7 @@ def parse_gravity(text: str) -> Gravity:
     if not colon and 9.0 < value < 10.0:
         return Gravity(magnitude_m_s2=value, std_m_s2=0.0)
     raise SettingsError(
-        f"Expected `free`, a magnitude between 9 and 10 m/s2, or `latitude:DEG` for --gravity, but found `{text}`; "
+        f"Expected `free`, a magnitude between 9 and 10 m/s², or `latitude:DEG` for --gravity, but found `{text}`; "
         "give one of these."
     )
 

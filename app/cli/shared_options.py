@@ -39,7 +39,7 @@ def add_solving(command: Parser) -> None:
         "--gravity",
         default="free",
         metavar="VALUE|latitude:DEG|free",
-        help="its magnitude in m/s2 (free: 9.807 +- 0.02)",
+        help="its magnitude in m/s² (free: 9.807 +- 0.02)",
     )
     add("--imu-noise", metavar="PRESET|FILE", help="noise densities, instead of those measured while standing still")
     add(

@@ -12,6 +12,7 @@ from app.cli.terminal import LEVEL_STYLES, bullet
 from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
+from calib_core.sigmas import Unit, std_row
 
 _TONE_STYLES: dict[Tone, str] = {"good": "bold green", "doubtful": "bold yellow", "bad": "bold red"}
 
@@ -32,26 +33,24 @@ def result_summary(result: CalibrationResult) -> RenderableType:
     return Panel(Group(*parts), title="unsweep", title_align="left", border_style="dim", padding=(0, 1))
 
 
-def _numbers(
-    transform: Transform, uncertainty: Uncertainty, time_offset_s: float, offset_std_ms: str
-) -> RenderableType:
+def _numbers(transform: Transform, uncertainty: Uncertainty, time_offset_s: float, offset_std: str) -> RenderableType:
     table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
     table.add_column("T_imu_lidar: takes lidar coordinates to IMU coordinates")
     for axis in "xyz":
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
     table.add_row("rotation (roll, pitch, yaw)", *_cells(transform.euler_xyz_deg, 4), "deg")
-    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_cells(uncertainty.rotation_std_deg, 4), "deg")
+    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_stds(uncertainty.rotation_std_deg, "deg", 4))
     table.add_row("translation (lidar seen from the IMU)", *_cells(_mm(transform.translation_m), 2), "mm")
-    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_cells(_mm(uncertainty.translation_std_m), 2), "mm")
+    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_stds(uncertainty.translation_std_m, "m", 2))
     table.add_row("time offset (add to IMU stamps)", f"{1e3 * time_offset_s:.4f}", "", "", "ms")
-    table.add_row("  [dim]1 sigma[/]", offset_std_ms, "", "", "ms")
+    table.add_row("  [dim]1 sigma[/]", offset_std, "", "", "" if offset_std.endswith("s") else "ms")
     return Padding(table, (1, 0))
 
 
 def _remarks(result: CalibrationResult) -> list[RenderableType]:
     """Messages worth reading, weak directions and advice, each said once."""
-    told = verdict(result)
+    told = verdict(result).casefold()  # where a message begins a sentence
     lines: list[RenderableType] = []
     remarks = [
         (message.text, LEVEL_STYLES[message.level])
@@ -61,10 +60,15 @@ def _remarks(result: CalibrationResult) -> list[RenderableType]:
     remarks += [(direction.text, "yellow") for direction in result.observability.weak_directions]
     remarks += [(f"Next time: {text}", "cyan") for text in result.observability.advice]
     for text, style in remarks:
-        if text not in told:
-            told += f" {text}"
+        if text.casefold() not in told:
+            told += f" {text.casefold()}"
             lines.append(bullet("-", Text(text), style))
     return lines
+
+
+def _stds(stds: list[float], unit: Unit, digits: int) -> list[str]:
+    cells, name = std_row(stds, unit, digits)
+    return [*cells, name]
 
 
 def _mm(values_m: list[float]) -> list[float]:

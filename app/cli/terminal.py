@@ -20,6 +20,7 @@ from rich.text import Text
 
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
+from calib_core.sigmas import std_row
 
 STAGE_TITLES = {
     "read": "Reading the recording",
@@ -163,25 +164,31 @@ def iteration_table(event: IterationEvent) -> Table:
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
     table.add_column("error bar, marked where weak", min_width=_BAR_CELLS)
-    mm, translation_std_mm = [1e3 * v for v in event.translation_m], [1e3 * v for v in event.translation_std_m]
+    mm = [1e3 * v for v in event.translation_m]
+    turns, turn_unit = std_row(event.rotation_std_deg, "deg", 4)
+    places, place_unit = std_row(event.translation_std_m, "m", 2)
+    clock, clock_unit = std_row([event.time_offset_std_s], "s", 4)
     table.add_row("rotation (roll, pitch, yaw)", *_cells(event.euler_xyz_deg, 4), "deg", "")
     table.add_row(
         "  [dim]1 sigma about lidar x, y, z[/]",
-        *_cells(event.rotation_std_deg, 4),
-        "deg",
+        *turns,
+        turn_unit,
         error_bar(max(event.rotation_std_deg), WEAK_DEG),
     )
     table.add_row("lever arm (lidar in IMU axes)", *_cells(mm, 2), "mm", "")
     table.add_row(
-        "  [dim]1 sigma[/]", *_cells(translation_std_mm, 2), "mm", error_bar(max(event.translation_std_m), WEAK_M)
+        "  [dim]1 sigma[/]",
+        *places,
+        place_unit,
+        error_bar(max(event.translation_std_m), WEAK_M),
     )
     table.add_row("time offset", f"{1e3 * event.time_offset_s:.4f}", "", "", "ms", "")
     table.add_row(
         "  [dim]1 sigma[/]",
-        f"{1e3 * event.time_offset_std_s:.4f}",
+        *clock,
         "",
         "",
-        "ms",
+        clock_unit,
         error_bar(event.time_offset_std_s, WEAK_S),
     )
     return table

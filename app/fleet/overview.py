@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, get_args
 from app.fleet.summary import Row, Verdict
 from app.storage.atomic import write_text
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
+from calib_core.sigmas import Unit, scale_of, std_cell
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -106,19 +107,19 @@ def sigmas_of(row: Row) -> tuple[Sigma, Sigma, Sigma]:
     turn = (row.rotation_std_x_deg, row.rotation_std_y_deg, row.rotation_std_z_deg)
     shift = (row.translation_std_x_m, row.translation_std_y_m, row.translation_std_z_m)
     return (
-        _largest(turn, 1.0, WEAK_DEG, "deg", 4),
-        _largest(shift, 1e3, 1e3 * WEAK_M, "mm", 2),
-        _largest((row.time_offset_std_s,), 1e3, 1e3 * WEAK_S, "ms", 4),
+        _largest(turn, WEAK_DEG, "deg", 4),
+        _largest(shift, WEAK_M, "m", 2),
+        _largest((row.time_offset_std_s,), WEAK_S, "s", 4),
     )
 
 
-def _largest(values: Iterable[float | str], scale: float, limit: float, unit: str, digits: int) -> Sigma:
-    known = [scale * value for value in values if not isinstance(value, str)]
+def _largest(values: Iterable[float | str], limit: float, unit: Unit, digits: int) -> Sigma:
+    known = [value for value in values if not isinstance(value, str)]
+    scale, name = scale_of(limit, unit)
+    limit_text = f"{scale * limit:g} {name}"
     if not known:
-        return Sigma("", "", f"{limit:g} {unit}", is_weak=False)
-    # An undetermined direction has the standing prior's sigma, metres and radians: a figure of few digits then.
-    text = f"{max(known):.{digits}f}" if max(known) < 100.0 else f"{max(known):.0f}"
-    return Sigma(max(known), text, f"{limit:g} {unit}", is_weak=max(known) > limit)
+        return Sigma("", "", limit_text, is_weak=False)
+    return Sigma(scale * max(known), std_cell(max(known), unit, digits), limit_text, is_weak=max(known) > limit)
 
 
 @cache

@@ -39,15 +39,18 @@ def foreseen(forecast: Forecast | None, planes: PlaneSet, suggestion: PlaneSet) 
     name = AXIS_NAMES[worst.name]
     by_motion = worst.weak or worst.std > limit
     weak = by_motion or std > limit
-    text = _what_to_do(name, forecast, by_motion=by_motion) if weak else ""
+    text = _what_to_do(name, worst.advice, by_motion=by_motion) if weak else ""
     return Foreseen(name=name, std=std, unit=worst.unit, limit=limit, weak=weak, text=text)
 
 
-def _what_to_do(name: str, forecast: Forecast, *, by_motion: bool) -> str:
-    """A sentence for an axis that would stay unknown. by_motion: all planes that were found would not tell it either."""
+def _what_to_do(name: str, advice: str, *, by_motion: bool) -> str:
+    """A sentence for an axis that would stay unknown.
+
+    advice: of the forecast for this axis.   by_motion: all planes that were found would not tell it either.
+    """
     if not by_motion:
         return f"{name} would stay unknown: too little is left of what fixes it. Confirm more planes."
-    cure = forecast.advice[0] if forecast.advice else "Record again, with turns about all three axes."
+    cure = advice or "Record again, with turns about all three axes."
     return f"{name} would stay unknown, whichever planes are confirmed: the motion does not tell it. {cure}"
 
 

@@ -1,9 +1,9 @@
 """The doctor's vertical, carried over to the proposals, and the names that it gives them.
 
-The doctor looks for planes in samples of the same scans, knows gravity from the motion, and calls planes what they are to
-someone who stands upright. A plane of ours that faces the same way at the same distance is the same plane; where enough of them
-are, both frames are one, and the doctor's vertical is ours. Then all planes are called what they are, numbered in the doctor's
-order and without a gap: what only its sample shows is no plane here, and what the sample missed comes last.
+The doctor lists the same planes, knows gravity from the motion, and calls planes what they are to someone who stands upright. A
+plane of ours that faces the same way at the same distance is the same plane; where enough of them are, both frames are one, and
+the doctor's vertical is ours. Then all planes are called what they are, numbered in the doctor's order and without a gap: in
+reports of older versions, which looked at samples, a plane may be missing, or be one too many.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from calib_core.doctor.kinds import kind_of, names_of
 from calib_core.doctor.report import Forecast, PlanesReport
 from calib_core.types import FloatArray, PlaneProposals
 
-#: Samples and whole scans give the same plane to about this: noise of 20 mm over a patch of half a metre.
+#: A sample and the whole scans gave the same plane to about this: noise of 20 mm over a patch of half a metre.
 SAME_COS = np.cos(np.radians(5.0))
 SAME_DISTANCE_M = 0.1
 #: One plane may agree by chance; two that face different ways do not.

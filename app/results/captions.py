@@ -17,8 +17,9 @@ STRIKING_MM = 5.0
 def room(result: CalibrationResult) -> str:
     """Of the picture from above."""
     seen = (
-        "Walls as lines, darker where more points lie over one another; floor and ceiling are left out. A right calibration "
-        "draws each wall as one thin line on the right, where the left one is smeared by the motion within each sweep."
+        "All scans laid together and seen from above, darker where more points lie on one another; floor and ceiling are left "
+        "out. Left, raw: walls are smeared by the motion during each sweep. Right, de-skewed: with that motion taken out, a "
+        "correct calibration draws each wall as one thin line."
     )
     crispness = result.quality.crispness
     return seen if crispness is None else f"{seen} {crispness.text}"
@@ -28,8 +29,8 @@ def corner(picture: Picture) -> str:
     """Of the detail."""
     side_m = picture.width * picture.cell_m
     return (
-        f"The {side_m:.1f} m around the spot where most points stand over one another, a cell is {1e3 * picture.cell_m:.0f} "
-        "mm: what is left of a wall's width on the right is the lidar's own noise."
+        f"The {side_m:.1f} m around the spot where most points lie on one another; one cell is {1e3 * picture.cell_m:.0f} mm "
+        "wide. The width that a wall still has on the right is the lidar's own noise."
     )
 
 
@@ -38,7 +39,7 @@ def thickness(walls: Thickness) -> str:
     before, after = 1e3 * walls.before_rms_m, 1e3 * walls.after_rms_m
     times = f", {before / after:.1f} times less" if 0 < after < before else ""
     return (
-        f"All points near a plane, by their distance from it. Narrow and centred on zero is good: {before:.1f} mm rms "
+        f"Distances of all points near a plane from that plane. They should form one narrow peak at zero: {before:.1f} mm (rms) "
         f"raw, {after:.1f} mm de-skewed{times}."
     )
 
@@ -48,21 +49,21 @@ def by_value(binned: Binned, name: str, unit: str = "") -> str:
     worst = int(np.abs(binned.mean_m).argmax())
     off_mm = 1e3 * binned.mean_m[worst]
     what = (
-        f"The mean (two standard errors) should stay near zero: the largest is {off_mm:+.1f} mm at {name} "
-        f"{binned.at[worst]:.3g}{unit}"
+        f"Mean distance of the points from their planes, with bars of two standard errors. It should stay near zero: the "
+        f"largest is {off_mm:+.1f} mm at {name} {binned.at[worst]:.3g}{unit}"
     )
     if abs(off_mm) > STRIKING_MM:
-        return f"{what}, more than a good lidar's own error. A slope over {name} is an error of the lidar, not the mounting."
-    return f"{what}, which is little. A slope over {name} would be an error of the lidar, not of the mounting."
+        return f"{what}, more than the error of a good lidar. A slope points to an error of the lidar, not of the mounting."
+    return f"{what}, which is little. A slope would point to an error of the lidar, not of the mounting."
 
 
 def planes(result: CalibrationResult) -> str:
     """Of the bars."""
     worst = max(result.quality.planes, key=lambda plane: plane.rms_m)
     return (
-        f"Grey: the spread that the solve left on the points it used, surer distances counting more, largest on {worst.name} "
-        f"with {1e3 * worst.rms_m:.1f} mm. Dots: all points near the plane alike, which should move left from orange to blue. "
-        "One plane far wider than the others is no plane, or has moved."
+        f"Grey bars: spread about each plane of the points that the solve used, precise ones weighted more; it is largest on "
+        f"{worst.name} with {1e3 * worst.rms_m:.1f} mm. Dots: spread of all points near the plane, raw (orange) and de-skewed "
+        "(blue); blue should lie left of orange. A plane with far more spread than the others is not flat, or has moved."
     )
 
 
@@ -71,8 +72,9 @@ def over_time(scans: ScanQuality) -> str:
     known = np.array([rms for rms in scans.rms_m if rms is not None])
     middle_mm, worst_mm = 1e3 * float(np.median(known)), 1e3 * float(known.max())
     return (
-        f"Each dot is a scan. The spread should be even: its median is {middle_mm:.1f} mm, the worst scan has "
-        f"{worst_mm:.1f} mm. A hill is a stretch that the answer does not explain; few points on planes weigh little."
+        f"Each dot is one scan: the spread of its points about the planes. It should be even; the median is {middle_mm:.1f} mm, "
+        f"the worst scan has {worst_mm:.1f} mm. Where it rises for a while, the answer does not explain the motion. Scans with "
+        "few points on planes count little in the solve."
     )
 
 
@@ -80,9 +82,10 @@ def time_blocks(blocks: Sequence[TimeBlock]) -> str:
     """Of the stretches' answers."""
     crossing, bars = crossing_zero(blocks)
     return (
-        f"What each of {len(blocks)} stretches of the recording would answer alone, less the joint answer; bars are one "
-        f"standard deviation, long where little turned. Two thirds of the bars or more should cross zero, without a trend: "
-        f"{crossing} of {bars} do. A drift over time is a mount that gives, or clocks that part."
+        f"The recording is cut into {len(blocks)} stretches. Shown is what each of them alone would answer, minus the joint "
+        "answer; bars are one standard deviation and are long where the rig hardly turned. Two thirds of the bars or more should "
+        f"cross zero, without a trend: {crossing} of {bars} do. A drift over time points to a mount that flexes, or to clocks "
+        "that run apart."
     )
 
 
@@ -90,9 +93,9 @@ def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswe
     """Of the planes' answers."""
     crossing, bars = crossing_zero([*planes, *ranges])
     return (
-        f"The same of each plane, and of the nearer and the farther half of the points: {crossing} of {bars} bars cross zero. "
-        "One plane that asks for something else with a short bar is bent or has moved; near against far is the lidar's own "
-        "range error. A row without bars says too little to be drawn beside the others."
+        "The same for each plane alone, and for the nearer and the farther half of the points alone: "
+        f"{crossing} of {bars} bars cross zero. A plane whose short bar lies far from zero is bent or has moved; a difference "
+        "between near and far is an error of the lidar's ranges. A row without bars says too little to be drawn on this scale."
     )
 
 
@@ -115,8 +118,9 @@ def offset_profile(profile: OffsetProfile) -> str:
     best_ms, step_ms = 1e3 * profile.best_s, 1e3 * profile.step_s
     top = max(value for value in profile.likeness if value is not None)
     seen = (
-        "How well the lidar's turning and the gyroscope's go together if the clocks were so much farther apart, without planes "
-        f"and mounting. It should have one clear peak at zero: the highest, {top:.3f}, is at {best_ms:+.1f} ms"
+        "How well the rates of turn of the lidar and of the gyroscope match (1: perfectly) if the clocks are shifted against the "
+        "answer by so much; planes and mounting have no part in it. There should be one clear peak at zero: the highest, "
+        f"{top:.3f}, is at {best_ms:+.1f} ms"
     )
     if abs(profile.best_s) > profile.step_s:
         return f"{seen}, more than its step of {step_ms:.0f} ms away: the answer and the turning disagree."
@@ -126,16 +130,16 @@ def offset_profile(profile: OffsetProfile) -> str:
 def imu(compared: ImuComparison) -> str:
     """Of the readings."""
     return (
-        "Black dashes, what the solved motion foretells, should lie on the coloured lines, and the differences below should "
-        "be noise without the motion's shape. The motion is bound to both sensors, so what is left is what the lidar had to "
-        f"bend: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and {compared.accel_rms_m_s2:.3g} m/s² rms over the whole "
-        "recording."
+        "Coloured: what the IMU measured. Black dashes: what the solved motion predicts, which should lie on the coloured lines. "
+        "The differences below should look like noise, without the motion's shape. The motion was fitted to both sensors, so "
+        f"they show where the lidar disagrees with the IMU: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and "
+        f"{compared.accel_rms_m_s2:.3g} m/s² (rms) over the whole recording."
     )
 
 
 def convergence(steps: Sequence[Step]) -> str:
     """Of the solve's steps."""
     return (
-        f"Distance of each of {len(steps)} steps from the last one, on a scale of logarithms. It should fall and lie flat at "
-        "the end, far below the stated standard deviations; steps upwards are where more points or planes came in."
+        f"How far the answer was from the final one after each of {len(steps)} steps of the solve, on a logarithmic scale. It "
+        "should fall, and end flat and far below the stated standard deviations. It may rise where points or planes are added."
     )

@@ -49,7 +49,7 @@ def command_of(result: CalibrationResult, reading: ReadSettings, request: Stored
         words += ["--imu-noise", settings.imu_noise]
     gravity = _gravity_word(settings.gravity)
     if gravity is None:
-        notes.append("The command line has no option for this prior of gravity; it uses 9.807 +- 0.02 m/s2.")
+        notes.append("The command line has no option for this prior of gravity; it uses 9.807 +- 0.02 m/s².")
     elif gravity != "free":
         words += ["--gravity", gravity]
     words += ["--output", "result.json"]

@@ -209,7 +209,7 @@ def by_value(binned: Binned, name: str) -> str:
 
 
 def imu(compared: ImuComparison) -> str:
-    """Measured and foretold readings, and their differences ten times as large."""
+    """Measured and predicted readings, and their differences ten times as large."""
     canvas = Canvas(FULL, 4.2)
     grid = canvas.axes(4, 1, sharex=True)[:, 0]
     rates = [np.degrees(np.array(values)) for values in (compared.gyro_rad_s, compared.gyro_predicted_rad_s)]
@@ -221,7 +221,7 @@ def imu(compared: ImuComparison) -> str:
             below.plot(compared.t_s, measured[axis] - foretold[axis], color=color, linewidth=0.5)
         top.set_ylabel(unit)
         below.set_ylabel(f"difference\n[{unit}]")
-    grid[0].set_title("turning (gyroscope); dashed: foretold", fontsize=7.5, loc="left")
+    grid[0].set_title("turning (gyroscope); dashed: predicted", fontsize=7.5, loc="left")
     grid[2].set_title("specific force (accelerometer)", fontsize=7.5, loc="left")
     grid[0].legend(loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.1), borderaxespad=0.0)
     grid[-1].set_xlabel("time after the first scan [s]")

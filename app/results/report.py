@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shlex
 from dataclasses import dataclass
 from datetime import datetime
@@ -17,16 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.results import captions, plot_parts, plots
-from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
+from app.results.verdict import HEADINGS, rests_on, sigma_of_offset, told, tone
 from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
+from calib_core.sigmas import std_cell
 
 if TYPE_CHECKING:
     from jinja2 import Template
-
-_HEADINGS = {"calibrated": "Calibrated", "weak": "Weak", "refused": "Refused"}
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
     rig, figures = plots.drawn(lambda: (_rig(result), _figures(result, beside)))
     return _template().render(
         result=result,
-        heading=_HEADINGS[result.status],
+        heading=HEADINGS[result.status],
         tone=tone(result),
-        verdict=_sentence(result),
+        verdict=told(result),
         rows=_rows(result),
         rests_on=rests_on(result),
         matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
@@ -89,24 +89,25 @@ def _template() -> Template:
     return environment.get_template("report.html.jinja")
 
 
-def _sentence(result: CalibrationResult) -> str:
-    """The verdict without the word that stands in front of it, as a sentence of its own."""
-    told = verdict(result).removeprefix(_HEADINGS[result.status]).lstrip(":, ")
-    return told[:1].upper() + told[1:]
-
-
-def _rows(result: CalibrationResult) -> list[tuple[str, str, str, str, str]]:
-    """Name, value, one sigma, unit and about what the sigma is."""
+def _rows(result: CalibrationResult) -> list[tuple[str, str, str, str]]:
+    """Name with its unit, value, one sigma, and of what that is."""
     transform, uncertainty, time_offset_s = result.T_imu_lidar, result.uncertainty, result.time_offset_s
     if transform is None or uncertainty is None or time_offset_s is None:
         return []
     turns = zip(("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
-    rows = [(name, f"{v:.4f}", f"{std:.4f}", "deg", f"about lidar {axis}") for name, axis, v, std in turns]
+    rows = [
+        (f"{name} [deg]", f"{v:.4f}", std_cell(std, "deg", 4), f"turn about the lidar's {axis}")
+        for name, axis, v, std in turns
+    ]
     places = zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
     rows += [
-        (f"Position {axis}", f"{1e3 * v:.2f}", f"{1e3 * std:.2f}", "mm", f"along IMU {axis}") for axis, v, std in places
+        (f"Position {axis} [mm]", f"{1e3 * v:.2f}", std_cell(std, "m", 2), f"shift along the IMU's {axis}")
+        for axis, v, std in places
     ]
-    return [*rows, ("Time offset", f"{1e3 * time_offset_s:.4f}", sigma_of_offset(result), "ms", "of the clocks")]
+    return [
+        *rows,
+        ("Time offset [ms]", f"{1e3 * time_offset_s:.4f}", sigma_of_offset(result), "time between the clocks"),
+    ]
 
 
 def _in_lines(command: str) -> str:
@@ -133,7 +134,7 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
     if evidence.room is not None:
         found.append(Figure("The room from above, before and after", plots.room(evidence.room), captions.room(result)))
     if evidence.corner is not None:
-        found.append(Figure("A detail of it", plots.room(evidence.corner), captions.corner(evidence.corner)))
+        found.append(Figure("A detail of the room", plots.room(evidence.corner), captions.corner(evidence.corner)))
     if beside.walls is not None and beside.walls.walls:
         picture = plots.thickness(beside.walls)
         found.append(Figure("How thick the walls are", picture, captions.thickness(beside.walls), half=True))
@@ -148,14 +149,16 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
     found += _of_parts(result)
     if result.quality.planes:
         picture = plots.planes(result.quality.planes, beside.walls)
-        found.append(Figure("What is left on each plane", picture, captions.planes(result)))
+        found.append(Figure("Spread of the points on each plane", picture, captions.planes(result)))
     if beside.scans is not None and any(rms is not None for rms in beside.scans.rms_m):
-        found.append(Figure("Scan by scan", plots.over_time(beside.scans), captions.over_time(beside.scans)))
+        found.append(
+            Figure("Spread of the points scan by scan", plots.over_time(beside.scans), captions.over_time(beside.scans))
+        )
     if evidence.imu is not None:
-        found.append(Figure("The IMU, measured and foretold", plots.imu(evidence.imu), captions.imu(evidence.imu)))
+        found.append(Figure("The IMU, measured and predicted", plots.imu(evidence.imu), captions.imu(evidence.imu)))
     if len(evidence.steps) > 1:
         found.append(
-            Figure("How the solve settled", plots.convergence(evidence.steps), captions.convergence(evidence.steps))
+            Figure("How the solve converged", plots.convergence(evidence.steps), captions.convergence(evidence.steps))
         )
     return found
 
@@ -169,18 +172,18 @@ def _of_parts(result: CalibrationResult) -> list[Figure]:
     if inner.time_offset_profile is not None:
         picture = plot_parts.offset_profile(inner.time_offset_profile)
         caption = captions.offset_profile(inner.time_offset_profile)
-        found.append(Figure("The turning over the time offset", picture, caption, half=True))
+        found.append(Figure("Match of the rates of turn over the time offset", picture, caption, half=True))
     if inner.parts.time_blocks:
         picture, caption = (
             plot_parts.time_blocks(inner.parts.time_blocks),
             captions.time_blocks(inner.parts.time_blocks),
         )
-        found.append(Figure("What each stretch answers by itself", picture, caption))
+        found.append(Figure("What each stretch of the recording answers alone", picture, caption))
     if inner.parts.planes:
         parts = (inner.parts.planes, inner.parts.ranges)
         caption = captions.planes_and_ranges(*parts)
         found.append(
-            Figure("What planes and ranges answer by themselves", plot_parts.planes_and_ranges(*parts), caption)
+            Figure("What each plane and each range answers alone", plot_parts.planes_and_ranges(*parts), caption)
         )
     return found
 
@@ -207,9 +210,14 @@ def _settings(result: CalibrationResult) -> list[tuple[str, str, bool]]:
     """Name, value, and whether it is not the default."""
     defaults = CalibrateSettings().model_dump(mode="json")
     return [
-        (name.replace("_", " "), _value(value, absent=UNBOUNDED.get(name, "as found")), value != defaults.get(name))
+        (_name(name), _value(value, absent=UNBOUNDED.get(name, "as found")), value != defaults.get(name))
         for name, value in result.provenance.settings.items()
     ]
+
+
+def _name(setting: str) -> str:
+    """Of a setting as people write it: its unit, which the last word is, in brackets."""
+    return re.sub(r"_(s|m|deg)$", r" [\1]", setting).replace("_", " ")
 
 
 def _value(value: object, *, absent: str) -> str:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
 from app.schemas.jobs import SolveOutcome, Tone
-from calib_core.result import CalibrationResult
+from calib_core.result import CalibrationResult, Status
+from calib_core.sigmas import std_cell, std_text
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
 
 #: The message that says that what a person gave contradicts the recording.
 CONTRADICTED = "prior.contradicted"
+
+
+HEADINGS: dict[Status, str] = {"calibrated": "Calibrated", "weak": "Weak", "refused": "Refused"}
 
 
 def disagrees(result: CalibrationResult) -> bool:
@@ -51,43 +53,42 @@ def sigma_of_offset(result: CalibrationResult) -> str:
     """The time offset's standard deviation [ms] for a table."""
     if result.uncertainty is None:
         return ""
-    return "held" if held_offset(result) else f"{1e3 * result.uncertainty.time_offset_std_s:.4f}"
+    return "held" if held_offset(result) else std_cell(result.uncertainty.time_offset_std_s, "s", 4)
 
 
 def verdict(result: CalibrationResult) -> str:
-    """One sentence for a person: may I use this, and how well is it known."""
+    """One word and a sentence or two for a person: may I use this, and how well is it known."""
+    return f"{HEADINGS[result.status]}. {told(result)}"
+
+
+def told(result: CalibrationResult) -> str:
+    """The sentences behind the word, each a whole one: they stand under a heading too."""
     if result.status == "refused" or result.uncertainty is None:
         reasons = [message.text for message in result.messages if message.level == "error"]
-        return "Refused: " + (reasons[0] if reasons else "this recording does not determine the answer.")
-    turn = f"{two_digits(max(result.uncertainty.rotation_std_deg))} deg"
-    place = f"{two_digits(max(result.uncertainty.translation_std_m) * 1e3)} mm"
-    clock = f"{two_digits(result.uncertainty.time_offset_std_s * 1e3)} ms"
+        return _whole(reasons[0] if reasons else "this recording does not determine the answer")
+    turn = std_text(max(result.uncertainty.rotation_std_deg), "deg")
+    place = std_text(max(result.uncertainty.translation_std_m), "m")
+    clock = std_text(result.uncertainty.time_offset_std_s, "s")
     known = (
-        f"one standard deviation is {turn} and {place} at most; the time offset was held, not estimated."
+        f"One standard deviation is {turn} and {place} at most; the time offset was held, not estimated."
         if held_offset(result)
-        else f"one standard deviation is {turn}, {place} and {clock} at most."
+        else f"One standard deviation is {turn}, {place} and {clock} at most."
     )
-    but = (
-        "its parts disagree by more than noise explains, which the error bars allow for; " if disagrees(result) else ""
-    )
+    parts = "Parts of the recording disagree by more than noise explains; the error bars allow for that."
     if result.status == "weak":
         given = [message.text for message in result.messages if message.code == CONTRADICTED]
-        if given:
-            return f"Weak: {given[0]}"
         weak = result.observability.weak_directions
-        if but and not weak:
-            return f"Weak: its parts contradict each other, so that what is stated may be too little; {known}"
-        return f"Weak: {but}{weak[0].text}" if weak else f"Weak: {but}{known}"
-    return f"Calibrated, but {but}{known}" if but else f"Calibrated: {known}"
+        if given:
+            return _whole(given[0])
+        if disagrees(result) and not weak:
+            parts = "Parts of the recording contradict each other, so that errors may be larger than stated."
+        known = _whole(weak[0].text) if weak else known
+    return f"{parts} {known}" if disagrees(result) else known
 
 
-def two_digits(value: float) -> str:
-    """With its last zero, as the tables beside the sentence have it: 0.020 and not 0.02."""
-    if value <= 0.0:
-        return "0"
-    # Rounded first: 0.0996 has its two digits one place further left than it seems.
-    rounded = float(f"{value:.1e}")
-    return f"{rounded:.{max(0, 1 - math.floor(math.log10(rounded)))}f}"
+def _whole(text: str) -> str:
+    """A message as a sentence of its own."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
 def solve_outcome(result: CalibrationResult) -> SolveOutcome:

@@ -120,14 +120,15 @@ def build_planes(
 
 
 def _said(point_m: Float32Array, owner: int, planes: PlaneSet, stage: Stage) -> str:
-    """Of a point of the static cloud, which was seen from its origin."""
+    """Of a point of the static cloud, which was seen from its origin: first of its plane, then of itself."""
     away = f"{np.linalg.norm(point_m):.2f} m from the lidar"
     if owner < 0:
-        return f"No plane, {away}"
+        return f"No plane; this point is {away}"
     patch = planes.patches[owner]
     normal = np.array(patch.normal)
-    off = from_plane("it", float(normal @ point_m + patch.offset_m))
-    return f"{patch.name}: {lean(normal, stage.up)}; {away}, {off}"
+    off = from_plane("the plane", float(normal @ point_m + patch.offset_m))
+    plane = f"{lean(normal, stage.up)}, {abs(patch.offset_m):.2f} m from the lidar"
+    return f"{patch.name}: {plane}; this point is {away}, {off}"
 
 
 def lightness(walls: FloatArray, stage: Stage) -> Float32Array:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.result import CalibrationResult, RoomCrispness
 from calib_core.settings import Axis
+from calib_core.sigmas import Unit
 
 Verdict = Literal["passed", "failed", "unknown"]
 
@@ -26,6 +27,17 @@ class AxisAudit(_Model):
     limit: float | None = Field(description="null: not judged")
     smallest_error: float = Field(description="an error from here on would have shown: the limit, or three sigmas")
     verdict: Verdict | None = Field(description="unknown: three sigmas exceed the limit; null: not judged")
+
+
+def in_si(value: float, unit: Literal["deg", "mm", "ms"]) -> tuple[float, Unit]:
+    """An axis' number in metres or seconds, degrees as they are, and which of them it is in."""
+    match unit:
+        case "deg":
+            return value, "deg"
+        case "mm":
+            return 1e-3 * value, "m"
+        case "ms":
+            return 1e-3 * value, "s"
 
 
 class AuditCrispness(_Model):

@@ -6,7 +6,6 @@ recording -> calibrate -> difference, sigmas, verdict per axis
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,12 +14,13 @@ from calib_core.audit import compare
 from calib_core.audit.crisp import Judged, audit_crispness, mounting_of
 from calib_core.audit.limits import Limits
 from calib_core.audit.pose import GivenExtrinsic
-from calib_core.audit.report import AuditCrispness, AuditReport, AxisAudit, Verdict
+from calib_core.audit.report import AuditCrispness, AuditReport, AxisAudit, Verdict, in_si
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.known_extrinsic import held
 from calib_core.result import AXIS_WORDS
 from calib_core.settings import CalibrateSettings
+from calib_core.sigmas import decimals, scale_of, std_text
 from calib_core.types import Recording
 
 
@@ -100,7 +100,7 @@ def _gyro_bias(done: Calibration) -> np.ndarray[tuple[int, ...], np.dtype[np.flo
 
 
 def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -> str:
-    """The verdict for a person."""
+    """The verdict for a person. Of what the file does not have, or has no limit, nothing is said: it is not judged."""
     if not axes:
         reasons = [message.text for message in found.result.messages if message.level == "error"]
         why = reasons[0] if reasons else "it gives no calibration"
@@ -111,29 +111,31 @@ def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -
             unit: max((a.smallest_error for a in told if a.unit == unit), default=None) for unit in ("deg", "mm", "ms")
         }
         errors = ", ".join(f"{value:.3g} {unit}" for unit, value in reach.items() if value is not None)
-        return f"Passed: the extrinsic is within its limits on every axis; errors from {errors} on would have shown."
+        which = "on every axis" if len(told) == len(axes) else f"on the {len(told)} axes that are judged"
+        return f"Passed: the extrinsic is within its limits {which}; errors from {errors} on would have shown."
     chosen = [axis for axis in axes if axis.verdict == ("failed" if verdict == "failed" else "unknown")]
     if verdict == "failed":
         worst = max(chosen, key=lambda a: abs(a.difference or 0.0) / a.smallest_error)
+        judged = [axis for axis in axes if axis.verdict is not None]
+        of = f"{len(judged)} axes" if len(judged) == len(axes) else f"the {len(judged)} axes that are judged"
         return (
-            f"Failed on {len(chosen)} of {len(axes)} axes: the {AXIS_WORDS[worst.axis]} is off by "
-            f"{_off(worst)} {worst.unit}, where {worst.limit:g} {worst.unit} is allowed."
+            f"Failed on {len(chosen)} of {of}: the {AXIS_WORDS[worst.axis]} is off by "
+            f"{_off(worst)}, where {worst.limit:g} {worst.unit} is allowed."
         )
     if not chosen:
         return "This recording cannot tell: no axis is judged; give limits for some."
     widest = max(chosen, key=lambda a: a.smallest_error / (a.limit or a.smallest_error))
     return (
-        f"This recording cannot tell: the {AXIS_WORDS[widest.axis]} is known to {widest.difference_std:.{_decimals(widest)}f} "
-        f"{widest.unit} (1 sigma), too roughly for a limit of {widest.limit:g} {widest.unit}; record more motion."
+        f"This recording cannot tell: the {AXIS_WORDS[widest.axis]} is known to "
+        f"{std_text(*in_si(widest.difference_std, widest.unit))} (1 sigma), too roughly for a limit of {widest.limit:g} "
+        f"{widest.unit}; record more motion."
     )
 
 
 def _off(axis: AxisAudit) -> str:
     """The difference and its sigma, both to the sigma's second digit, as the table beside the sentence has them."""
-    decimals = _decimals(axis)
-    return f"{axis.difference:+.{decimals}f} +- {axis.difference_std:.{decimals}f}"
-
-
-def _decimals(axis: AxisAudit) -> int:
-    # Rounded first: 0.996 has its two digits one place further left than it seems.
-    return max(0, 1 - math.floor(math.log10(float(f"{max(axis.difference_std, 1e-9):.1e}"))))
+    std, unit = in_si(axis.difference_std, axis.unit)
+    scale, name = scale_of(std, unit)
+    digits = decimals(scale * std)
+    difference, _ = in_si(axis.difference or 0.0, axis.unit)
+    return f"{scale * difference:+.{digits}f} +- {scale * std:.{digits}f} {name}"

@@ -26,6 +26,7 @@ from calib_core.readers.reading import sample_clouds
 from calib_core.readers.scans import ScanCounts, make_scan
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming, scan_period_s
+from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
 from calib_core.readers.twice import once_each
@@ -177,6 +178,15 @@ def _keep_to_one_clock(state: Examination, recording: OpenRecording, settings: R
     n_twice = lidar.header_ns.size - len(np.unique(lidar.header_ns))
     state.findings.extend(order_findings(n_moved, n_twice, topics[0]))
     state.sampled.put_in_order()
+
+
+def keep_plausible(state: Examination) -> None:
+    """Look no more at scans whose stamps are minutes off."""
+    good = plausible_stamps(np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64))
+    if state.sampled is not None:
+        state.sampled.drop(np.array(state.positions, np.int64)[~good])
+    for kept in (state.positions, state.header_ns, state.receive_ns):
+        kept[:] = [value for value, stays in zip(kept, good, strict=True) if stays]
 
 
 def _take(state: Examination, cloud: RawCloud, sampled: SampledScans, settings: ReadSettings, every: int) -> None:

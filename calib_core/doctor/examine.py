@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.doctor.examination import READING, Examination, choose, detect, read
+from calib_core.doctor.examination import READING, Examination, choose, detect, keep_plausible, read
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.lidar_report import lidar_report
 from calib_core.doctor.outlook import forecast_report, foresee, planes_report, unit_proven
@@ -21,21 +21,19 @@ from calib_core.doctor.report import (
     OnReport,
     PlanesReport,
     Timeline,
-    TopicReport,
 )
 from calib_core.doctor.timeline import timeline
+from calib_core.doctor.topics import topic_report
 from calib_core.doctor.verdict import judge
+from calib_core.doctor.whole_scans import WholeScans
 from calib_core.errors import InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.readers.clouds.deskewed import deskew_suspicion
-from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES
 from calib_core.readers.container.opening import OpenRecording, open_recording
-from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.reading import damage_findings, span_ns
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s
-from calib_core.readers.timing.stamps import plausible_stamps
-from calib_core.readers.topics import CLOUD_TYPES, imu_topics, lidar_topics
+from calib_core.readers.topics import imu_topics, lidar_topics
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, ImuData, IntArray
 
@@ -71,7 +69,7 @@ def inspect(
         sensors = _sensors(state, recording, headers, offset_ns)
         if on_report is not None:
             on_report(_report(state, recording, sensors, final=False))
-        ahead = _look_ahead(state, headers, offset_ns, on_event, should_cancel)
+        ahead = _look_ahead(state, recording, settings, offset_ns, on_event, should_cancel)
         state.findings = unit_proven(state.findings, ahead.forecast)
         report = _report(state, recording, sensors, ahead)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
@@ -127,7 +125,7 @@ def _report(
         container=recording.kind,
         duration_s=recording.duration_s,
         start_ns=recording.start_ns,
-        topics=tuple(_topic(t, recording) for t in recording.topics),
+        topics=tuple(topic_report(t, recording, state, (lidar, sensors.imu)) for t in recording.topics),
         lidar_candidates=tuple(t.name for t in lidar_topics(recording.topics)),
         imu_candidates=tuple(t.name for t in imu_topics(recording.topics)),
         lidar=lidar,
@@ -180,13 +178,18 @@ def _clocks(state: Examination, headers: HeaderTimes, settings: ReadSettings) ->
 
 
 def _look_ahead(
-    state: Examination, headers: HeaderTimes, offset_ns: int, on_event: OnEvent, should_cancel: ShouldCancel
+    state: Examination,
+    recording: OpenRecording,
+    settings: ReadSettings,
+    offset_ns: int,
+    on_event: OnEvent,
+    should_cancel: ShouldCancel,
 ) -> Ahead:
     """The planes to expect and the forecast, as far as there is something to find them in."""
     sampled = state.sampled
-    if sampled is None or not headers.header_ns.size:
+    if sampled is None or not state.header_ns:
         return NOTHING_AHEAD
-    sampled.drop(np.array(state.positions, np.int64)[~plausible_stamps(headers.header_ns, headers.receive_ns)])
+    keep_plausible(state)
     if not sampled.scans:
         return NOTHING_AHEAD
     imu = state.cleaned.imu if state.cleaned is not None else None
@@ -196,7 +199,8 @@ def _look_ahead(
             event = event.model_copy(update={"fraction": READING + (1.0 - READING) * event.fraction})
         on_event(event)
 
-    outlook = foresee(sampled, imu, offset_ns, on_event=later, should_cancel=should_cancel)
+    whole = WholeScans(state, sampled, recording, settings)
+    outlook = foresee(sampled, imu, offset_ns, whole=whole, on_event=later, should_cancel=should_cancel)
     planes = planes_report(outlook.proposals, outlook.gravity)
     if imu is None:
         return Ahead(planes)
@@ -237,23 +241,6 @@ def _overlap_s(imu: ImuData | None, header_ns: IntArray, offset_ns: int) -> floa
     begin = max(int(header_ns.min()), int(imu.stamps_ns[0]) + offset_ns)
     end = min(int(header_ns.max()), int(imu.stamps_ns[-1]) + offset_ns)
     return max(0, end - begin) * 1e-9
-
-
-def _topic(topic: TopicSummary, recording: OpenRecording) -> TopicReport:
-    rate = (topic.count - 1) / recording.duration_s if topic.count > 1 and recording.duration_s > 0 else 0.0
-    return TopicReport(
-        name=topic.name,
-        type=topic.type,
-        messages=topic.count,
-        rate_hz=round(rate, 3),
-        role="lidar"
-        if topic.type in CLOUD_TYPES
-        else "imu"
-        if topic.type == "sensor_msgs/msg/Imu"
-        else "packets"
-        if topic.type in (*PACKET_TYPES, *FOREIGN_PACKET_TYPES)
-        else "other",
-    )
 
 
 def _finding(finding: Finding) -> FindingReport:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.doctor.imu_report import stamp_report
 from calib_core.doctor.report import FieldReport, LidarPresetReport, LidarReport, PointTimeReport, RangeReport
+from calib_core.doctor.stamps import stamp_report
 from calib_core.presets import GENERIC_LIDAR, find_lidar_preset
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.scans import ScanCounts

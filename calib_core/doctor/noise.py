@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from calib_core.doctor.report import ImuNoiseReport
-from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise, resolution
+from calib_core.full.prepare.imu_noise import noise_of, resolution
 from calib_core.full.prepare.settings import LENGTH
 from calib_core.presets import ImuPreset
 from calib_core.settings import ImuNoise
@@ -14,12 +14,11 @@ _FAR = 4.0
 
 
 def measured_noise(imu: ImuData) -> ImuNoiseReport | None:
-    """The noise that a solve measures in these readings; None where there are too few."""
+    """The noise that a solve measures in readings that were taken at these times; None where there are too few."""
     if imu.stamps_ns.size < LENGTH.fewest_readings:
         return None
     stamps_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
-    still = longest_still(stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
-    level = measure_imu_noise(stamps_s, imu.gyro_rad_s, imu.accel_m_s2, still)
+    level, still = noise_of(stamps_s, imu)
     still_s = 0.0 if still is None else float(stamps_s[still.stop - 1] - stamps_s[still.start])
     return ImuNoiseReport(
         origin="measured",

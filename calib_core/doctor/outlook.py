@@ -17,7 +17,8 @@ from calib_core.full.forecast import NO_PLANES, Outlook, forecast
 from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.planes.segment import determinacy
 from calib_core.result import COVARIANCE_ORDER
-from calib_core.types import Finding, FloatArray, ImuData, PlaneProposals, Recording
+from calib_core.sigmas import std_text
+from calib_core.types import Finding, FloatArray, ImuData, PlaneProposals, Recording, Scan
 
 _UNITS = ("deg", "deg", "deg", "m", "m", "m", "s")
 _TURNS = COVARIANCE_ORDER[:3]
@@ -30,14 +31,25 @@ def foresee(
     imu: ImuData | None,
     offset_ns: int,
     *,
+    whole: Sequence[Scan] | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Outlook:
-    """The planes and, where there is an IMU, what a solve would know. offset_ns: coarse, between the clocks."""
+    """The planes and, where there is an IMU, what a solve would know.
+
+    offset_ns: coarse, between the clocks.   whole: the recording's scans with all their points, for the planes.
+    """
     readings = imu or ImuData(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
     recording = Recording(name="", imu=readings, scans=sampled.scans, coarse_offset_ns=offset_ns)
     try:
-        return forecast(recording, sampled.points, share=sampled.share, on_event=on_event, should_cancel=should_cancel)
+        return forecast(
+            recording,
+            sampled.points,
+            share=sampled.share,
+            whole=whole,
+            on_event=on_event,
+            should_cancel=should_cancel,
+        )
     except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
         # What else the doctor has to say must not be lost with it.
         reason = f"the sampled points and readings fit no motion at all ({error})"
@@ -53,10 +65,10 @@ def planes_report(proposals: PlaneProposals, gravity: FloatArray | None) -> Plan
             name=name,
             kind=kind,
             tilt_deg=tilt,
-            area_m2=round(patch.area_m2, 2),
-            distance_m=round(abs(patch.plane.offset_m), 3),
+            area_m2=patch.area_m2,
+            distance_m=abs(patch.plane.offset_m),
             points=patch.n_points,
-            rms_m=round(patch.rms_m, 5),
+            rms_m=patch.rms_m,
             normal=_rounded(patch.plane.normal),
         )
         for patch, name, (kind, tilt) in zip(proposals.patches, names_of([k for k, _ in found]), found, strict=True)
@@ -106,11 +118,11 @@ def _planes_in_words(planes: Sequence[PlaneReport], *, determined: bool) -> str:
     listed = joined(counted)
     number = f"{len(planes)} planes" if len(planes) > 1 else "one plane"
     said = number if listed == number else f"{number} ({listed})" if len(planes) > 1 else f"{number} ({planes[0].name})"
-    # A solve looks at all points and may find another number of them.
-    seen = f"A sample of the points shows {said}"
+    seen = f"{said[0].upper()}{said[1:]} {'are' if len(planes) > 1 else 'is'} seen"
     if determined:
         return f"{seen}; together they fix where the lidar is."
-    return f"{seen}, which leave a direction of the lidar's motion open: turn towards planes that face another way."
+    open_to = "leave" if len(planes) > 1 else "leaves"
+    return f"{seen}, which {open_to} a direction of the lidar's motion open: turn towards planes that face another way."
 
 
 def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> Forecast:
@@ -132,6 +144,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
             std=float(np.degrees(std[i]) if i < 3 else std[i]),
             unit=_UNITS[i],
             weak=bool(weak),
+            advice=next((said.text for said in outlook.advice if weak and i in said.about), ""),
         )
         for i, weak in enumerate(weak_parameters(knowledge))
     )
@@ -143,7 +156,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
         parameters=parameters,
         weak=tuple(direction.text for direction in knowledge.weak),
         planes=names,
-        advice=outlook.advice,
+        advice=tuple(said.text for said in outlook.advice),
         covered_s=round(outlook.covered_s, 2),
     )
 
@@ -167,7 +180,7 @@ def in_words(parameters: Sequence[ParameterForecast]) -> str:
         bad = [n[-1] for n in names if by_name[n].weak]
         if good:
             where = f" {preposition} {joined([p.name[-1] for p in good])}" if bad else ""
-            known.append(f"the {group}{where} to {_amount(max(good, key=lambda p: p.std))}")
+            known.append(f"the {group}{where} to {_largest(good)}")
         if bad:
             where = f" {preposition} {joined(bad)}" if good else ""
             unknown.append(f"the {group}{where}")
@@ -177,11 +190,9 @@ def in_words(parameters: Sequence[ParameterForecast]) -> str:
     return f"{text}, but not {joined(unknown, 'nor')}." if unknown else f"{text}."
 
 
-def _amount(parameter: ParameterForecast) -> str:
-    scale, unit = {"deg": (1.0, "deg"), "m": (1e3, "mm"), "s": (1e3, "ms")}[parameter.unit]
-    value = scale * parameter.std
-    digits = max(0, 1 - int(np.floor(np.log10(max(value, 1e-9)))))
-    return f"{value:.{digits}f} {unit}"
+def _largest(parameters: Sequence[ParameterForecast]) -> str:
+    """Of one unit."""
+    return std_text(max(parameter.std for parameter in parameters), parameters[0].unit)
 
 
 def joined(words: Sequence[str], last: str = "and") -> str:

@@ -42,7 +42,10 @@ class FindingReport(_Model):
 
 
 class TopicReport(_Model):
-    """One topic. role: what it could serve as here; "packets" for raw packets, decoded or not."""
+    """One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
+
+    rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by their number.
+    """
 
     name: str
     type: str
@@ -205,12 +208,16 @@ class Timeline(_Model):
 
 
 class ParameterForecast(_Model):
-    """Standard deviation to expect of one parameter of the calibration; units as in the result document."""
+    """Standard deviation to expect of one parameter of the calibration; units as in the result document.
+
+    advice: what to record to know it, "" where it is known or nothing can be said.
+    """
 
     name: Axis
     std: float
     unit: Literal["deg", "m", "s"]
     weak: bool
+    advice: str = ""
 
 
 class Forecast(_Model):

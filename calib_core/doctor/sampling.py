@@ -1,4 +1,4 @@
-"""A sample of the scans, small enough to be held: what the planes and the forecast are found from."""
+"""A sample of the scans, small enough to be held: what the forecast is made from. The planes are those of whole scans."""
 
 from __future__ import annotations
 

@@ -9,13 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 
-from calib_core.doctor.report import Forecast, ImuReport, LidarReport, PlanesReport, Verdict
+from calib_core.doctor.outlook import joined
+from calib_core.doctor.report import Forecast, ImuReport, LidarReport, ParameterForecast, PlanesReport, Verdict
 from calib_core.errors import InputError
+from calib_core.result import AXIS_WORDS, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.types import Finding
 
+_WEAK_IN = {"deg": WEAK_DEG, "m": WEAK_M, "s": WEAK_S}
 MIN_OVERLAP_S = 5.0
 SHORT_S = 15.0
+LONG_S = 30.0
 STILL_SOME_S = 1.0
 MIN_RATE_HZ = 95.0
 STILL_ROTATION_DEG_S = 0.7
@@ -87,7 +92,7 @@ def judge(
         (case.limits if problem.code in _SEVERAL else case.fatal).append(str(problem))
     numbers = () if forecast is None else forecast.parameters
     if overlap_s is not None:
-        _judge_length(case, overlap_s, enough=bool(numbers) and not any(p.weak for p in numbers))
+        _judge_length(case, overlap_s, numbers)
     if forecast is not None:
         _judge_forecast(case, forecast)
     if planes is not None:
@@ -107,16 +112,25 @@ def judge(
     return Opinion("good", (_GOOD if forecast is None else forecast.text,), advice)
 
 
-def _judge_length(case: _Case, overlap_s: float, *, enough: bool) -> None:
-    """enough: whether the forecast says that the calibration is well determined all the same."""
-    if overlap_s < MIN_OVERLAP_S and not enough:
+def _judge_length(case: _Case, overlap_s: float, numbers: Sequence[ParameterForecast]) -> None:
+    """numbers: of the forecast, which says whether more of the same motion would help; none where there is no forecast."""
+    weak = [p for p in numbers if p.weak]
+    if overlap_s < MIN_OVERLAP_S and (weak or not numbers):
         case.fatal.append(
             f"Lidar and IMU cover only {overlap_s:.1f} s together; at least {MIN_OVERLAP_S:g} s are"
             f" needed, check the clocks or record longer."
         )
-    elif overlap_s < SHORT_S and not enough:
-        case.limits.append(f"Lidar and IMU cover {overlap_s:.1f} s together, which is short.")
-    if overlap_s < SHORT_S:
+    elif overlap_s < SHORT_S and not numbers:
+        case.limits.append(f"Lidar and IMU cover {overlap_s:.1f} s together, less than {SHORT_S:g} s; 20 s mostly do.")
+    # Standard deviations shrink with the root of the time. One below the limit that is weak all the same is a prior's.
+    longer = sqrt(max(1.0, LONG_S / max(overlap_s, 1e-3)))
+    told = [AXIS_WORDS[p.name] for p in weak if _WEAK_IN[p.unit] < p.std < longer * _WEAK_IN[p.unit]]
+    if told:
+        case.limits.append(
+            f"Lidar and IMU cover {overlap_s:.1f} s together, too short for the {joined(told)}: {LONG_S:g} s of such motion"
+            " would do."
+        )
+    if overlap_s < SHORT_S or told:
         case.advice.append("Record 30 to 60 s.")
 
 

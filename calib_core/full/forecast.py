@@ -1,8 +1,8 @@
 """What a solve of a recording would know, before it is run: the same information, at a fraction of the price.
 
 How well a calibration is determined depends on the motion, the planes and the noise, hardly on the answer itself. So a
-sample of every scan's points gives planes and a lidar-only track, the track gives start values, the IMU smooths the
-motion with the calibration held at them, and the joint problem is linearised there once:
+few whole scans give the planes, a sample of every scan's points a lidar-only track, the track gives start values, the IMU
+smooths the motion with the calibration held at them, and the joint problem is linearised there once:
 
     information(7 x 7) = what remains of J' J after eliminating knots, biases, gravity and planes
 
@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.factors.lidar_plane import Gate
-from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.assess.observability import Advice, Knowledge, advice, assess
 from calib_core.full.assess.verdict import require_rotation
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
@@ -90,7 +90,7 @@ class Outlook:
     knowledge: Knowledge | None = None
     code: str = ""
     reason: str = ""
-    advice: tuple[str, ...] = ()
+    advice: tuple[Advice, ...] = ()
     covered_s: float = 0.0
     range_std_m: float | None = None
 
@@ -109,13 +109,16 @@ def forecast(
     settings: CalibrateSettings | None = None,
     *,
     share: float = 1.0,
+    whole: Sequence[Scan] | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Outlook:
     """The outlook of a recording whose scans may be samples, each evenly spread over the whole scan.
 
     points_per_scan: (M,) of the whole scans.   share: of the whole recording that these scans are; the rest is taken to
-    say as much a second.   Scans that may serve as the reference should hold ten thousand points. Raises Cancelled.
+    say as much a second.   whole: the same scans with all their points, and later ones, in which the planes are found that
+    `propose_planes` finds in the whole recording; None looks for them in the samples, which then should hold ten thousand
+    points where they may serve as the reference. Raises Cancelled.
     """
 
     def tell(fraction: float, text: str) -> None:
@@ -128,8 +131,9 @@ def forecast(
     with threadpool_limits(limits=1, user_api="blas"):
         tell(0.1, "looking for planes")
         proposals = NO_PLANES
-        if _shows_planes(recording.scans):
-            proposals = propose_planes(recording, settings, should_cancel=should_cancel)
+        seen = recording if whole is None else replace(recording, scans=whole)
+        if _shows_planes(seen.scans):
+            proposals = propose_planes(seen, settings, should_cancel=should_cancel)
         try:
             if not proposals.patches:
                 raise no_planes(recording.scans)
@@ -157,7 +161,8 @@ def _look(
     require_length(recording, "a forecast")
     run = prepare(recording, settings, ignore_event, should_cancel)
     tell(0.3, "following the planes from scan to scan")
-    followed = follow_planes(run, None, proposals, at_fault=FORECASTING.at_fault)
+    sampled = proposals.reference_scans[0] < len(recording.scans)
+    followed = follow_planes(run, None, proposals if sampled else None, at_fault=FORECASTING.at_fault)
     _require_motion(followed.motions)
     tell(0.6, "first values of the calibration")
     lidar, start = initialise(run, followed.motions, followed.planes, None)

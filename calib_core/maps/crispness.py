@@ -134,12 +134,10 @@ def _covariances(xyz_m: FloatArray, cube: IntArray) -> tuple[FloatArray, IntArra
 
 def _sentence(before: RoomCrispness, after: RoomCrispness) -> str:
     gained = before.mean_entropy_nat - after.mean_entropy_nat
-    thick = f"{1e3 * before.thickness_std_m:.1f} mm raw and {1e3 * after.thickness_std_m:.1f} mm de-skewed"
+    thick = f"{1e3 * after.thickness_std_m:.1f} mm instead of {1e3 * before.thickness_std_m:.1f} mm"
     if gained > 0.0:
-        return (
-            f"The room is crisper de-skewed, by {gained:.3f} nat of map entropy: its surfaces are {thick} thick (rms)."
-        )
+        return f"The room is crisper de-skewed: its surfaces are {thick} thick (rms), its map entropy is {gained:.3f} nat lower."
     return (
-        f"The room is no crisper de-skewed ({-gained:.3f} nat more map entropy): its surfaces are {thick} thick (rms), so "
-        "the sweeps hardly moved or the answer does not fit."
+        f"The room is no crisper de-skewed: its surfaces are {thick} thick (rms), its map entropy is {-gained:.3f} nat higher. "
+        "The lidar hardly moved during its sweeps, or the answer does not fit."
     )

@@ -188,7 +188,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
         "microstrain-gx5-25",
         _noise(0.004, 18.4, 8.0, 40.0),
         _prior((0.0005, 0.0005), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015),
-        "Microstrain 3DM-GX5-25: LIO-SAM's discrete 1.56e-3 rad/s and 3.99e-3 m/s2, taken at its 500 Hz; scale 0.05 %, "
+        "Microstrain 3DM-GX5-25: LIO-SAM's discrete 1.56e-3 rad/s and 3.99e-3 m/s², taken at its 500 Hz; scale 0.05 %, "
         "alignment 0.05 deg and in-run figures unconfirmed",
         ("microstrain", "gx5", "3dm"),
         gyro_range_rad_s=5.24,

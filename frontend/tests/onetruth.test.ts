@@ -50,6 +50,7 @@ describe("one truth", () => {
     expect([...lengths].sort((a, b) => b - a)).toEqual(lengths);
     expect(strength(null)).toBe(0);
     expect(stdText(0.00063, "m")).toBe("0.63 mm");
+    expect(stdText(9.13506, "m")).toBe("9.1 m");
   });
 
   // Fails when planes that fix all directions are green over an axis that would stay unknown.

@@ -67,7 +67,7 @@ def test_calibrated_result_goes_to_stdout(library: Library, capsys: pytest.Captu
     assert cli.run(["calibrate", "room.bag"]) == 0
     said = capsys.readouterr()
     assert CalibrationResult.model_validate_json(said.out) == library.result
-    assert "Calibrated:" in said.err
+    assert "Calibrated. " in said.err
     assert "100.00" in said.err, "millimetres for people"
 
 
@@ -78,7 +78,7 @@ def test_output_takes_the_document_and_stdout_the_summary(
     out = tmp_path / "result.json"
     assert cli.run(["calibrate", "room.bag", "--output", str(out)]) == 0
     assert json.loads(out.read_text())["T_imu_lidar"]["translation_m"] == [0.1, 0.2, 0.3]
-    assert "Calibrated:" in capsys.readouterr().out
+    assert "Calibrated. " in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
 

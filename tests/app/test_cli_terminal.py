@@ -257,7 +257,7 @@ def test_summary_says_what_to_trust_and_what_to_do() -> None:
     weak = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), -20_000_000, status="weak")
     text = shown(result_summary(weak))
     for words in (
-        "Weak: tz is known to 40 mm.",
+        "Weak. Tz is known to 40 mm.",
         "100.00",
         "0.50",
         "-20.0000",
@@ -265,7 +265,7 @@ def test_summary_says_what_to_trust_and_what_to_do() -> None:
         "Next time: Turn about x.",
     ):
         assert words in text
-    assert text.count("tz is known to 40 mm.") == 1
+    assert text.casefold().count("tz is known to 40 mm.") == 1
     refused = make_result(np.eye(3), np.zeros(3), status="refused")
     assert refusal(refused) == "The platform never moved; turn it."
     assert verdict(refused) in shown(result_summary(refused))

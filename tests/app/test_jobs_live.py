@@ -77,7 +77,7 @@ def test_every_end_of_a_job_has_its_state_and_sentence(shared_live, name, state,
     assert (job["error"] or {}).get("code") == code
     assert "secret internals" not in str(job)
     if name == "refused.bag":
-        assert job["result"]["verdict"] == "Refused: Nothing moves; record motion."
+        assert job["result"]["verdict"] == "Refused. Nothing moves; record motion."
 
 
 def test_an_unreadable_recording_fails_with_the_readers_sentence(shared_live):

@@ -13,6 +13,9 @@ from rich.console import Console
 
 from app.cli.options import parse_field_of_view, parse_gravity, parse_points
 from app.cli.summary import result_summary
+from app.cli.terminal import iteration_table
+from app.fleet.overview import sigmas_of
+from app.fleet.summary import Row
 from app.jobs.orders import StoredRequest
 from app.planes.operations import apply
 from app.planes.state import suggested
@@ -30,6 +33,7 @@ from calib_core import api
 from calib_core.audit.limits import Limits
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.errors import SettingsError
+from calib_core.events import IterationEvent
 from calib_core.full.assess.observability import LIMITS, UNITS
 from calib_core.full.prepare.settings import LENGTH
 from calib_core.result import (
@@ -111,7 +115,7 @@ def test_what_disagrees_is_in_the_first_sentence_and_in_the_colour():
     doubtful = result.model_copy(update={"messages": [*result.messages, said]})
     outcome = solve_outcome(doubtful)
     assert outcome.tone == "doubtful"
-    assert outcome.verdict.startswith("Calibrated, but its parts disagree")
+    assert outcome.verdict.startswith("Calibrated. Parts of the recording disagree")
     assert DISAGREEMENT in outcome.codes
     assert outcome.planes_used == len(result.quality.planes)
     refused = doubtful.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
@@ -123,7 +127,7 @@ def test_what_was_given_and_is_wrong_comes_first():
     result = widened(world.make_result(), 300.0)
     said = [Message(code=code, level="warning", text=code) for code in (DISAGREEMENT, CONTRADICTED)]
     doubtful = result.model_copy(update={"status": "weak", "messages": [*result.messages, *said]})
-    assert verdict(doubtful) == f"Weak: {CONTRADICTED}"
+    assert verdict(doubtful) == f"Weak. {CONTRADICTED.capitalize()}."
     assert solve_outcome(doubtful).tone == "doubtful"
 
 
@@ -178,9 +182,35 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
         assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", printed), number
     assert (listed.translation_std_m, listed.rotation_std_deg) == (known.translation_std_m, known.rotation_std_deg)
     assert listed.verdict in printed
-    assert re.sub(r"^\w+[:,] ", "", listed.verdict)[1:] in html.unescape(page)
+    word, sentences = listed.verdict.split(". ", 1)
+    assert f"<b>{word}.</b> {sentences}</div>" in html.unescape(page)
+    assert re.fullmatch(r"([A-Z][^.]*(\.\d[^.]*)*\. ?)+", sentences), sentences  # each a whole one
     assert f"on {listed.planes_used} planes" in printed
     assert listed.planes_used == len(result.quality.planes)
+
+
+def test_what_is_not_known_is_no_number_to_the_hundredth_of_a_millimetre():
+    """A lever arm that only its standing prior holds, everywhere that it is printed. Mutation: 9135.06 mm, as it was."""
+    made = weak()
+    assert made.uncertainty is not None
+    unknown = made.uncertainty.model_copy(
+        update={"translation_std_m": [0.0012, 9.13506, 0.0031], "rotation_std_deg": [0.01, 0.02, 190.0]}
+    )
+    result = made.model_copy(update={"uncertainty": unknown, "status": "calibrated"})
+    screen = Console(file=io.StringIO(), width=240)
+    screen.print(result_summary(result))
+    step = IterationEvent(
+        iteration=1, round=1, cost=1.0, matrix=[], planes=[], euler_xyz_deg=[0.0] * 3, translation_m=[0.0] * 3, time_offset_s=0.0,
+        rotation_std_deg=unknown.rotation_std_deg, translation_std_m=unknown.translation_std_m, time_offset_std_s=2.0,
+    )  # fmt: skip
+    screen.print(iteration_table(step))
+    row = Row(name="a", recording="a", verdict="weak", translation_std_x_m=9.13506, rotation_std_x_deg=190.0)
+    fleet = " ".join(sigma.text for sigma in sigmas_of(row))
+    for said in (report_page(result), screen.file.getvalue(), solve_outcome(result).verdict, fleet):
+        assert "9.1 m" in said
+        assert "not determined" in said
+        assert "9135" not in said
+    assert "2.0 s" in screen.file.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -212,7 +242,8 @@ def test_a_guess_s_rotation_is_judged_alike_by_the_command_line_and_the_page(tmp
 def test_a_forecast_that_is_useless_says_so_and_what_to_do():
     """Where the motion does not tell an axis, another motion is asked for; where too few planes are left, more planes.
 
-    Mutations: weak by what the planes fix alone; one advice for both; an axis that only a prior holds taken for known.
+    Mutations: weak by what the planes fix alone; one advice for both; an axis that only a prior holds taken for known; the
+    forecast's first advice, which is about a turn, given for a position.
     """
     start = suggested(PROPOSALS)
     good = foreseen(FORECAST, start, start)
@@ -221,16 +252,23 @@ def test_a_forecast_that_is_useless_says_so_and_what_to_do():
 
     def with_std(std: float, *, weak: bool = False) -> Forecast:
         changed = tuple(
-            p.model_copy(update={"std": std, "weak": weak}) if p.name == "tz" else p for p in FORECAST.parameters
+            p.model_copy(update={"std": std, "weak": weak, "advice": "Tilt the rig."}) if p.name == "tz" else p
+            for p in FORECAST.parameters
         )
-        return FORECAST.model_copy(update={"parameters": changed, "advice": ("Tilt the rig.",)})
+        return FORECAST.model_copy(update={"parameters": changed, "advice": ("Turn about x.", "Tilt the rig.")})
 
     for forecast in (with_std(1.5), with_std(0.001, weak=True)):
         useless = foreseen(forecast, start, start)
         assert useless is not None
         assert useless.weak
         assert "Position z" in useless.text
-        assert useless.text.endswith("Tilt the rig.")
+        assert useless.text.endswith("does not tell it. Tilt the rig.")
+    silent = with_std(1.5).model_copy(
+        update={"parameters": tuple(p.model_copy(update={"advice": ""}) for p in with_std(1.5).parameters)}
+    )
+    asked = foreseen(silent, start, start)
+    assert asked is not None
+    assert asked.text.endswith("Record again, with turns about all three axes.")
     thin = start.model_copy(
         update={"patches": tuple(p.model_copy(update={"n_points": p.n_points * 40}) for p in start.patches)}
     )

@@ -114,7 +114,7 @@ def test_an_answer_whose_parts_disagree_says_so_once_and_not_in_green():
     said = Message(code="solve.disagreement", level="warning", text="the parts disagree 9.2 times")
     page = report_page(result.model_copy(update={"messages": [*result.messages, said]}))
     assert re.search(
-        r'<div class="verdict doubtful"><b>Calibrated\.</b> But its parts disagree by more than noise', page
+        r'<div class="verdict doubtful"><b>Calibrated\.</b> Parts of the recording disagree by more than noise', page
     )
     assert re.search(r'<div class="verdict good"><b>Calibrated\.</b> One standard deviation is', report_page(result))
     refused = result.model_copy(update={"status": "refused", "T_imu_lidar": None, "uncertainty": None})
@@ -296,10 +296,12 @@ def test_the_worst_distance_is_told_where_it_is_with_its_unit(beside):
 
 
 def test_settings_are_told_in_words(page):
-    """Mutations: null and true as JSON has them; gravity's spread left out; what has no bound called found."""
+    """Mutations: null and true as JSON has them; gravity's spread left out; what has no bound called found; a
+    unit as a word of the name."""
     assert "gravity 9.807 ± 0.02 m/s²" in page
     assert "estimate planes yes" in page
     assert "imu noise as found" in page
     assert "priors none" in page
     assert "points per plane per scan all;" in page
-    assert "field of view deg all around;" in page
+    assert "field of view [deg] all around;" in page
+    assert "excluded spans [s] none" in page

@@ -61,7 +61,7 @@ def test_a_point_of_a_scan_is_told_with_its_laser_and_range() -> None:
 
 def test_a_point_of_the_planes_is_told_with_its_plane_and_tilt() -> None:
     """Oracle: the planes that were proposed. Mutations: the place in the thinned cloud taken for that in the whole; the tilt
-    from the horizontal told for all."""
+    from the horizontal told for all; the point's distance said of the plane."""
     proposals = world.make_proposals()
     planes = suggested(proposals)
     content = build_planes(proposals, planes, limit=len(proposals.cloud_m) // 3, up=np.array([0.0, 0.0, 1.0]))
@@ -72,9 +72,12 @@ def test_a_point_of_the_planes_is_told_with_its_plane_and_tilt() -> None:
         told = content.readout.says(place)
         point = content.readout.points_m[place].astype(np.float64)
         owner = next((k for k, patch in enumerate(planes.patches) if told.startswith(f"{patch.name}: ")), None)
-        assert f"{np.linalg.norm(point):.2f} m from the lidar" in told
+        assert f"this point is {np.linalg.norm(point):.2f} m from the lidar" in told
         if owner is not None:
             assert abs(normals[owner] @ point + offsets_m[owner]) < 0.15
+            of_plane, of_point = told.split("; ")
+            assert of_plane.endswith(f", {abs(offsets_m[owner]):.2f} m from the lidar")
+            assert of_point.endswith(" mm from the plane")
             assert ("off level" in told) == (abs(normals[owner][2]) > 0.9)
 
 

@@ -17,6 +17,7 @@ from rich.console import Console
 from app.cli.summary import result_summary
 from app.results.verdict import verdict
 from calib_core.result import COVARIANCE_ORDER, WEAK_DEG, WEAK_M, WEAK_S, CalibrationResult
+from calib_core.sigmas import std_cell
 from tests.e2e.support import Api, dense_spots, scene, wait_for_cloud
 
 #: The space between a number and its unit.
@@ -62,7 +63,7 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
     result = CalibrationResult.model_validate_json(document)
     known = result.uncertainty
     assert known is not None
-    sentence = verdict(result).split(": ", 1)[1][1:]
+    sentence = verdict(result).split(". ", 1)[1]
     planes = len(result.quality.planes)
     rms = f"{1e3 * result.quality.point_to_plane_rms_m:.2f}{NARROW}mm"
 
@@ -94,15 +95,15 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
     for written in (text, printed):
         assert sentence in written
         for std in known.translation_std_m:
-            # Value and sigma have cells of their own, the unit another.
-            assert re.search(rf"(?<![\d.]){std * 1e3:.2f}(?!\d)", written)
+            # Value and sigma have cells of their own.
+            assert re.search(rf"(?<![\d.]){re.escape(std_cell(std, 'm', 2))}(?!\d)", written)
         assert re.search(rf"on {planes} planes lie {1e3 * result.quality.point_to_plane_rms_m:.2f} mm", written)
 
     walls = api.ask("GET", f"/api/results/{job}/thickness")
     before, after = (f"{1e3 * walls[f'{which}_rms_m']:.1f}" for which in ("before", "after"))
     page.goto(f"/r/{recording}/inspect?job={job}")
     expect(page.get_by_role("main")).to_contain_text(re.compile(rf"{before}→{after}mm"))
-    assert f"{before} mm rms raw, {after} mm de-skewed" in text
+    assert f"{before} mm (rms) raw, {after} mm de-skewed" in text
 
 
 def test_what_is_foreseen_is_one_number_and_comes_true(page: Page, api: Api, run: tuple[str, str]) -> None:
@@ -159,7 +160,9 @@ def test_ways_to_look(page: Page, api: Api, solved: tuple[str, str]) -> None:
     names = "|".join(re.escape(patch["name"]) for patch in api.planes(recording)["patches"])
     page.mouse.move(area["x"] + spots[0][0] + 3, area["y"] + spots[0][1])
     page.mouse.move(area["x"] + spots[0][0], area["y"] + spots[0][1])
-    said = page.get_by_text(re.compile(rf"^({names}): \d+\.\d° off (level|plumb); \d+\.\d\d m from the lidar"))
+    said = page.get_by_text(
+        re.compile(rf"^({names}): \d+\.\d° off (level|plumb), .* from the lidar; this point is \d+\.\d\d m")
+    )
     expect(said).to_be_visible()
     tools = page.get_by_role("group", name="How the scene is looked at")
     tools.get_by_text("Top").click(timeout=120_000)

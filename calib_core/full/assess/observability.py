@@ -16,6 +16,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import COVARIANCE_ORDER, WeakDirection
+from calib_core.sigmas import std_text
 from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
@@ -122,11 +123,10 @@ def _mixture(vector: FloatArray) -> str:
 
 def _amount(vector: FloatArray, spread: float, largest: int) -> str:
     size = abs(float(vector[largest])) * spread
+    std = size * float(UNITS[largest])
     if largest < 3:
-        return f"{size:.2g} deg"
-    if largest < CALIBRATION - 1:
-        return f"{size * 10:.3g} mm"
-    return f"{size:.2g} ms"
+        return std_text(float(np.degrees(std)), "deg")
+    return std_text(std, "m" if largest < CALIBRATION - 1 else "s")
 
 
 def named_direction(covariance: FloatArray) -> str:
@@ -137,14 +137,22 @@ def named_direction(covariance: FloatArray) -> str:
     return NAMES[largest] if abs(vector[largest]) > WORDING.one_parameter else _mixture(vector)
 
 
-def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[str]:
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """What to record next. about: places of the parameters in the covariance that it would make known."""
+
+    text: str
+    about: tuple[int, ...]
+
+
+def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[Advice]:
     """What to record next, from the weak directions and from how much the IMU turned about each of its axes.
 
     turning_std_rad_s: (3,) rms angular rate about the IMU's axes.
     """
     if not knowledge.weak:
         return []
-    out: list[str] = []
+    out: list[Advice] = []
     weak = np.array([d.vector for d in knowledge.weak])
     axes = "xyz"
     lever = np.linalg.norm(weak[:, TRANSLATION], axis=0)
@@ -152,19 +160,21 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
         if lever[i] > WORDING.concerned:
             others = [a for a in range(3) if a != i]
             quiet = min(others, key=lambda a: turning_std_rad_s[a])
-            out.append(
+            text = (
                 f"To determine the lever arm along the IMU's {axes[i]} axis, turn to and fro about the IMU's {axes[quiet]} axis "
                 f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick "
                 "reversals is good)."
             )
+            out.append(Advice(text, (3 + i,)))
     rotation = np.linalg.norm(weak[:, ROTATION], axis=0)
     if (rotation > WORDING.concerned).any():
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))
-        out.append(
+        text = (
             "To determine the rotation, turn about two different axes; there is least turning about the lidar's "
             f"{axes[quiet_axis]} axis."
         )
+        out.append(Advice(text, (0, 1, 2)))
     if np.abs(weak[:, TIME_OFFSET]).max() > WORDING.concerned:
-        out.append("To determine the time offset, turn faster and reverse direction often.")
+        out.append(Advice("To determine the time offset, turn faster and reverse direction often.", (TIME_OFFSET,)))
     return out

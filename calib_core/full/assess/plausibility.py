@@ -22,12 +22,12 @@ def implausible(ctx: Run, solved: Solved) -> str | None:
     magnitude = float(np.linalg.norm(solved.estimate.gravity))
     away = abs(magnitude - gravity.magnitude_m_s2)
     if gravity.std_m_s2 > 0 and _beyond_gravity(solved, away, gravity.std_m_s2):
-        return f"the best answer needs gravity to be {magnitude:.2f} m/s2, which it is nowhere on the Earth; {hint}"
+        return f"the best answer needs gravity to be {magnitude:.2f} m/s², which it is nowhere on the Earth; {hint}"
     gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
     accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
     if gyro_bias > PLAUSIBLE.worst_gyro_bias_rad_s or accel_bias > PLAUSIBLE.worst_accel_bias_m_s2:
         return (
-            f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s2, more "
+            f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s², more "
             f"than any that works; {hint}"
         )
     rest = misfit(solved.problem, solved.estimate)

@@ -45,7 +45,7 @@ from calib_core.types import BoolArray, Plane, PlaneProposals
 Known = tuple[Followed, Judged | None]
 #: Lag and rotation from turns between neighbouring scans, and how well they agree; found once, by whoever asks first.
 Pairs = Callable[[], tuple[list[RotationStart], Agreement]]
-_BY_IMU = "the lidar was followed again by what the IMU felt: its planes alone had led it astray"
+_BY_IMU = "the lidar's motion was tracked with the IMU's help: by its planes alone it had gone astray"
 
 
 def begin(
@@ -116,7 +116,7 @@ def _by_planes(
     if best is not aided:
         ctx.say("info", "track.aided", _BY_IMU)
     elif best is not first or (first is not near and first.reference == reference):
-        text = "the lidar was followed with the gyroscope's turning: its planes alone tell too little"
+        text = "the lidar's motion was tracked with the gyroscope's help: its planes alone tell too little"
         ctx.say("info", "track.aided", text)
     return best, agreed
 

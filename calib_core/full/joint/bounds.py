@@ -12,6 +12,7 @@ from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
 from calib_core.full.planes.standing import WORDS
+from calib_core.sigmas import std_text
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
@@ -101,7 +102,8 @@ def _require_near_start(data: JointData, state: Estimation) -> None:
     if arm_m > far_m and std_m < limits.lever_arm_std_m:
         raise Refused(
             "solve.lever_arm_ran_away",
-            f"the solve needs the lidar {arm_m:.1f} m away from the IMU and claims to know that to {std_m * 1e3:.1f} mm; {_CURE}",
+            f"the solve needs the lidar {arm_m:.1f} m away from the IMU and claims to know that to {std_text(std_m, 'm')}; "
+            f"{_CURE}",
         )
 
 

@@ -269,7 +269,7 @@ def say_tones(data: JointData, state: Estimation) -> None:
         data.run.say(
             "warning",
             "imu.tone",
-            f"the IMU reads a tone of {hz + values[24]:.2f} Hz ({accel:.2g} m/s2 and {np.degrees(gyro):.2g} deg/s rms) that no "
-            f"plane shows: {shaken}; the tone is estimated along and taken out, but record with the IMU's own low-pass filter on, "
-            "or at a higher rate",
+            f"the IMU reads a tone of {hz + values[24]:.2f} Hz ({accel:.2g} m/s² and {np.degrees(gyro):.2g} deg/s rms) that no "
+            f"plane shows: {shaken}; the tone is estimated along and taken out, but record with the IMU's own low-pass filter "
+            "on, or at a higher rate",
         )

@@ -11,7 +11,7 @@ from calib_core.full.prepare.settings import NOISE
 from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
 from calib_core.imu.preintegration import NoiseDensity
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, ImuData
 
 #: Standard deviations in the width of a uniform law: what cutting to steps makes of anything.
 _UNIFORM_STDS = np.sqrt(12.0)
@@ -27,6 +27,12 @@ def resolution(values: FloatArray) -> FloatArray:
         if len(steps):
             out[channel] = float(np.min(steps))
     return out
+
+
+def noise_of(stamps_s: FloatArray, imu: ImuData) -> tuple[ImuNoiseLevel, slice | None]:
+    """The noise of an IMU, and the samples of its longest standstill. stamps_s: (Q,) of its readings, when they were taken."""
+    still = longest_still(stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
+    return measure_imu_noise(stamps_s, imu.gyro_rad_s, imu.accel_m_s2, still), still
 
 
 def measure_imu_noise(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray, still: slice | None) -> ImuNoiseLevel:

@@ -11,7 +11,7 @@ from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.coarse_stamps import imu_step, point_step, scan_step
-from calib_core.full.prepare.imu_noise import longest_still, measure_imu_noise
+from calib_core.full.prepare.imu_noise import noise_of
 from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.full.prepare.settings import LENGTH
 from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
@@ -114,14 +114,13 @@ def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks
             [given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz], 3
         )
         return ImuNoiseLevel(NoiseDensity(density[:3], density[3:]), density / np.sqrt(period), "the densities given")
-    still = longest_still(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2)
-    level = measure_imu_noise(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, still)
+    level, _ = noise_of(clocks.imu_s, imu)
     on_event(
         LogEvent(
             level="info",
             code="imu.noise",
-            text=f"IMU noise from {level.source}: gyroscope {level.density.gyro_rad_s_sqrt_hz[0]:.2g} rad/s/sqrt(Hz), "
-            f"accelerometer {level.density.accel_m_s2_sqrt_hz[0]:.2g} m/s2/sqrt(Hz)",
+            text=f"IMU noise from {level.source}: gyroscope {level.density.gyro_rad_s_sqrt_hz[0]:.2g} rad/s/√Hz, "
+            f"accelerometer {level.density.accel_m_s2_sqrt_hz[0]:.2g} m/s²/√Hz",
         )
     )
     return level

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
+from calib_core.pace import GAP_PERIODS, usual_step_ns
 from calib_core.readers.imu.bundles import Bundles, spread, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.repeats import first_of_each
@@ -17,8 +18,6 @@ from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Evidence, Finding, FloatArray, ImuData, IntArray
 
-#: A pause longer than this many sample periods is a gap.
-GAP_PERIODS = 3.5
 #: No gyroscope shows this in deg/s, no accelerometer in m/s2: damaged bytes do. NaN fails the comparison as well.
 _IMPOSSIBLE_READING = 1e5
 
@@ -27,7 +26,7 @@ _IMPOSSIBLE_READING = 1e5
 class StampStatistics:
     """Regularity of a row of stamps, before it was sorted and cleaned; of the steps, as it is used.
 
-    period_s: median step.   jitter_s: robust spread (1.48 median absolute deviation) of the steps.   n_gaps: longer than
+    period_s: usual step.   jitter_s: robust spread (1.48 median absolute deviation) of the steps.   n_gaps: longer than
     GAP_PERIODS periods.   bundled_share: share of readings received together with the one before.
     """
 
@@ -42,7 +41,7 @@ class StampStatistics:
 
     @property
     def rate_hz(self) -> float:
-        """Readings per second, from the median step."""
+        """Readings per second where none is missing."""
         return 1.0 / self.period_s if self.period_s > 0 else 0.0
 
 
@@ -61,9 +60,10 @@ def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray, *, taken_ns: Int
     if stamps_ns.size < 2:
         return StampStatistics(int(stamps_ns.size), 0.0, 0.0, 0, 0, 0, 0.0, 0.0)
     in_order = np.diff(stamps_ns)
-    steps = np.diff(np.unique(stamps_ns) if taken_ns is None else taken_ns).astype(np.float64)
-    period = float(np.median(steps)) if steps.size else 0.0
-    jitter = 1.4826 * float(np.median(np.abs(steps - period))) if steps.size else 0.0
+    used_ns = np.unique(stamps_ns) if taken_ns is None else taken_ns
+    steps = np.diff(used_ns).astype(np.float64)
+    period = usual_step_ns(used_ns)
+    jitter = 1.4826 * float(np.median(np.abs(steps - np.median(steps)))) if steps.size else 0.0
     gaps = steps[steps > GAP_PERIODS * period]
     bundled = np.count_nonzero(np.diff(receive_ns) < 0.1 * period) / (receive_ns.size - 1)
     return StampStatistics(
@@ -150,7 +150,7 @@ def _spikes_finding(leapt: BoolArray, gyro: FloatArray, accel: FloatArray, topic
             Evidence("spikes", n_leapt),
             Evidence("readings", len(leapt)),
             Evidence("fastest of them", round(float(np.abs(gyro[leapt]).max()), 3), "rad/s"),
-            Evidence("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s2"),
+            Evidence("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s²"),
         ),
         consequence="the motion between their neighbours is interpolated; look for what damages them",
     )
@@ -260,9 +260,12 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
             Finding(
                 "imu.jitter",
                 "warning",
-                f"Stamps on {topic} jitter by {statistics.jitter_s * 1e3:.2f} ms around a period of {period_ms:.2f} ms,"
+                f"Stamps on {topic} jitter: one follows another after {period_ms:.2f} +- {statistics.jitter_s * 1e3:.2f} ms,"
                 " as those of an IMU stamped by the host do.",
-                (Evidence("jitter", statistics.jitter_s, "s"), Evidence("period", statistics.period_s, "s")),
+                (
+                    Evidence("spread of the steps", statistics.jitter_s, "s"),
+                    Evidence("period", statistics.period_s, "s"),
+                ),
                 consequence="the time offset cannot be better than the jitter's mean",
             )
         )

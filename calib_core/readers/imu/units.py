@@ -77,12 +77,12 @@ def detect_accelerometer_unit(
     distance = min(to_g, to_si)
     confidence = float(np.exp(-((distance / 0.4) ** 2)))
     unit = settings.accelerometer_unit or detected
-    name = "g" if unit == "g" else "m/s2"
+    name = "g" if unit == "g" else "m/s²"
     text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.2f}."
     level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
     if confidence < 0.5:
         text = (
-            f"At rest the accelerations on {topic} have norm {norm:.2f}, which is gravity neither in m/s2"
+            f"At rest the accelerations on {topic} have norm {norm:.2f}, which is gravity neither in m/s²"
             f" nor in g; {name} is assumed."
         )
     finding = Finding(
@@ -117,7 +117,7 @@ def _require_gravity(norm: float, stamps_ns: IntArray, accel: FloatArray, topic:
         else f"they average to {stays:.2f} over {_GAINING_S:.0f} s"
     )
     raise InputError(
-        f"The accelerations on {topic} do not show gravity: {found} where 9.8 (m/s2) or 1.0 (g) was expected; choose the topic of"
+        f"The accelerations on {topic} do not show gravity: {found} where 9.8 (m/s²) or 1.0 (g) was expected; choose the topic of"
         " the sensor's own readings, from which nothing has been taken off, in one of these units.",
         code="imu.no_gravity",
     )

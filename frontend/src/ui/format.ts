@@ -57,16 +57,13 @@ export function withSigma(value: number, sigma: number, most = 4): ValueText {
   };
 }
 
-/** A standard deviation of an angle, a length or a time, in the unit that people read and with two significant digits. */
+/**
+ * A standard deviation of an angle, a length or a time, in the unit that people read and with two significant digits;
+ * beyond a metre or a second in these, as the terminal and the report have it.
+ */
 export function stdText(std: number, unit: "deg" | "m" | "s"): string {
-  switch (unit) {
-    case "deg":
-      return `${twoDigits(std)}°`;
-    case "m":
-      return `${twoDigits(std * 1000)} mm`;
-    case "s":
-      return `${twoDigits(std * 1000)} ms`;
-  }
+  if (unit === "deg") return `${twoDigits(std)}°`;
+  return std >= 1 ? `${twoDigits(std)} ${unit}` : `${twoDigits(std * 1000)} m${unit}`;
 }
 
 export function twoDigits(value: number): string {

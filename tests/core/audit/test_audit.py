@@ -115,12 +115,25 @@ def test_what_the_recording_cannot_tell_is_said() -> None:
     assert audited(make_result(R, P), TRUTH, nothing).verdict == "unknown"
 
 
+def test_axes_are_counted_that_are_judged() -> None:
+    """A file without a time offset, limits without turns. Mutations: one of seven said of six; "every axis" of six."""
+    found = make_result(R, P, OFFSET_NS)
+    wrong, _ = moved(5, 300.0)
+    assert audited(found, wrong, Limits()).text.startswith("Failed on 1 of 7 axes: ")
+    assert audited(found, wrong, Limits(), None).text.startswith("Failed on 1 of the 6 axes that are judged: ")
+    assert "within its limits on every axis;" in audited(found, TRUTH, Limits()).text
+    right = audited(found, TRUTH, Limits(rotation_deg=None), None).text
+    assert "within its limits on the 3 axes that are judged; errors from" in right
+    assert " ms" not in right
+
+
 @pytest.mark.parametrize(
     ("difference", "std", "said"),
     [
         (50.31, 0.998, "+50.3 +- 1.0 mm"),
         (-0.6214, 0.0996, "-0.62 +- 0.10 mm"),
-        (112_204.0, 1234.0, "+112204 +- 1234 mm"),
+        (112_204.0, 934.0, "+112204 +- 934 mm"),
+        (112_204.0, 1234.0, "+112.2 +- 1.2 m"),
     ],
 )
 def test_a_failure_is_told_to_its_sigmas_second_digit(difference: float, std: float, said: str) -> None:

@@ -30,7 +30,7 @@ def recording() -> Recording:
 
 def foretold(recording: Recording) -> Forecast:
     sampled = SampledScans.of(recording)
-    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns)
+    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns, whole=recording.scans)
     return forecast_report(outlook, planes_report(outlook.proposals, outlook.gravity), share=sampled.share)
 
 
@@ -68,6 +68,14 @@ def test_what_is_foretold_to_be_weak_is_weak() -> None:
     assert [p.name for p in told.parameters if p.weak] == ["tx", "ty", "tz"]
     assert len(told.weak) == len(result.observability.weak_directions) == 1
     assert list(told.advice) == result.observability.advice
+    own = {p.name: p.advice for p in told.parameters}
+    assert all(
+        own[name] in ("", line)
+        for name in ("tx", "ty", "tz")
+        for line in told.advice
+        if f"IMU's {name[1]} axis," in line
+    )
+    assert {text for text in own.values() if text} == set(told.advice)
     ratio = np.array([p.std for p in told.parameters]) / stds(result)
     assert ((ratio > 1 / FACTOR) & (ratio < FACTOR)).all(), ratio
 
@@ -101,3 +109,16 @@ def test_a_coarser_sample_foretells_the_same(recording: Recording) -> None:
     assert dense.knowledge is not None
     assert sparse.knowledge is not None
     assert sparse.knowledge.data_std == pytest.approx(dense.knowledge.data_std, rel=0.1)
+
+
+def test_planes_that_only_later_scans_show_are_listed_and_not_followed(recording: Recording) -> None:
+    """The sample ends before the first scan whose planes fix a place. Mutation: they are followed from that scan all the same."""
+    some = replace(recording, scans=list(recording.scans[:45]))
+    sampled = SampledScans.of(some)
+    bare = [replace(scan, points=scan.points[:50]) for scan in some.scans]
+    whole = [*bare, *recording.scans[45:]]
+    outlook = forecast(replace(some, scans=sampled.scans), sampled.points, whole=whole)
+    assert outlook.proposals.reference_scans[0] >= 45
+    assert len(outlook.proposals.patches) >= 5
+    assert outlook.gravity is None
+    assert outlook.knowledge is not None

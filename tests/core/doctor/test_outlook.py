@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib_core.doctor.outlook import forecast_report, in_words, planes_report, unit_proven
 from calib_core.doctor.report import ParameterForecast
 from calib_core.doctor.sampling import LOOKED_S, SampledScans
-from calib_core.full.assess.observability import Knowledge
+from calib_core.full.assess.observability import Advice, Knowledge
 from calib_core.full.forecast import NO_PLANES, Outlook, sample_scan
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.types import POINT_DTYPE, Finding, Plane, PlanePatch, PlaneProposals, Scan
@@ -67,7 +69,9 @@ def known(**std: float) -> Outlook:
 
 
 def test_a_forecast_is_in_degrees_metres_seconds_and_marks_what_is_weak() -> None:
-    """Mutation: leave radians, or mark by the sentence's number of weak directions instead of the contract's limits."""
+    """Mutation: leave radians, or mark by the sentence's number of weak directions instead of the contract's limits; the
+    first advice given for all.
+    """
     outlook = known(rz=0.6, ty=1.9, dt=2.1)
     got = forecast_report(outlook, planes_report(outlook.proposals, None), share=1.0)
     assert [p.std for p in got.parameters] == pytest.approx([0.01, 0.01, 0.6, 1e-4, 0.019, 1e-4, 2.1e-3])
@@ -77,6 +81,10 @@ def test_a_forecast_is_in_degrees_metres_seconds_and_marks_what_is_weak() -> Non
         "A solve would know the rotation about x and y to 0.010 deg and the translation to 19 mm (1 sigma), "
         "but not the rotation about z nor the time offset."
     )
+    said = (Advice("Turn about z.", (0, 1, 2)), Advice("Be quick.", (6,)))
+    asked = forecast_report(replace(outlook, advice=said), planes_report(outlook.proposals, None), share=1.0)
+    assert [p.advice for p in asked.parameters] == ["", "", "Turn about z.", "", "", "", "Be quick."]
+    assert asked.advice == ("Turn about z.", "Be quick.")
     assert "50 %" in forecast_report(outlook, planes_report(outlook.proposals, None), share=0.5).text
 
 

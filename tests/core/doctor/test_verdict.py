@@ -46,7 +46,7 @@ def foretold(*weak: str, sentences: tuple[str, ...] = (), advice: tuple[str, ...
         ("no-rotation", "limited", "hardly turns"),
         ("one-axis", "limited", "little rotation about"),
         ("clipped", "limited", "gyroscope is clipped"),
-        ("short", "limited", "which is short"),
+        ("short", "limited", "less than 15 s"),
         ("very-short", "unusable", "cover only"),
     ],
 )
@@ -99,6 +99,32 @@ def test_a_short_recording_that_is_foretold_to_do_is_good() -> None:
     assert got.verdict == "good"
     assert "Record 30 to 60 s." in got.advice
     assert opinion(lively, overlap_s=9.0, forecast=foretold("dt")).verdict == "limited"
+
+
+@pytest.mark.parametrize(
+    ("overlap_s", "std_m", "short"),
+    [(12.0, 0.031, True), (12.0, 0.032, False), (22.0, 0.023, True), (22.0, 0.024, False), (12.0, 5.8, False)],
+)
+def test_a_recording_is_short_where_more_of_it_would_do(overlap_s: float, std_m: float, short: bool) -> None:
+    """Of 20 mm, 20 sqrt(30 / 12) = 31.6 mm is the most that 12 s may leave, sqrt(30 / 22) is 23.4 mm. A lever arm that the motion
+    does not tell at all, 5.8 m, is not told by more of it. Mutations: said of every recording below 15 s, as it was; the time's
+    ratio for its root.
+    """
+    weak = ParameterForecast(name="tz", std=std_m, unit="m", weak=True)
+    known = foretold()
+    forecast = known.model_copy(
+        update={
+            "parameters": tuple(weak if p.name == "tz" else p for p in known.parameters),
+            "weak": ("Not the height.",),
+        }
+    )
+    got = opinion(report(*tilting(25)), overlap_s=overlap_s, forecast=forecast)
+    said = (
+        f"Lidar and IMU cover {overlap_s:.1f} s together, too short for the translation along the IMU's z axis: 30 s of such"
+        " motion would do."
+    )
+    assert got.reasons == ((said, "Not the height.") if short else ("Not the height.",))
+    assert ("Record 30 to 60 s." in got.advice) == (short or overlap_s < 15.0)
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def test_clouds_of_a_part_of_a_turn_make_a_scan_together(seen_deg: float, step_d
     assert parts_of_a_scan(0.05, clouds) == parts
 
 
-def _cut(parts: int, *, lost: frozenset[int] = frozenset(), twice: bool = False) -> list[build.Message]:
+def cut_up(parts: int, *, lost: frozenset[int] = frozenset(), twice: bool = False) -> list[build.Message]:
     """Forty sweeps, each sent in so many clouds; the parts of these numbers are lost; every seventh is sent twice."""
     messages: list[build.Message] = []
     for k in range(40):
@@ -87,7 +87,7 @@ def test_parts_make_the_sweep_that_they_were_cut_from(tmp_path: Path, parts: int
     """To the nanosecond that the points' times are sent with. Mutations: offsets left those of the parts; the last scan lost; a
     part that is sent twice counts twice.
     """
-    read = _read(tmp_path / "parts", _cut(parts, twice=twice))
+    read = _read(tmp_path / "parts", cut_up(parts, twice=twice))
     whole = _read(tmp_path / "whole", build.velodyne_messages(40, cdr=True))
     assert len(read.scans) == read.scans_total == 40
     assert read.lidar.period_s == pytest.approx(0.1, rel=1e-3)
@@ -102,7 +102,7 @@ def test_parts_make_the_sweep_that_they_were_cut_from(tmp_path: Path, parts: int
 
 def test_a_scan_with_lost_parts_is_what_is_left_of_it(tmp_path: Path) -> None:
     """A whole sweep and a half: the next one begins when its first part does. Mutation: parts are counted, not timed."""
-    read = _read(tmp_path / "parts", _cut(10, lost=frozenset(range(73, 88))))
+    read = _read(tmp_path / "parts", cut_up(10, lost=frozenset(range(73, 88))))
     stamps = [(scan.stamp_ns - build.EPOCH_NS) / 1e6 for scan in read.scans]
     np.testing.assert_allclose(np.diff(stamps[:8]), 100.0, atol=1e-3)
     assert stamps[8] == pytest.approx(880.0, abs=1e-3)

@@ -174,7 +174,7 @@ def _readings(gravity: float, shaken: float, *, count: int = 3000) -> RawImu:
     ("gravity", "shaken", "code", "words"),
     [
         (0.0, 0.0, "imu.no_accelerations", "are zero, as those of a gyroscope alone are"),
-        (0.0, 0.8, "imu.no_gravity", "where 9.8 (m/s2) or 1.0 (g) was expected"),
+        (0.0, 0.8, "imu.no_gravity", "where 9.8 (m/s²) or 1.0 (g) was expected"),
         (0.0, 0.05, "imu.no_gravity", "do not show gravity"),
         (1000.0, 50.0, "imu.no_gravity", "their norm is 10"),
         (16384.0, 500.0, "imu.no_gravity", "their norm is 16"),

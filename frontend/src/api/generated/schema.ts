@@ -2264,8 +2264,15 @@ export interface components {
         /**
          * ParameterForecast
          * @description Standard deviation to expect of one parameter of the calibration; units as in the result document.
+         *
+         *     advice: what to record to know it, "" where it is known or nothing can be said.
          */
         ParameterForecast: {
+            /**
+             * Advice
+             * @default
+             */
+            advice: string;
             /**
              * Name
              * @enum {string}
@@ -3461,6 +3468,8 @@ export interface components {
         /**
          * TopicReport
          * @description One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
+         *
+         *     rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by their number.
          */
         TopicReport: {
             /** Messages */

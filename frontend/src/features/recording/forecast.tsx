@@ -28,7 +28,7 @@ function sentenceOf(text: string): string {
   return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
 }
 
-/** On what planes the forecast rests: once they have been found, their number is that of the Planes page and no sample's. */
+/** On what planes the forecast rests: once they have been found, it is told which are chosen. */
 export function planesText(report: DoctorReport["planes"], found: Planes | undefined): string {
   if (found === undefined) return report?.text ?? "";
   const chosen = found.patches.filter((patch) => patch.confirmed).length;

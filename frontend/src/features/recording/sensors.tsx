@@ -50,7 +50,7 @@ export function Sensors({ recording }: { recording: Recording }) {
             <li key={topic.name} title={topic.type}>
               <span className="clip">{topic.name}</span>
               <span className="num dim">{count(topic.messages)}</span>
-              <span className="num dim">{fixed(topic.rate_hz, topic.rate_hz < 10 ? 1 : 0)} Hz</span>
+              <span className="num dim">{rateText(topic.rate_hz)}</span>
             </li>
           ))}
         </ul>
@@ -107,6 +107,11 @@ function Facts({ facts, coming }: { facts: readonly Fact[]; coming: boolean }) {
   );
 }
 
+/** The rate of a topic, the same wherever it stands; nothing until it is known. */
+export function rateText(rateHz: number): string {
+  return rateHz > 0 ? `${fixed(rateHz, rateHz < 95 ? 1 : 0)} Hz` : "";
+}
+
 function lidarFacts({ lidar, findings }: DoctorReport): Fact[] {
   if (lidar === null) return [];
   const time = lidar.point_time;
@@ -114,7 +119,7 @@ function lidarFacts({ lidar, findings }: DoctorReport): Fact[] {
   const madeUp = findings.some((finding) => finding.code === "points.time_synthesised");
   return [
     ["Sensor", lidar.preset.identified ? lidar.preset.name : `not recognised (as ${lidar.preset.name})`],
-    ["Scans", `${count(lidar.scans)} at ${fixed(lidar.stamps.rate_hz, 1)} Hz`],
+    ["Scans", `${count(lidar.scans)} at ${rateText(lidar.stamps.rate_hz)}`],
     ["Points a scan", ranges === null ? "–" : count(ranges.points_per_scan)],
     ["Point time", time === null ? (madeUp ? "made up" : "none") : `${time.field}, ${time.unit}`],
     ["Range noise", rangeNoise(lidar)],
@@ -145,7 +150,7 @@ function imuFacts({ imu }: DoctorReport): Fact[] {
   const gyroDeg = (noise.noise.gyroscope_noise_density_rad_s_sqrt_hz * 180) / Math.PI;
   const accelUg = (noise.noise.accelerometer_noise_density_m_s2_sqrt_hz / 9.80665) * 1e6;
   return [
-    ["Readings", `${count(imu.readings)} at ${fixed(imu.stamps.rate_hz, 0)} Hz`],
+    ["Readings", `${count(imu.readings)} at ${rateText(imu.stamps.rate_hz)}`],
     ["Units", `${imu.accelerometer_unit.replace("m_s2", "m/s²")}, ${imu.gyroscope_unit.replace("_", "/")}`],
     ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 2)} m/s²`],
     ["Noise", noiseOrigin(imu)],

@@ -144,7 +144,8 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
       <Messages
         messages={result.messages.filter(
-          ({ code, text }) => !weak.has(text) && !verdict.includes(text) && !code.startsWith("sensor."),
+          ({ code, text }) =>
+            !weak.has(text) && !verdict.toLowerCase().includes(text.toLowerCase()) && !code.startsWith("sensor."),
         )}
       />
       <Advice observability={result.observability} />

@@ -21,7 +21,7 @@ export function toneOf(status: CalibrationResult["status"], codes: readonly stri
   }
 }
 
-/** May I use this? One word, one sentence. */
+/** May I use this? One word, a sentence or two. */
 export function Verdict({ result, text }: { result: CalibrationResult; text: string }) {
   const { status } = result;
   const tone = toneOf(
@@ -29,7 +29,7 @@ export function Verdict({ result, text }: { result: CalibrationResult; text: str
     result.messages.map((message) => message.code),
   );
   const word = words[status];
-  const sentence = text.startsWith(word) ? text.slice(word.length).replace(/^[:,] /, "") : text;
+  const sentence = text.startsWith(word) ? text.slice(word.length).replace(/^[:,.] /, "") : text;
   return (
     <header className={css.verdict} data-status={status} data-tone={tone}>
       <LevelIcon level={tone} size={30} />

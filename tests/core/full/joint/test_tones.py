@@ -306,7 +306,7 @@ def test_shaken_at_98_6_hertz_the_answer_is_as_good_as_in_calm(short: Scenario) 
     result = calibrate(recording, CalibrateSettings(crispness=False)).result
     assert result.status == "calibrated"
     heard = [message.text for message in result.messages if message.code == "imu.tone"]
-    found = [re.search(r"tone of (\S+) Hz \((\S+) m/s2", each) for each in heard]
+    found = [re.search(r"tone of (\S+) Hz \((\S+) m/s²", each) for each in heard]
     assert sorted(float(each[1]) for each in found if each) == pytest.approx([1.4, 1.55], abs=0.02)
     assert [float(each[2]) for each in found if each] == pytest.approx([0.3 / np.sqrt(2.0)] * 2, rel=0.15)
     assert result.T_imu_lidar is not None
