@@ -419,7 +419,7 @@ export interface paths {
         put?: never;
         /**
          * Change View
-         * @description Show something else; all browsers are told.
+         * @description Show something else; all browsers are told. With a `tab`, clicks in its scene mean from now on what this `mode` says.
          */
         post: operations["change_view"];
         delete?: never;
@@ -4603,7 +4603,10 @@ export interface operations {
     };
     change_view: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description the name under which a browser's tab opened its scene, /scene/{recording_id}/{tab}/ */
+                tab?: string | null;
+            };
             header?: never;
             path: {
                 /** @description 32 hexadecimal digits */

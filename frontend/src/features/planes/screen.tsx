@@ -21,7 +21,7 @@ import css from "./planes.module.css";
 
 /** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
 export function PlanesScreen() {
-  const { recording, planes, jobs } = useWorkspace();
+  const { recording, planes, jobs, returns } = useWorkspace();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);
   const edit = useEditPlanes(recording.id);
@@ -33,7 +33,7 @@ export function PlanesScreen() {
 
   useEffect(() => {
     changeView({ mode: "planes", click: "toggle", nudge: null });
-  }, [changeView]);
+  }, [changeView, returns]);
 
   // Looking for planes needs no decision, so nobody is asked.
   const asked = useRef(false);

@@ -11,6 +11,7 @@ import { Shell } from "../../ui/shell";
 import type { StepName } from "../../ui/stepper";
 import type { Workspace } from "./context";
 import css from "./layout.module.css";
+import { useReturns } from "./returns";
 import { ScenePane } from "./scene";
 import { hasArrived, stepsOf } from "./state";
 
@@ -31,6 +32,7 @@ export function WorkspaceLayout() {
   const planes = useQuery({ ...planesQuery(recordingId), enabled: recording.data?.has_planes === true });
   const runs = useQuery({ ...runsQuery(recordingId), enabled: arrived });
   const lost = useRecordingFeed(recordingId);
+  const [returns, back] = useReturns(recordingId, current !== null && withScene.includes(current) ? current : null);
 
   const name = recording.data?.name;
   useEffect(() => {
@@ -52,7 +54,7 @@ export function WorkspaceLayout() {
             back.
           </div>
         )}
-        {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}
+        {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} onEntered={back} />}
         {recording.isPending ? (
           <WorkspaceSkeleton />
         ) : recording.isError ? (
@@ -72,6 +74,7 @@ export function WorkspaceLayout() {
                 planes: recording.data.has_planes ? planes.data : undefined,
                 jobs: jobs.data,
                 runs: runs.data?.runs ?? [],
+                returns,
               } satisfies Workspace
             }
           />
