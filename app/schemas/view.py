@@ -119,7 +119,7 @@ class ChangeView(WireModel):
 
 
 class WallBlur(WireModel):
-    """Root mean square distance of the same points to their planes: the answer as solved, and made wrong."""
+    """Root mean square distance of the walls' points to their planes: as measured of the answer, and with it made wrong."""
 
     solved_rms_m: float
     nudged_rms_m: float

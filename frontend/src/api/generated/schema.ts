@@ -3752,7 +3752,7 @@ export interface components {
         };
         /**
          * WallBlur
-         * @description Root mean square distance of the same points to their planes: the answer as solved, and made wrong.
+         * @description Root mean square distance of the walls' points to their planes: as measured of the answer, and with it made wrong.
          */
         WallBlur: {
             /** Nudged Rms M */
