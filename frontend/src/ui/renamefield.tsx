@@ -1,6 +1,7 @@
 import { TextInput } from "@mantine/core";
 import { useRef, useState } from "react";
 import { asFault } from "../api/fault";
+import css from "./renamefield.module.css";
 
 interface RenameFieldProps {
   name: string;
@@ -28,6 +29,7 @@ export function RenameField({ name, label, maxLength, onRename, onDone }: Rename
   };
   return (
     <TextInput
+      className={css.field ?? ""}
       size="xs"
       autoFocus
       aria-label={label}

@@ -86,17 +86,23 @@ function PatchRow({ patch, all, apply, rename, onRestrict }: RowProps) {
       <td>
         <div className={css.nameCell}>
           <span className={css.swatch} style={{ background: patch.color }} />
-          {renaming ? (
-            <RenameField
-              name={patch.name}
-              label="New name"
-              onRename={(name) => rename(patch.index, name)}
-              onDone={() => setRenaming(false)}
-            />
-          ) : (
-            <span className={css.name} onDoubleClick={() => setRenaming(true)} title="Double click: rename">
-              {patch.name}
-            </span>
+          <span
+            className={css.name}
+            data-renaming={renaming}
+            onDoubleClick={() => setRenaming(true)}
+            title="Double click: rename"
+          >
+            {patch.name}
+          </span>
+          {renaming && (
+            <div className={css.renaming}>
+              <RenameField
+                name={patch.name}
+                label="New name"
+                onRename={(name) => rename(patch.index, name)}
+                onDone={() => setRenaming(false)}
+              />
+            </div>
           )}
           {patch.restricted && (
             <span
