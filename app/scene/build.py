@@ -51,7 +51,8 @@ OUTSIDE_STRIDE = 6
 LEGENDS: dict[ColorBy, str] = {
     "plane": "Colour: the plane a point lies on, within 0.1 m; grey: none.",
     "time": "Colour: time in the sweep, dark blue first, yellow last.",
-    "residual": "Colour: signed distance to the nearest plane, blue -50 mm, white 0, orange +50 mm; grey: none near.",
+    "residual": "Colour: signed distance to the nearest plane, "
+    "blue \N{MINUS SIGN}50 mm, white 0, orange +50 mm; grey: none near.",
     "intensity": "Colour: intensity, dark blue weak, yellow strong.",
 }
 

@@ -70,7 +70,7 @@ def build_converging(
         ),
         stage=stage,
         legend=f"{_told(len(pairs), measured, lambda: _thickness(moved, rigid, normals, offsets_m))} "
-        "Colour: distance to plane, blue -50, white 0, orange +50 mm.",
+        "Colour: distance to plane, blue \N{MINUS SIGN}50, white 0, orange +50 mm.",
     )
 
 
