@@ -46,7 +46,7 @@ function StepItem({ step, number, isCurrent }: { step: Step; number: number; isC
       </span>
       <span className={css.stepName}>
         {titles[step.name]}
-        {step.state === "done" && <span className="sr-only">, done</span>}
+        {step.state === "done" && <span className="sr-only"> (done)</span>}
       </span>
     </>
   );
