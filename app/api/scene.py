@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Annotated, cast
 
 import anyio
@@ -21,9 +23,13 @@ from websockets.typing import Subprotocol
 from app.errors import ApiError, Unavailable
 from app.scene.messages import admitted
 from app.scene.page import scene_page
+from app.schemas.view import TabName
 from app.server.deps import RecordingDep, ServicesDep, get_recording, services_of
 
 router = APIRouter(include_in_schema=False)
+
+RecordingPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$")]
+TabPath = Annotated[TabName, Path()]
 
 #: Close codes of our own: no such recording; the scene could not be opened.
 GONE = 4404
@@ -38,6 +44,7 @@ ARRIVING_S = 1.0
 
 
 @router.get("/scene/{recording_id}/", dependencies=[Depends(get_recording)])
+@router.get("/scene/{recording_id}/{tab}/", dependencies=[Depends(get_recording)])
 def read_scene_page() -> Response:
     """The scene's page. Never cached: it must be of the very version of viser that serves the websocket."""
     html, policy = scene_page()
@@ -53,8 +60,19 @@ def download_scene(services: ServicesDep, recording: RecordingDep) -> HTMLRespon
 
 @router.websocket("/scene/{recording_id}")  # viser's client strips the slash of its page's address
 @router.websocket("/scene/{recording_id}/")
-async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(pattern="^[0-9a-f]{32}$")]) -> None:
+async def proxy_scene(browser: WebSocket, recording_id: RecordingPath) -> None:
     """Everything the browser and its viser server say to each other. Origin and token were checked before this."""
+    await _proxy(browser, recording_id, None)
+
+
+@router.websocket("/scene/{recording_id}/{tab}")
+@router.websocket("/scene/{recording_id}/{tab}/")
+async def proxy_scene_of_tab(browser: WebSocket, recording_id: RecordingPath, tab: TabPath) -> None:
+    """The same for a tab that has told its name: what is clicked there means what the tab's own screen says."""
+    await _proxy(browser, recording_id, tab)
+
+
+async def _proxy(browser: WebSocket, recording_id: str, tab: str | None) -> None:
     services = services_of(browser)
     try:
         line = await to_thread.run_sync(
@@ -75,7 +93,7 @@ async def proxy_scene(browser: WebSocket, recording_id: Annotated[str, Path(patt
         pictured = asyncio.Event()
         tasks = [
             asyncio.create_task(_downward(upstream, browser, pictured)),
-            asyncio.create_task(_upward(browser, upstream)),
+            asyncio.create_task(_upward(browser, upstream, partial(services.scenes.tabs.edits, recording_id, tab))),
         ]
         with anyio.move_on_after(ARRIVING_S):
             await pictured.wait()
@@ -123,10 +141,10 @@ async def _downward(upstream: ClientConnection, browser: WebSocket, pictured: as
         pictured.set()
 
 
-async def _upward(browser: WebSocket, upstream: ClientConnection) -> None:
+async def _upward(browser: WebSocket, upstream: ClientConnection, edits: Callable[[], bool]) -> None:
     try:
         while (message := await browser.receive())["type"] != "websocket.disconnect":
-            said = admitted(message.get("bytes") or "")
+            said = admitted(message.get("bytes") or "", edits=edits())
             if said is not None:
                 await upstream.send(said)
     except ConnectionClosed:

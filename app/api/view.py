@@ -6,10 +6,14 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from app.schemas.view import ChangeView, UnderPointer, View
+from app.schemas.view import ChangeView, TabName, UnderPointer, View
 from app.server.deps import RecordingDep, ServicesDep
 
 Share = Annotated[float, Query(ge=0, le=1)]
+Tab = Annotated[
+    TabName | None,
+    Query(description="the name under which a browser's tab opened its scene, /scene/{recording_id}/{tab}/"),
+]
 
 router = APIRouter(prefix="/api/recordings/{recording_id}/view", tags=["view"])
 
@@ -21,9 +25,9 @@ def read_view(services: ServicesDep, recording: RecordingDep) -> View:
 
 
 @router.post("")
-def change_view(services: ServicesDep, recording: RecordingDep, change: ChangeView) -> View:
-    """Show something else; all browsers are told."""
-    view = services.scenes.change_view(recording.id, change)
+def change_view(services: ServicesDep, recording: RecordingDep, change: ChangeView, tab: Tab = None) -> View:
+    """Show something else; all browsers are told. With a `tab`, clicks in its scene mean from now on what this `mode` says."""
+    view = services.scenes.change_view(recording.id, change, tab=tab)
     services.workflow.see_to_surface(recording, view)
     return view
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.scene.aim import Stage, Stand, hidden, stand
+from app.scene.aim import Stage, Stand, hidden, stand, wall_of
 from app.scene.camera import camera_of
 from app.scene.cutaway import pieces
 from app.scene.cycle import Cycle, pierced
@@ -20,7 +20,7 @@ from app.scene.readout import read_out
 from app.scene.region import frustum_sides
 from app.scene.takeaway import cutting_itself
 from app.scene.wipe import Camera
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, Float32Array, FloatArray
 
 OnPatch = Callable[[int], None]
 OnRay = Callable[[FloatArray, FloatArray, bool], None]
@@ -116,6 +116,11 @@ class ShownScene:
         if camera is None or content.readout is None:
             return ""
         return read_out(content.readout, content.stage.walls, camera, place)
+
+    def drawn(self, points_m: Float32Array) -> BoolArray:
+        """(N,) which points (N, 3) of the content are shown now: not those of walls that are cut away."""
+        shown: BoolArray = ~np.isin(wall_of(points_m, self._stage.walls), list(self._behind))
+        return shown
 
     def show(self, content: Content, *, dark: bool) -> None:
         """Make the scene be the content."""

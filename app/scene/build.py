@@ -29,6 +29,7 @@ from app.scene.items import (
 from app.scene.readout import Readout, from_plane, lean
 from app.scene.support import support_of
 from app.scene.upright import vertical_of
+from app.schemas.results import Thickness
 from app.schemas.view import ColorBy
 from calib_core.result import PlaneQuality
 from calib_core.types import Float32Array, FloatArray, PlaneProposals, PointArray, Recording, Scan, Trajectory
@@ -50,20 +51,25 @@ OUTSIDE_STRIDE = 6
 LEGENDS: dict[ColorBy, str] = {
     "plane": "Colour: the plane a point lies on, within 0.1 m; grey: none.",
     "time": "Colour: time in the sweep, dark blue first, yellow last.",
-    "residual": "Colour: signed distance to the nearest plane, blue -50 mm, white 0, orange +50 mm; grey: none near.",
+    "residual": "Colour: signed distance to the nearest plane, "
+    "blue \N{MINUS SIGN}50 mm, white 0, orange +50 mm; grey: none near.",
     "intensity": "Colour: intensity, dark blue weak, yellow strong.",
 }
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What a solve left for showing. colors: palette place of each plane.   T_imu_lidar: (4, 4)."""
+    """What a solve left for showing. colors: palette place of each plane.   T_imu_lidar: (4, 4).
+
+    walls: how thick they were measured to be: the one number that every screen tells; None where nobody has measured.
+    """
 
     trajectory: Trajectory
     planes: Sequence[PlaneQuality]
     colors: list[int]
     T_imu_lidar: FloatArray
     time_offset_s: float = 0.0
+    walls: Thickness | None = None
 
 
 def solved_stage(recording: Recording, solved: Solved) -> Stage:

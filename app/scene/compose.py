@@ -23,7 +23,6 @@ from app.scene.surface import LEGEND, surface_items
 from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
 from app.storage.records import RecordingRecord
-from calib_core.events import IterationEvent
 from calib_core.types import FloatArray, Recording, Trajectory
 
 NOT_READ = "The recording has not been read yet."
@@ -100,11 +99,16 @@ class Composer:
 
     def _solve_scene(self, record: RecordingRecord, recording: Recording, state: ViewState) -> Content:
         """The sweeps straightened by the estimate of the moment, as it says where they were; else by the gyroscope."""
-        steps = self._steps(record, state)
+        job_id = self._solve_shown(record, state)
+        steps = [] if job_id is None else self._jobs.logs.iterations(job_id)
         step = steps[-1] if steps else None
         if step is not None and step.sweeps:
             up = steady_up(steps[0], self._planes.up(record.id))
-            return build_converging(recording, step, limit=self._limit, up=up, straight=state.straight)
+            found = self._sources.solved(record, job_id)
+            measured = None if found is None else found.solved.walls
+            return build_converging(
+                recording, step, limit=self._limit, up=up, straight=state.straight, measured=measured
+            )
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
         if step is None:
             note = "No estimate yet: the sweep that turned fastest, raw."
@@ -115,11 +119,11 @@ class Composer:
         R_lidar_imu = matrix[:3, :3].T
         return build_straightened(scan, points_m, R_lidar_imu=R_lidar_imu, p_lidar_imu=-R_lidar_imu @ matrix[:3, 3])
 
-    def _steps(self, record: RecordingRecord, state: ViewState) -> list[IterationEvent]:
+    def _solve_shown(self, record: RecordingRecord, state: ViewState) -> str | None:
         for job in self._jobs.records_of(record.id):
             if job.kind == "solve" and state.job_id in {None, job.id}:
-                return self._jobs.logs.iterations(job.id)
-        return []
+                return job.id
+        return None
 
     def _inspect_scene(
         self, record: RecordingRecord, recording: Recording, state: ViewState, camera: Camera | None

@@ -7,6 +7,8 @@ the recording.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from app.planes import palette
@@ -15,6 +17,7 @@ from app.scene.aim import stage_of
 from app.scene.build import ground, thinned_scan
 from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
 from app.scene.items import Axes, Cloud, Content, breadth_m, frame_names, point_size_m
+from app.schemas.results import Thickness
 from calib_core import api
 from calib_core.events import IterationEvent, SweepMotion
 from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
@@ -26,11 +29,18 @@ SAME_UP_COS = float(np.cos(np.radians(3.0)))
 
 
 def build_converging(
-    recording: Recording, step: IterationEvent, *, limit: int, up: FloatArray | None = None, straight: float = 1.0
+    recording: Recording,
+    step: IterationEvent,
+    *,
+    limit: int,
+    up: FloatArray | None = None,
+    straight: float = 1.0,
+    measured: Thickness | None = None,
 ) -> Content:
     """The sweeps of a step, coloured by their distance to the nearest plane, and both sensors' frames.
 
     up: (3,) map frame, where it is known.   straight: how much of the motion is taken out, 0..1.
+    measured: of all walls, once the run has an answer: from then on no number of these few sweeps stands beside it.
     """
     by_stamp = {scan.stamp_ns: scan for scan in recording.scans}
     seen = [(by_stamp[sweep.stamp_ns], sweep) for sweep in step.sweeps if sweep.stamp_ns in by_stamp]
@@ -45,7 +55,6 @@ def build_converging(
     shown: Float32Array = rigid + np.float32(straight) * (moved - rigid)
     _, dist_m = nearest_plane(shown, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
     stage = stage_of(up, np.column_stack([normals, offsets_m]))
-    after_m, before_m = _thickness(moved, rigid, normals, offsets_m)
     first = pairs[0][1]
     matrix = np.array(step.matrix)
     R_lidar, p_lidar = first.R_map_lidar[0], first.p_map_lidar[0]
@@ -60,9 +69,20 @@ def build_converging(
             *ground(moved, stage),
         ),
         stage=stage,
-        legend=f"{len(pairs)} sweeps as this estimate has them: walls {after_m * 1e3:.1f} mm thick "
-        f"({before_m * 1e3:.1f} mm with the motion left in). Colour: distance to plane, blue -50, white 0, orange +50 mm.",
+        legend=f"{_told(len(pairs), measured, lambda: _thickness(moved, rigid, normals, offsets_m))} "
+        "Colour: distance to plane, blue \N{MINUS SIGN}50, white 0, orange +50 mm.",
     )
+
+
+def _told(sweeps: int, measured: Thickness | None, estimate: Callable[[], tuple[float, float]]) -> str:
+    """How thick the walls are: as measured of the answer, or in the sweeps that are shown, as the estimate has them."""
+    if measured is not None:
+        after_m, before_m = measured.after_rms_m, measured.before_rms_m
+        lead = f"{sweeps} sweeps as solved. All walls of the recording:"
+    else:
+        after_m, before_m = estimate()
+        lead = f"{sweeps} sweeps as this estimate has them: walls"
+    return f"{lead} {after_m * 1e3:.1f} mm thick ({before_m * 1e3:.1f} mm with the motion left in)."
 
 
 def steady_up(first: IterationEvent, up_of_planes: FloatArray | None) -> FloatArray | None:

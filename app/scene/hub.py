@@ -21,6 +21,7 @@ from app.scene.apply import ShownScene, warm_up
 from app.scene.compose import Composed, Composer
 from app.scene.opened import OpenScene, OpenScenes
 from app.scene.picking import pick
+from app.scene.tabs import Tabs
 from app.scene.throttle import Throttle
 from app.scene.wipe import Camera
 from app.schemas.planes import Grow, Restrict, Side, Toggle
@@ -39,7 +40,7 @@ SWEEP_INTERVAL_S = 15.0
 class SceneHub:
     """Views and their scenes. Thread-safe. Tells the bus of changed views, and of clicks that cannot be done.
 
-    open: the scenes that are open now.
+    open: the scenes that are open now.   tabs: which screen each tab shows.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class SceneHub:
         self._composer = composer
         self._bus = bus
         self.open = OpenScenes(at_most=settings.max_scenes, idle_s=settings.scene_idle_s)
+        self.tabs = Tabs()
         self._closed = threading.Event()
 
     def start(self) -> None:
@@ -68,9 +70,11 @@ class SceneHub:
         """What is shown now."""
         return self._compose(self._record(recording_id)).view
 
-    def change_view(self, recording_id: str, change: ChangeView) -> View:
-        """What is shown after the change."""
+    def change_view(self, recording_id: str, change: ChangeView, *, tab: str | None = None) -> View:
+        """What is shown after the change.   tab: which one wishes for it; None: nobody's, as a script's."""
         record = self._record(recording_id)
+        if tab is not None and "mode" in change.model_fields_set:
+            self.tabs.entered(recording_id, tab, change.mode)
         with self.open.locked(recording_id):
             before = self._state(recording_id)
             wished = {name: getattr(change, name) for name in change.model_fields_set}
@@ -162,7 +166,7 @@ class SceneHub:
         scene = self.open.find(recording_id)
         if scene is None or state.mode != "planes" or not (modified or state.click == "grow"):
             return
-        seed_m = pick(scene.pickable_m, origin_m, direction)
+        seed_m = pick(scene.pickable_m, origin_m, direction, scene.shown.drawn)
         if seed_m is None:
             text = "The cloud has no point there; click on its points, or come nearer."
             self._bus.publish(ClickWasRefused(recording_id, BadRequest("planes.no_point_there", text)))

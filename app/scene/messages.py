@@ -76,11 +76,12 @@ class _Pointer(_Said, frozen=True, tag="ScenePointerMessage"):
 _DECODER = msgspec.msgpack.Decoder(_Camera | _Click | _Pointer)
 
 
-def admitted(raw: bytes | str) -> bytes | None:
-    """The message as the scene may have it; None for any other."""
+def admitted(raw: bytes | str, *, edits: bool = True) -> bytes | None:
+    """The message as the scene may have it; None for any other.   edits: whether clicks and rectangles may change anything."""
     if isinstance(raw, str) or len(raw) > LONGEST_BYTES:
         return None
     try:
-        return msgspec.msgpack.encode(_DECODER.decode(raw))
+        said = _DECODER.decode(raw)
+        return msgspec.msgpack.encode(said) if edits or isinstance(said, _Camera) else None
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):  # a text that is none is no MsgspecError
         return None

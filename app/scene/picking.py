@@ -8,15 +8,20 @@ import numpy as np
 
 from calib_core.types import BoolArray, Float32Array, FloatArray
 
+#: Which of some points (N, 3) are seen: one looks, and clicks, through what is cut away.
+Drawn = Callable[[Float32Array], BoolArray]
+
 #: Half opening of the cone: about the size of a finger's pixel on the canvas.
 CONE_RAD = 0.01
 #: Points this much behind the first one hit still count as the same surface.
 SURFACE_DEPTH_M = 0.3
 
 
-def pick(points_m: Float32Array, origin_m: FloatArray, direction: FloatArray) -> FloatArray | None:
+def pick(
+    points_m: Float32Array, origin_m: FloatArray, direction: FloatArray, drawn: Drawn | None = None
+) -> FloatArray | None:
     """The picked point (3,), or None where the ray passes all."""
-    place = pick_place(points_m, origin_m, direction)
+    place = pick_place(points_m, origin_m, direction, drawn)
     if place is None:
         return None
     picked: FloatArray = points_m[place].astype(np.float64)
@@ -27,7 +32,7 @@ def pick_place(
     points_m: Float32Array,
     origin_m: FloatArray,
     direction: FloatArray,
-    drawn: Callable[[Float32Array], BoolArray] | None = None,
+    drawn: Drawn | None = None,
 ) -> int | None:
     """The place of the picked point, or None where the ray passes all.
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Generic, TypeVar
 from zipfile import BadZipFile
 
@@ -25,6 +26,7 @@ from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
 from app.locks import NamedLocks
 from app.scene.build import Solved
+from app.schemas.results import Thickness
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core.result import CalibrationResult
@@ -156,6 +158,7 @@ class SceneSources:
             colors=self._colors(job, [plane.name for plane in result.quality.planes]),
             T_imu_lidar=matrix,
             time_offset_s=result.time_offset_s or 0.0,
+            walls=_walls(folder / "thickness.json"),
         )
 
     def _colors(self, job: JobRecord, names: list[str]) -> list[int]:
@@ -164,3 +167,9 @@ class SceneSources:
         known = {plane.name: plane.color for plane in ordered if plane.color is not None}
         fresh = itertools.count(max(known.values(), default=-1) + 1)
         return [known[name] if name in known else next(fresh) for name in names]
+
+
+def _walls(path: Path) -> Thickness | None:
+    with suppress(OSError, ValueError):  # not there, or damaged: the scene is shown without
+        return Thickness.model_validate_json(path.read_text(encoding="utf-8"))
+    return None

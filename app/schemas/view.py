@@ -17,6 +17,8 @@ Extent = Literal["scan", "map", "surface"]
 ColorBy = Literal["plane", "time", "residual", "intensity"]
 Click = Literal["toggle", "grow", "restrict"]
 Preset = Literal["overview", "inside", "top", "front"]
+#: What a tab of a browser calls itself.
+TabName = Annotated[str, Field(pattern="^[0-9a-f]{8,32}$")]
 #: Size of the points over what their spacing asks for: a quarter is a pixel, four times are blots.
 SMALLEST_POINTS, LARGEST_POINTS = 0.25, 4.0
 
@@ -117,7 +119,7 @@ class ChangeView(WireModel):
 
 
 class WallBlur(WireModel):
-    """Root mean square distance of the same points to their planes: the answer as solved, and made wrong."""
+    """Root mean square distance of the walls' points to their planes: as measured of the answer, and with it made wrong."""
 
     solved_rms_m: float
     nudged_rms_m: float

@@ -53,6 +53,7 @@ export const cssVariables: CSSVariablesResolver = () => ({
     "--mantine-color-default-hover": "var(--surface-3)",
     "--mantine-color-default-border": "var(--line-strong)",
     "--mantine-color-default-color": "var(--ink-1)",
+    "--mantine-color-error": "var(--bad)",
   },
   dark: {
     "--mantine-color-body": "var(--surface-0)",
@@ -63,5 +64,6 @@ export const cssVariables: CSSVariablesResolver = () => ({
     "--mantine-color-default-hover": "var(--surface-3)",
     "--mantine-color-default-border": "var(--line-strong)",
     "--mantine-color-default-color": "var(--ink-1)",
+    "--mantine-color-error": "var(--bad)",
   },
 });

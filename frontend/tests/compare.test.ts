@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { CalibrationResult, Recording } from "../src/api/client";
-import { differences, rotationBetween } from "../src/features/result/difference";
+import { differences, inSigmas, isApart, rotationBetween } from "../src/features/result/difference";
+import { awayText } from "../src/features/result/history";
 import { listed } from "../src/features/start/standing";
 
 const turn = (deg: number): number[][] => {
@@ -40,6 +41,26 @@ describe("two runs", () => {
     expect(found?.find((one) => one.name === "Position x")?.sigma).toBeCloseTo(3 * Math.SQRT2);
     expect(found?.find((one) => one.name === "Turn z")?.value).toBeCloseTo(1);
     expect(differences({ ...result(0, 0, 0), T_imu_lidar: null }, result(0, 0, 0))).toBeNull();
+  });
+});
+
+describe("what is called far", () => {
+  // Fails when a difference of 3.0 sigmas, as it is shown, is called the same answer; when 2.9 is not.
+  it("is what is seen to be", () => {
+    const at = (sigmas: number) => ({ value: -sigmas * 0.2, sigma: 0.2 });
+    expect([3.04, 2.96, 2.94].map((sigmas) => [inSigmas(at(sigmas)), isApart(at(sigmas))])).toEqual([
+      [3, true],
+      [3, true],
+      [2.9, false],
+    ]);
+    expect(isApart({ value: 1, sigma: 0 })).toBe(false);
+  });
+
+  // Fails when a distance is told with a sign.
+  it("is away by so much, whichever came first", () => {
+    expect(awayText({ translation_m: 0.0012, rotation_deg: 0.01, time_offset_s: -0.00001 })).toBe(
+      "the newest is 1.2 mm, 0.010°, 0.01 ms away",
+    );
   });
 });
 

@@ -114,11 +114,11 @@ describe("a plane's name", () => {
   it("can be typed as soon as Rename was chosen in the menu", async () => {
     const client = new QueryClient();
     client.setQueryData(keys.facts, { usual });
-    const apply = vi.fn<(operation: Operation) => void>();
+    const rename = vi.fn((_: number, name: string) => Promise.resolve(name));
     render(
       <QueryClientProvider client={client}>
         <MantineProvider>
-          <PatchList planes={planesAt(0, true, true)} apply={apply} onRestrict={vi.fn()} />
+          <PatchList planes={planesAt(0, true, true)} apply={vi.fn()} rename={rename} onRestrict={vi.fn()} />
         </MantineProvider>
       </QueryClientProvider>,
     );
@@ -129,6 +129,8 @@ describe("a plane's name", () => {
     expect(screen.queryByRole("menu", { hidden: true })).toBeNull();
     expect(document.activeElement).toBe(field);
     await user.keyboard("door{Enter}");
-    expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "rename", index: 1, name: "door" });
+    expect(rename).toHaveBeenCalledExactlyOnceWith(1, "door");
+    await waitFor(() => expect(screen.queryByRole("textbox", { name: "New name" })).toBeNull());
+    expect(rename).toHaveBeenCalledOnce();
   });
 });

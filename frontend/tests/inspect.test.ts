@@ -2,12 +2,15 @@ import { describe, expect, it } from "vitest";
 import { parseOld, writeOld } from "../src/features/inspect/oldtext";
 import {
   badScans,
+  holdsScan,
   joined,
   parseSpans,
   sameSpans,
   spanOfScan,
   without,
+  withoutScan,
   writeSpans,
+  type TimeSpan,
 } from "../src/features/inspect/spans";
 import { readWish, writeWish } from "../src/features/inspect/wish";
 
@@ -47,6 +50,17 @@ describe("spans of time", () => {
     expect(parseSpans("none")).toEqual([]);
     expect(parseSpans("4-2,x,1-1")).toEqual([]);
     expect(sameSpans([[1, 2]], [[1, 2.0001]])).toBe(true);
+  });
+  // Fails when a scan that is left out cannot be had back; when its neighbours come back with it, or shreds of it stay.
+  it("lose one scan again, and no other", () => {
+    const at = (scan: number) => scan * 0.1;
+    const out = [4, 5, 6].reduce((spans: TimeSpan[], scan) => joined(spans, spanOfScan(at(scan), 0.1)), []);
+    const held = (spans: readonly TimeSpan[]) => [3, 4, 5, 6, 7].filter((scan) => holdsScan(spans, at(scan), 0.1));
+    expect(held(out)).toEqual([4, 5, 6]);
+    expect(held(withoutScan(out, at(5), 0.1))).toEqual([4, 6]);
+    const dragged: TimeSpan[] = [[0.38, 0.72]];
+    expect(held(withoutScan(dragged, at(5), 0.1))).toEqual([4, 6]);
+    expect(withoutScan([spanOfScan(at(5), 0.1)], at(5), 0.1)).toEqual([]);
   });
   // Fails with a span that reaches into the next scan's first point.
   it("of one scan hold no other scan's start", () => {

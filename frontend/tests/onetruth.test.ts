@@ -4,7 +4,7 @@ import { addMessages, emptyRun } from "../src/api/jobstream";
 import { longStep, stalledS } from "../src/features/jobs/timeleft";
 import { determines, strength } from "../src/features/planes/determinacy";
 import { planesText } from "../src/features/recording/forecast";
-import { firstStep, otherUnit } from "../src/features/result/nextsteps";
+import { contradicted, firstStep, otherUnit } from "../src/features/result/nextsteps";
 import { toneOf } from "../src/features/result/verdict";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
 import { standingOf } from "../src/features/start/standing";
@@ -134,10 +134,21 @@ describe("the next step of a refusal", () => {
     ["refused", ["imu.axis_signs"], null, "reading"],
     ["refused", ["points.straightened"], null, "reading"],
     ["weak", ["solve.weak"], null, "record"],
-    ["weak", ["prior.contradicted", "solve.disagreement"], null, null],
+    ["weak", ["prior.contradicted", "solve.disagreement"], null, "settings"],
+    ["refused", ["prior.contradicted"], null, "settings"],
     ["calibrated", ["solve.disagreement"], null, "planes"],
     ["calibrated", ["map.none"], null, null],
   ] as const)("of %s with %j puts first what helps", (status, codes, doubted, step) => {
     expect(firstStep(status, codes, doubted)).toBe(step);
+  });
+
+  // Fails when who gave two numbers is sent to the one that is right; when nobody is sent anywhere where the words are others.
+  it("of a number that was given leads to that number", () => {
+    const said = (what: string) => [`what was given for the ${what} contradicts the recording`];
+    expect(contradicted(said("translation along the IMU's z axis"), ["tx", "tz"])).toBe("tz");
+    expect(contradicted(said("rotation about the lidar's y axis"), ["tx", "ry"])).toBe("ry");
+    expect(contradicted(said("time offset"), ["tx", "dt"])).toBe("dt");
+    expect(contradicted(["something else"], ["ty"])).toBe("ty");
+    expect(contradicted(said("time offset"), [])).toBeNull();
   });
 });

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Job } from "../src/api/client";
-import { draftOf, settingsOf } from "../src/features/solve/draft";
+import { draftOf, problemsOf, settingsOf } from "../src/features/solve/draft";
 import { matrixOf } from "../src/features/solve/guess";
 import { gravityAt, priorOf, priorText } from "../src/features/solve/priors";
 import { usual } from "./usual";
@@ -82,6 +82,29 @@ describe("what a solve is told", () => {
       "intrinsics",
       "auto",
     );
+  });
+
+  // Fails when a field is not named, or another one than the first; when a solve may start beside a problem, or may not without.
+  it("names the field that stands in the way", () => {
+    const draft = draftOf(before, usual);
+    const prior = { axis: "tz", value: "310", sigma: "" } as const;
+    const first = (part: Partial<typeof draft>) => {
+      const tried = { ...draft, ...part };
+      const problem = problemsOf(tried, usual, { tz: "Position z" }).at(0);
+      expect(settingsOf(tried, before, usual) === null).toBe(problem !== undefined);
+      return problem;
+    };
+    expect(first({})).toBeUndefined();
+    expect(first({ priors: [prior], seed: "x" })).toEqual({
+      field: "prior 0 sigma",
+      text: "Position z: its standard deviation, a number above 0 mm, is missing.",
+    });
+    expect(first({ priors: [{ ...prior, value: "", sigma: "5" }] })?.field).toBe("prior 0 value");
+    expect(first({ gravity: "latitude" })?.text).toMatch("Latitude");
+    expect(first({ points: "2.5" })?.field).toBe("points");
+    expect(first({ fieldDeg: "200" })?.field).toBe("field");
+    expect(first({ rounds: "0" })?.field).toBe("rounds");
+    expect(first({ seed: "-1" })?.field).toBe("seed");
   });
 
   // Oracle: the formula's values at the equator and the poles.

@@ -1,12 +1,13 @@
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { render, screen } from "@testing-library/react";
+import { render, screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { describe, expect, it, vi } from "vitest";
 import type { Operation, Patch, Planes } from "../src/api/client";
 import { keys } from "../src/api/queries";
 import { DeterminacyMeter } from "../src/features/planes/determinacy";
 import { PatchList } from "../src/features/planes/list";
+import { NoneConfirmed } from "../src/features/planes/screen";
 import { mergeCandidates } from "../src/features/planes/similar";
 import { usual } from "./usual";
 
@@ -35,18 +36,18 @@ const planes: Planes = {
   revision: 1,
 };
 
-function show() {
+function show(rename = vi.fn((_: number, name: string) => Promise.resolve(name))) {
   const apply = vi.fn<(operation: Operation) => void>();
   const told = new QueryClient();
   told.setQueryData(keys.facts, { usual });
   render(
     <QueryClientProvider client={told}>
       <MantineProvider>
-        <PatchList planes={planes} apply={apply} onRestrict={vi.fn()} />
+        <PatchList planes={planes} apply={apply} rename={rename} onRestrict={vi.fn()} />
       </MantineProvider>
     </QueryClientProvider>,
   );
-  return { apply, user: userEvent.setup() };
+  return { apply, rename, user: userEvent.setup() };
 }
 
 describe("the list of planes", () => {
@@ -63,15 +64,64 @@ describe("the list of planes", () => {
 
   // Fails when leaving the field with Escape renames all the same.
   it("renames by double click, and not on Escape", async () => {
-    const { apply, user } = show();
+    const { rename, user } = show();
     await user.dblClick(screen.getByText("plane 3"));
     expect(screen.getByRole("textbox", { name: "New name" })).toBe(document.activeElement);
     await user.keyboard("wall A{Enter}");
-    expect(apply).toHaveBeenLastCalledWith({ op: "rename", index: 2, name: "wall A" });
-    apply.mockClear();
+    expect(rename).toHaveBeenLastCalledWith(2, "wall A");
+    rename.mockClear();
     await user.dblClick(screen.getByText("plane 1"));
     await user.keyboard("floor{Escape}");
-    expect(apply).not.toHaveBeenCalled();
+    expect(rename).not.toHaveBeenCalled();
+    expect(screen.queryByRole("textbox")).toBeNull();
+  });
+
+  // Fails when a name that is taken goes with the field; when the reason stays once another one is typed; when it is asked for
+  // again on leaving the field.
+  it("keeps a name that is refused, with the reason, until another one is typed", async () => {
+    const taken = vi.fn((_: number, name: string) =>
+      name === "floor" ? Promise.reject(new Error("Another plane is called so.")) : Promise.resolve(name),
+    );
+    const { rename, user } = show(taken);
+    await user.dblClick(screen.getByText("plane 3"));
+    await user.keyboard("floor{Enter}");
+    expect(await screen.findByText("Another plane is called so.")).toBeTruthy();
+    const field = screen.getByRole<HTMLInputElement>("textbox", { name: "New name" });
+    expect(field.value).toBe("floor");
+    await user.tab();
+    expect(rename).toHaveBeenCalledOnce();
+    await user.type(field, " 2", { initialSelectionStart: 5, initialSelectionEnd: 5 });
+    expect(screen.queryByText("Another plane is called so.")).toBeNull();
+    await user.keyboard("{Enter}");
+    await waitFor(() => expect(screen.queryByRole("textbox")).toBeNull());
+    expect(rename.mock.calls).toEqual([
+      [2, "floor"],
+      [2, "floor 2"],
+    ]);
+  });
+});
+
+describe("the way on without a confirmed plane", () => {
+  const shown = (found: number) => {
+    const [onSuggestion, onGrow] = [vi.fn(), vi.fn()];
+    render(
+      <MantineProvider>
+        <NoneConfirmed found={found} onSuggestion={onSuggestion} onGrow={onGrow} />
+      </MantineProvider>,
+    );
+    return { onSuggestion, onGrow, user: userEvent.setup() };
+  };
+
+  // Fails when there is a button that does nothing and says nothing.
+  it("is the suggestion, and a plane grown by hand where none was found", async () => {
+    const some = shown(6);
+    expect(screen.getByText(/none is confirmed/)).toBeTruthy();
+    await some.user.click(screen.getByRole("button", { name: "Use the suggestion" }));
+    expect(some.onSuggestion).toHaveBeenCalledOnce();
+    const none = shown(0);
+    expect(screen.getByText(/none was found/)).toBeTruthy();
+    await none.user.click(screen.getByRole("button", { name: "Grow a plane" }));
+    expect(none.onGrow).toHaveBeenCalledOnce();
   });
 });
 

@@ -18,6 +18,9 @@ vi.stubGlobal(
     disconnect() {}
   },
 );
+Object.defineProperty(document, "fonts", {
+  value: { addEventListener: () => undefined, removeEventListener: () => undefined },
+});
 
 Element.prototype.scrollIntoView = () => undefined;
 

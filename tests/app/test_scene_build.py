@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -117,6 +119,18 @@ def test_a_nudge_blurs_the_walls():
     blur = wall_blur(RECORDING, SOLVED, wrong)
     assert blur.solved_rms_m < 1e-3
     assert blur.nudged_rms_m > 0.02
+
+
+def test_a_nudge_is_told_beside_the_thickness_that_every_screen_has():
+    """Oracle: the walls as measured, and squares that add up. Mutation: the sample's own thickness told for the walls'."""
+    measured = measure_thickness(RECORDING, SOLVED.trajectory, world.plane_quality())
+    walls = measured.model_copy(update={"after_rms_m": 0.0147})
+    own = wall_blur(RECORDING, SOLVED, wrong := nudged(SOLVED.trajectory, SOLVED.T_imu_lidar, Nudge(rx_deg=3.0)))
+    blur = wall_blur(RECORDING, replace(SOLVED, walls=walls), wrong)
+    assert blur.solved_rms_m == pytest.approx(0.0147)
+    assert blur.nudged_rms_m**2 - 0.0147**2 == pytest.approx(own.nudged_rms_m**2 - own.solved_rms_m**2)
+    same = wall_blur(RECORDING, replace(SOLVED, walls=walls), SOLVED.trajectory)
+    assert same.nudged_rms_m == pytest.approx(same.solved_rms_m, abs=1e-6)
 
 
 def test_straightening_takes_a_constant_turn_out():

@@ -10,6 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from app.planes import palette
+from app.results.thickness import measure_thickness
 from app.scene.aim import stand
 from app.scene.build import Solved, build_unsolved
 from app.scene.converge import build_converging, steady_up
@@ -226,6 +227,16 @@ def test_a_running_solves_walls_are_as_thick_as_it_is_wrong():
     assert np.abs(np.abs(wrong) - world.HALF_M).min(axis=1).max() > 0.05
     assert "5 sweeps" in right.legend
     assert build_converging(replace(RECORDING, scans=[]), step_of(0.0), limit=10).note
+
+
+def test_a_solve_that_has_ended_tells_the_thickness_that_every_screen_has():
+    """Oracle: the numbers as measured. Mutation: those of the dozen sweeps that are drawn told on."""
+    walls = measure_thickness(RECORDING, SOLVED.trajectory, world.plane_quality())
+    walls = walls.model_copy(update={"before_rms_m": 0.0440, "after_rms_m": 0.0148})
+    told = build_converging(RECORDING, step_of(world.TURN_RAD_S), limit=10_000, measured=walls).legend
+    assert "14.8 mm thick (44.0 mm with the motion left in)" in told
+    under_way = build_converging(RECORDING, step_of(world.TURN_RAD_S), limit=10_000).legend
+    assert "14.8" not in under_way
 
 
 def leaning(deg):

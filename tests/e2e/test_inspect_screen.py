@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.support import Api, coloured, keep_screenshot, scene, serious_faults, until, wait_for_cloud
@@ -89,6 +91,31 @@ def test_wipe_between_raw_and_deskewed(page: Page, api: Api, solved: tuple[str, 
     line.press("Home")
     until(lambda: api.view(recording)["wipe"] == 0.0)
     until(lambda: bool(np.mean(coloured(page) != all_raw) > 0.01), wait_s=60.0)
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_wipes_line_leaves_the_legend_readable(page: Page, solved: tuple[str, str], width: int) -> None:
+    """The line goes behind the legend and the view's tools, and what it is called stands clear of them.
+
+    Fails with the line drawn over the legend (a white stroke through its words); with the names at the line's lower end.
+    """
+    recording, job = solved
+    page.set_viewport_size({"width": width, "height": 844})
+    page.goto(f"/r/{recording}/inspect?job={job}&scan=40&show=wipe&wipe=0.1")
+    legend = page.get_by_text("Left of the line: raw")
+    expect(legend).to_be_visible()
+    line, words = page.get_by_role("slider", name="Wipe").bounding_box(), legend.bounding_box()
+    assert line is not None
+    assert words is not None
+    x = line["x"] + line["width"] / 2
+    assert words["x"] < x < words["x"] + words["width"]
+    clip = {"x": x - 1, "y": words["y"], "width": 2, "height": words["height"]}
+    picture = np.asarray(Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("L"))
+    assert np.mean(picture > 210) < 0.3
+    for name in ("Raw", "De-skewed"):
+        box = page.get_by_text(name, exact=True).last.bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] < words["y"]
 
 
 @both

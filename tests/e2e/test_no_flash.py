@@ -57,7 +57,7 @@ def test_what_is_not_drawn_yet_is_not_shown(page: Page, solved: tuple[str, str])
     Mutations: the canvas called drawn as soon as it is loaded; what covers it gone from the start, or see-through.
     """
     recording, _ = solved
-    page.route("**/scene/*/", lambda route: route.fulfill(body=NOT_DRAWN, content_type="text/html"))
+    page.route("**/scene/*/*/", lambda route: route.fulfill(body=NOT_DRAWN, content_type="text/html"))
     page.goto(f"/r/{recording}/planes")
     opening = page.get_by_text("Opening the 3D scene")
     expect(opening).to_be_visible()

@@ -18,13 +18,21 @@ both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
 def test_start(page: Page, solved: tuple[str, str], scheme: str) -> None:
     """The start page lists what is there, opens the server's folder, and shows its keys.
 
-    Fails with the keyboard help not bound to `?`; with the placeholder ink a shade lighter (axe: contrast).
+    Fails with the keyboard help not bound to `?`; with the placeholder ink a shade lighter (axe: contrast); on a telephone
+    with the ways in cut off at half of the screen, or lying over the list.
     """
     page.goto("/")
     row = page.get_by_role("link", name="room.bag").first
     expect(row).to_contain_text("Calibrated")
     expect(page.get_by_role("button", name="Try the sample")).to_be_enabled()
     assert faults_in_all_sizes(page) == []
+    page.set_viewport_size({"width": 390, "height": 844})
+    lowest = page.get_by_role("button", name="How to record").bounding_box()
+    panel = page.get_by_role("complementary", name="Recordings").bounding_box()
+    assert lowest is not None
+    assert panel is not None
+    assert lowest["y"] + lowest["height"] <= panel["y"]
+    page.set_viewport_size({"width": 1280, "height": 720})
     keep_screenshot(page, "start", scheme)
     page.get_by_role("button", name="How to record").click()
     guide = page.get_by_role("dialog", name="How to record")

@@ -25,11 +25,12 @@ both = pytest.mark.parametrize("scheme", ["dark", "light"], indirect=True)
 
 
 @both
-def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
+def test_solve(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> None:
     """A finished run is drawn whole from its messages after a reload: seven numbers with error bars, planes by name.
 
     Fails with the stream's first messages left out; with the standard deviations swapped for the values; with the
-    sweeps left out of the steps (the caption has no thickness).
+    sweeps left out of the steps (the caption has no thickness); with the thickness of these sweeps told on, where Inspect has
+    that of all.
     """
     page.goto(f"/r/{solved[0]}/solve?job={solved[1]}")
     expect(page.get_by_role("heading", name="Solved")).to_be_visible()
@@ -41,7 +42,10 @@ def test_solve(page: Page, solved: tuple[str, str], scheme: str) -> None:
     expect(
         page.get_by_role("region", name="Distance of points to their plane").get_by_role("listitem")
     ).not_to_have_count(0)
-    expect(page.get_by_text(re.compile(r"sweeps as this estimate has them: walls \d+\.\d mm thick"))).to_be_visible()
+    walls = api.ask("GET", f"/api/results/{solved[1]}/thickness")
+    after, before = (f"{1e3 * walls[key]:.1f}" for key in ("after_rms_m", "before_rms_m"))
+    told = f"sweeps as solved. All walls of the recording: {after} mm thick ({before} mm with the motion left in)"
+    expect(page.get_by_text(told)).to_be_visible()
     expect(page.get_by_role("button", name="Inspect the answer")).to_be_enabled()
     wait_for_cloud(page)
     assert serious_faults(page) == []

@@ -15,6 +15,7 @@ import {
   type View,
 } from "./client";
 import { keys, of, ofJob } from "./queries";
+import { tab } from "./tab";
 
 function rememberRecording(client: QueryClient, recording: Recording) {
   client.setQueryData(keys.recording(recording.id), recording);
@@ -103,7 +104,12 @@ export function useChangeView(id: string) {
     // One after the other: two changes at once could each undo the other's part of the view.
     scope: { id: `view-${id}` },
     mutationFn: (change: Partial<ChangeView>) =>
-      told(api.POST("/api/recordings/{recording_id}/view", { ...of(id), body: sparse(change) })),
+      told(
+        api.POST("/api/recordings/{recording_id}/view", {
+          params: { ...of(id).params, query: { tab } },
+          body: sparse(change),
+        }),
+      ),
     onSuccess: (view: View) => client.setQueryData(keys.view(id), view),
   });
 }

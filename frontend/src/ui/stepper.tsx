@@ -44,7 +44,10 @@ function StepItem({ step, number, isCurrent }: { step: Step; number: number; isC
       <span className={css.badge} aria-hidden="true">
         {step.state === "done" && !isCurrent ? <Icon name="check" size={12} /> : step.state === "busy" ? "" : number}
       </span>
-      <span className={css.stepName}>{titles[step.name]}</span>
+      <span className={css.stepName}>
+        {titles[step.name]}
+        {step.state === "done" && <span className="sr-only"> (done)</span>}
+      </span>
     </>
   );
   if (step.to === undefined || step.state === "locked") {

@@ -419,7 +419,7 @@ export interface paths {
         put?: never;
         /**
          * Change View
-         * @description Show something else; all browsers are told.
+         * @description Show something else; all browsers are told. With a `tab`, clicks in its scene mean from now on what this `mode` says.
          */
         post: operations["change_view"];
         delete?: never;
@@ -3761,7 +3761,7 @@ export interface components {
         };
         /**
          * WallBlur
-         * @description Root mean square distance of the same points to their planes: the answer as solved, and made wrong.
+         * @description Root mean square distance of the walls' points to their planes: as measured of the answer, and with it made wrong.
          */
         WallBlur: {
             /** Nudged Rms M */
@@ -4612,7 +4612,10 @@ export interface operations {
     };
     change_view: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description the name under which a browser's tab opened its scene, /scene/{recording_id}/{tab}/ */
+                tab?: string | null;
+            };
             header?: never;
             path: {
                 /** @description 32 hexadecimal digits */

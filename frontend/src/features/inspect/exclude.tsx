@@ -4,7 +4,7 @@ import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
 import css from "./inspect.module.css";
-import { joined, sameSpans, spanOfScan, without, type TimeSpan } from "./spans";
+import { holdsScan, joined, sameSpans, spanOfScan, without, withoutScan, type TimeSpan } from "./spans";
 
 interface ExcludeSectionProps {
   wished: readonly TimeSpan[];
@@ -36,6 +36,11 @@ export function ExcludeSection({
   error,
 }: ExcludeSectionProps) {
   const changed = !sameSpans(wished, done);
+  const isOut = scanTimeS !== null && holdsScan(wished, scanTimeS, periodS);
+  const toggle = () => {
+    if (scanTimeS === null) return;
+    onChange(isOut ? withoutScan(wished, scanTimeS, periodS) : joined(wished, spanOfScan(scanTimeS, periodS)));
+  };
   return (
     <Section
       title="Leave out and solve again"
@@ -71,9 +76,12 @@ export function ExcludeSection({
       <div className={css.row}>
         <Button
           size="compact-sm"
-          variant="default"
+          variant={isOut ? "light" : "default"}
+          aria-pressed={isOut}
           disabled={scanTimeS === null}
-          onClick={() => scanTimeS !== null && onChange(joined(wished, spanOfScan(scanTimeS, periodS)))}
+          title={isOut ? "Click to use it again" : undefined}
+          leftSection={isOut && <Icon name="check" size={12} />}
+          onClick={toggle}
         >
           Leave out scan {scan + 1}
         </Button>

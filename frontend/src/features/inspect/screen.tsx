@@ -44,10 +44,11 @@ export function InspectScreen() {
   return <Inspection key={run.job.id} run={run} {...workspace} />;
 }
 
-function Inspection({ run, recording }: Workspace & { run: Run }) {
+function Inspection({ run, recording, returns }: Workspace & { run: Run }) {
   const [query] = useSearchParams();
   const navigate = useNavigate();
-  const { wish, change } = useInspectView(recording.id, run.job.id, fastestScan(recording.report?.timeline));
+  const firstScan = fastestScan(recording.report?.timeline);
+  const { wish, change } = useInspectView(recording.id, run.job.id, firstScan, returns);
   const view = useQuery(viewQuery(recording.id)).data;
   // What the scene shows lags behind the wish; what it says of another scan must not stand beside this one's number.
   const shown = view?.mode === "inspect" && view.scan === wish.scan ? view : undefined;

@@ -41,6 +41,25 @@ export function spanOfScan(t: number, period: number): TimeSpan {
   return [Math.max(0, t + 0.05 * period), t + 0.9 * period];
 }
 
+/** Whether the scan at `t` is left out: most of it, where a span was dragged. */
+export function holdsScan(spans: readonly TimeSpan[], t: number, period: number): boolean {
+  const middle = t + 0.475 * period;
+  return spans.some(([start, end]) => start <= middle && middle <= end);
+}
+
+/** The spans without the scan at `t`; what else a span holds stays left out. Shreds of a scan are none. */
+export function withoutScan(spans: readonly TimeSpan[], t: number, period: number): TimeSpan[] {
+  const [before, after] = [t - 0.1 * period, t + 1.05 * period];
+  return spans.flatMap(([start, end]): TimeSpan[] => {
+    if (end <= before || start >= after) return [[start, end]];
+    const left: TimeSpan[] = [
+      [start, before],
+      [after, end],
+    ];
+    return left.filter(([from, to]) => to - from > 0.5 * period);
+  });
+}
+
 /** Scans whose spread stands out: five robust standard deviations above the median, and no less than half as much again. */
 export function badScans(rms: readonly (number | null)[]): number[] {
   const known = rms.filter((value) => value !== null).sort((a, b) => a - b);

@@ -35,10 +35,10 @@ export function Wipe({ share, left, right, onChange }: WipeProps) {
   const percent = `${share * 100}%`;
   return (
     <div ref={layer} className={css.wipe}>
-      <span className={css.wipeName} style={{ right: `calc(100% - ${percent} + 14px)` }}>
+      <span className={css.wipeName} style={{ right: `calc(100% - ${percent} + 24px)` }}>
         {left}
       </span>
-      <span className={css.wipeName} style={{ left: `calc(${percent} + 14px)` }}>
+      <span className={css.wipeName} style={{ left: `calc(${percent} + 24px)` }}>
         {right}
       </span>
       <div

@@ -93,8 +93,10 @@ export function fastestScan(timeline: DoctorReport["timeline"] | undefined): num
   );
 }
 
-/** The wish in the URL, kept in step with what the scene is told; of quick changes only the last is sent. */
-export function useInspectView(recordingId: string, jobId: string | null, firstScan: number) {
+/** The wish in the URL, kept in step with what the scene is told; of quick changes only the last is sent.
+ *
+ *  returns: how often the tab was come back to while the scene showed another one's screen: it is told again. */
+export function useInspectView(recordingId: string, jobId: string | null, firstScan: number, returns: number) {
   const [query, setQuery] = useSearchParams();
   const wish = readWish(query, firstScan);
   const { mutate } = useChangeView(recordingId);
@@ -133,7 +135,7 @@ export function useInspectView(recordingId: string, jobId: string | null, firstS
       nudge: nudgeText === "" ? null : parseNudge(nudgeText),
       old: parseOld(oldText) as ChangeView["old"],
     });
-  }, [send, jobId, scan, show, against, extent, wipe, colorBy, nudgeText, oldText]);
+  }, [send, jobId, scan, show, against, extent, wipe, colorBy, nudgeText, oldText, returns]);
 
   const change = useCallback(
     (part: Partial<InspectWish>) => setQuery((old) => writeWish(old, part), { replace: true }),

@@ -72,7 +72,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   return (
     <div className={css.progress}>
       <div className={css.progressHead}>
-        <span className="num">{running ? `${percent} %` : duration(elapsedS)}</span>
+        {!queued && <span className="num">{running ? `${percent} %` : duration(elapsedS)}</span>}
         <span className="dim small">
           {queued
             ? waitingText(run.job?.queue_place)
@@ -108,6 +108,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
         aria-valuenow={percent}
         aria-valuemin={0}
         aria-valuemax={100}
+        {...(queued ? { "aria-valuetext": "waiting" } : {})}
       >
         <span style={{ transform: `scaleX(${fraction})` }} />
       </div>
@@ -134,7 +135,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
         })}
       </ol>
       <p className={css.stageText} aria-live="polite">
-        {running ? (active?.text ?? "Starting") : ""}
+        {running && !queued ? (active?.text ?? "Starting") : ""}
       </p>
       {stalled !== null ? (
         <p className={css.stageText}>

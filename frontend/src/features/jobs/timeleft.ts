@@ -95,6 +95,7 @@ export function standingOf(job: Job | null): string {
     case "interrupted":
       return "Interrupted";
     case "queued":
+      return "Waiting";
     case "running":
     case "cancelling":
       return "Solving";

@@ -1,9 +1,10 @@
-import { ActionIcon, Checkbox, Menu, TextInput } from "@mantine/core";
+import { ActionIcon, Checkbox, Menu } from "@mantine/core";
 import type { Operation, Patch, Planes } from "../../api/client";
 import { useUsual } from "../../api/queries";
 import { count, fixed } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { StateBox } from "../../ui/notice";
+import { RenameField } from "../../ui/renamefield";
 import { useRenaming } from "../../ui/renaming";
 import css from "./planes.module.css";
 import { mergeCandidates } from "./similar";
@@ -11,12 +12,14 @@ import { mergeCandidates } from "./similar";
 interface PatchListProps {
   planes: Planes;
   apply: (operation: Operation) => void;
+  /** Rejects where the name cannot be had. */
+  rename: (index: number, name: string) => Promise<unknown>;
   /** The next box drawn in the scene is to cut this patch only. */
   onRestrict: (index: number) => void;
 }
 
 /** Every patch with what a person needs to judge it. */
-export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
+export function PatchList({ planes, ...asked }: PatchListProps) {
   if (planes.patches.length === 0) return <NoPlanes />;
   return (
     <table className={css.table}>
@@ -54,28 +57,22 @@ export function PatchList({ planes, apply, onRestrict }: PatchListProps) {
       </thead>
       <tbody>
         {planes.patches.map((patch) => (
-          <PatchRow key={patch.index} patch={patch} all={planes.patches} apply={apply} onRestrict={onRestrict} />
+          <PatchRow key={patch.index} patch={patch} all={planes.patches} {...asked} />
         ))}
       </tbody>
     </table>
   );
 }
 
-interface RowProps {
+interface RowProps extends Omit<PatchListProps, "planes"> {
   patch: Patch;
   all: readonly Patch[];
-  apply: (operation: Operation) => void;
-  onRestrict: (index: number) => void;
 }
 
-function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
+function PatchRow({ patch, all, apply, rename, onRestrict }: RowProps) {
   const { renaming, setRenaming, ask, menuGone } = useRenaming();
   const usual = useUsual();
   const candidates = usual === undefined ? [] : mergeCandidates(patch, all, usual);
-  const rename = (name: string) => {
-    setRenaming(false);
-    if (name !== "" && name !== patch.name) apply({ op: "rename", index: patch.index, name });
-  };
   return (
     <tr data-confirmed={patch.confirmed}>
       <td>
@@ -89,27 +86,23 @@ function PatchRow({ patch, all, apply, onRestrict }: RowProps) {
       <td>
         <div className={css.nameCell}>
           <span className={css.swatch} style={{ background: patch.color }} />
-          {renaming ? (
-            <TextInput
-              size="xs"
-              autoFocus
-              aria-label="New name"
-              defaultValue={patch.name}
-              onFocus={(event) => event.currentTarget.select()}
-              onBlur={(event) => rename(event.currentTarget.value.trim())}
-              onKeyDown={(event) => {
-                if (event.key === "Enter") event.currentTarget.blur();
-                if (event.key === "Escape") {
-                  // Taking the field away may count as leaving it, which would rename.
-                  event.currentTarget.value = patch.name;
-                  setRenaming(false);
-                }
-              }}
-            />
-          ) : (
-            <span className={css.name} onDoubleClick={() => setRenaming(true)} title="Double click: rename">
-              {patch.name}
-            </span>
+          <span
+            className={css.name}
+            data-renaming={renaming}
+            onDoubleClick={() => setRenaming(true)}
+            title="Double click: rename"
+          >
+            {patch.name}
+          </span>
+          {renaming && (
+            <div className={css.renaming}>
+              <RenameField
+                name={patch.name}
+                label="New name"
+                onRename={(name) => rename(patch.index, name)}
+                onDone={() => setRenaming(false)}
+              />
+            </div>
           )}
           {patch.restricted && (
             <span

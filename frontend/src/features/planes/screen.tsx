@@ -21,10 +21,12 @@ import css from "./planes.module.css";
 
 /** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
 export function PlanesScreen() {
-  const { recording, planes, jobs } = useWorkspace();
+  const { recording, planes, jobs, returns } = useWorkspace();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);
   const edit = useEditPlanes(recording.id);
+  // Of its own: what is wrong with a name is said at the name, and of nothing else.
+  const naming = useEditPlanes(recording.id);
   const start = useStartJob(recording.id);
   const job = jobs?.find((one) => one.kind === "planes") ?? null;
   const running = job !== null && !isFinal(job);
@@ -33,7 +35,7 @@ export function PlanesScreen() {
 
   useEffect(() => {
     changeView({ mode: "planes", click: "toggle", nudge: null });
-  }, [changeView]);
+  }, [changeView, returns]);
 
   // Looking for planes needs no decision, so nobody is asked.
   const asked = useRef(false);
@@ -48,6 +50,7 @@ export function PlanesScreen() {
   const solve = () =>
     start.mutate({ kind: "solve" }, { onSuccess: (made) => void navigate(`/r/${recording.id}/solve?job=${made.id}`) });
   const apply = (operation: Operation) => edit.mutate(operation);
+  const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   useShortcuts(
     "Planes",
     planes === undefined
@@ -56,7 +59,7 @@ export function PlanesScreen() {
           { keys: "s", label: "Use the suggestion", run: () => apply({ op: "use-suggestion" }) },
           { keys: "mod+z", label: "Undo", run: () => (planes.can_undo || edit.isPending) && apply({ op: "undo" }) },
           { keys: "mod+shift+z", label: "Redo", run: () => planes.can_redo && apply({ op: "redo" }) },
-          { keys: "Enter", label: "Solve with these planes", run: solve },
+          { keys: "Enter", label: "Solve with these planes", run: () => confirmed > 0 && solve() },
           ...planes.patches.slice(0, 10).map((patch) => ({
             keys: `alt+${(patch.index + 1) % 10}`,
             label: `Confirm or drop ${patch.name}`,
@@ -69,7 +72,6 @@ export function PlanesScreen() {
   const report = recording.report ?? null;
   const hopeless = report?.final === true && report.verdict === "unusable" ? (report.reasons[0] ?? "") : "";
   const sound = planes !== undefined && hopeless === "" && determines(planes);
-  const confirmed = planes?.patches.filter((patch) => patch.confirmed).length ?? 0;
   return (
     <>
       {planes !== undefined && <ClickMode recordingId={recording.id} planes={planes} onSet={forgetRefusal} />}
@@ -87,12 +89,17 @@ export function PlanesScreen() {
             <Button disabled fullWidth>
               Solve
             </Button>
+          ) : confirmed === 0 ? (
+            <NoneConfirmed
+              found={planes.patches.length}
+              onSuggestion={() => apply({ op: "use-suggestion" })}
+              onGrow={() => changeView({ click: "grow" })}
+            />
           ) : (
             <Button
               fullWidth
               onClick={solve}
               loading={start.isPending}
-              disabled={confirmed === 0}
               variant={sound ? "filled" : "default"}
               rightSection={<Icon name="next" />}
             >
@@ -116,6 +123,7 @@ export function PlanesScreen() {
             <PatchList
               planes={planes}
               apply={apply}
+              rename={(index, name) => naming.mutateAsync({ op: "rename", index, name })}
               onRestrict={(target) => changeView({ click: "restrict", target })}
             />
             {planes.restricted && (
@@ -149,6 +157,29 @@ export function PlanesScreen() {
         )}
       </Panel>
     </>
+  );
+}
+
+/** Without a plane there is nothing to solve with: why, and the way to some. */
+export function NoneConfirmed(props: { found: number; onSuggestion: () => void; onGrow: () => void }) {
+  const { found, onSuggestion, onGrow } = props;
+  return (
+    <div className={css.none}>
+      <p>
+        {found === 0
+          ? "A solve needs planes, and none was found: click the cloud where it is flat to grow one."
+          : "A solve needs planes, and none is confirmed: tick some above, or take the suggestion."}
+      </p>
+      {found === 0 ? (
+        <Button fullWidth onClick={onGrow}>
+          Grow a plane
+        </Button>
+      ) : (
+        <Button fullWidth onClick={onSuggestion}>
+          Use the suggestion
+        </Button>
+      )}
+    </div>
   );
 }
 

@@ -1,5 +1,6 @@
 import { Button, NativeSelect, Switch, TextInput } from "@mantine/core";
-import { useId, useState, type ReactNode } from "react";
+import { useEffect, useId, useRef, useState, type ReactNode } from "react";
+import { useLocation } from "react-router";
 import type { ChangeRecording, DoctorReport, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
 import { Fault } from "../../ui/notice";
@@ -34,16 +35,44 @@ const isGiven = (key: Choice) => key === "stamps" || key === "imu_bundles" || ke
 
 const label = (key: string) => controlName(key.replaceAll("_", "-"));
 
+/** Where this is on its page, for those who are sent there. */
+export const readingPlace = "reading";
+
 /** Everything that is recognised of a recording, to be said otherwise: each a control, none needed where all is right. */
 export function Reading({ recording }: { recording: Recording }) {
   const change = useChangeRecording(recording.id);
   const settings = recording.read_settings;
   const apply = (part: ChangeRecording) => change.mutate(part);
   const told = Object.entries(settings).some(([key, value]) => changedByHand(key, value));
+  // At the end of a long column the controls come up below its fold, and who asked for them would see nothing happen.
+  const box = useRef<HTMLDetailsElement>(null);
+  const asked = useRef(false);
+  const show = () => {
+    box.current?.scrollIntoView({ block: "start", behavior: "smooth" });
+    box.current?.querySelector("select")?.focus({ preventScroll: true });
+  };
+  const sent = useLocation().hash === `#${readingPlace}`;
+  useEffect(() => {
+    if (sent) show();
+  }, [sent]);
   return (
     <Section title="How it is read">
-      <details className={css.reading} open={recording.state === "failed" || told}>
-        <summary>Say what was recognised wrongly</summary>
+      <details
+        ref={box}
+        className={css.reading}
+        open={recording.state === "failed" || told || sent}
+        onToggle={() => {
+          if (asked.current) show();
+          asked.current = false;
+        }}
+      >
+        <summary
+          onClick={() => {
+            asked.current = box.current?.open === false;
+          }}
+        >
+          Say what was recognised wrongly
+        </summary>
         <div className={css.readingGrid}>
           {(Object.keys(units) as Choice[]).map((key) => (
             <NativeSelect

@@ -8,11 +8,8 @@ import { fixed, withSigma } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
 import { writeOld } from "../inspect/oldtext";
-import { differences } from "./difference";
+import { apart, differences, inSigmas, isApart } from "./difference";
 import css from "./result.module.css";
-
-/** An answer this many sigmas from another is not the same answer. */
-const apart = 3;
 
 /** Where even three standard deviations are wider than this, agreement says nothing: what audits allow by themselves. */
 const telling = { "°": 0.5, mm: 20, ms: 2 } as const;
@@ -96,7 +93,7 @@ function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
   if (first.isError || second.isError) return <Fault error={first.error ?? second.error} />;
   const found = differences(first.data, second.data);
   if (found === null) return <p className="dim small">One of them has no answer to compare.</p>;
-  const far = found.filter(({ value, sigma }) => sigma > 0 && Math.abs(value) / sigma > apart);
+  const far = found.filter(isApart);
   const blind = found.filter(({ unit, sigma }) => apart * sigma > telling[unit]);
   // The clouds of this recording, de-skewed with the one and with the other.
   const here = runs.find((run) => run.job.id === secondId) ?? runs.find((run) => run.job.id === firstId);
@@ -106,23 +103,23 @@ function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
       <p>
         {far.length === 0
           ? blind.length === 0
-            ? "They agree: nothing differs by more than three standard deviations."
-            : `Nothing differs by more than three standard deviations, but those are too wide to tell in ${blind.map(({ name }) => name.toLowerCase()).join(", ")}.`
-          : `They differ beyond three standard deviations in ${far.map(({ name }) => name.toLowerCase()).join(", ")}.`}
+            ? "They agree: nothing differs by three standard deviations or more."
+            : `Nothing differs by three standard deviations or more, but those are too wide to tell in ${blind.map(({ name }) => name.toLowerCase()).join(", ")}.`
+          : `They differ by three standard deviations or more in ${far.map(({ name }) => name.toLowerCase()).join(", ")}.`}
       </p>
       <table className={css.compare}>
         <caption className="sr-only">Differences of the two answers with one standard deviation</caption>
         <tbody>
-          {found.map(({ name, unit, value, sigma }) => {
+          {found.map((difference) => {
+            const { name, unit, value, sigma } = difference;
             const text = withSigma(value, sigma);
-            const times = sigma > 0 ? Math.abs(value) / sigma : 0;
             return (
-              <tr key={name} data-apart={times > apart}>
+              <tr key={name} data-apart={isApart(difference)}>
                 <th scope="row">{name}</th>
                 <td className="num">{text.value}</td>
                 <td className="num">± {text.sigma}</td>
                 <td>{unit}</td>
-                <td className="num">{fixed(times, 1)} σ</td>
+                <td className="num">{fixed(inSigmas(difference), 1)} σ</td>
               </tr>
             );
           })}

@@ -9,6 +9,18 @@ export interface Difference {
   sigma: number;
 }
 
+/** An answer this many sigmas from another is not the same answer. */
+export const apart = 3;
+
+/** How many sigmas a difference is, to the tenth that is shown: what is called far has to be seen to be. */
+export function inSigmas({ value, sigma }: Pick<Difference, "value" | "sigma">): number {
+  return sigma > 0 ? Math.round((10 * Math.abs(value)) / sigma) / 10 : 0;
+}
+
+export function isApart(difference: Pick<Difference, "value" | "sigma">): boolean {
+  return inSigmas(difference) >= apart;
+}
+
 type Matrix = readonly (readonly number[])[];
 
 /** The rotation vector [rad] that takes the one rotation to the other, about the lidar's axes: log(A^T B). */

@@ -74,7 +74,13 @@ function difference(run: Run, latest: boolean): string {
   if (run.job.state !== "done") return run.job.state_text;
   if (run.job.result?.kind === "solve" && run.job.result.status === "refused") return "refused";
   if (from === null || from === undefined) return latest ? "the newest answer" : "";
-  return `the newest is ${fixed(from.translation_m * 1000, 1)} mm, ${fixed(from.rotation_deg, 3)}°, ${fixed(from.time_offset_s * 1000, 2)} ms away`;
+  return awayText(from);
+}
+
+/** How far the newest answer is: distances, which have no sign. */
+export function awayText(from: NonNullable<Run["from_latest"]>): string {
+  const [mm, deg, ms] = [from.translation_m * 1000, from.rotation_deg, from.time_offset_s * 1000].map(Math.abs);
+  return `the newest is ${fixed(mm ?? 0, 1)} mm, ${fixed(deg ?? 0, 3)}°, ${fixed(ms ?? 0, 2)} ms away`;
 }
 
 /** One standard deviation of the least known axis of each kind. */

@@ -1,11 +1,13 @@
 import { Button } from "@mantine/core";
 import { Fragment, type ReactNode } from "react";
 import { Link, useNavigate } from "react-router";
-import type { CalibrationResult, ChangeRecording, Recording } from "../../api/client";
+import type { CalibrationResult, ChangeRecording, Recording, Run } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
 import { GuideButton } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
+import type { Axis } from "../../ui/axes";
+import { readingPlace } from "../recording/reading";
 import css from "./result.module.css";
 
 interface Unit {
@@ -31,7 +33,7 @@ export function otherUnit(recording: Pick<Recording, "report" | "read_settings">
   return null;
 }
 
-export type Step = "record" | "unit" | "reading" | "planes";
+export type Step = "record" | "unit" | "reading" | "planes" | "settings";
 
 /** What helps most, by what the run said; null where nothing stands out. */
 export function firstStep(
@@ -42,14 +44,31 @@ export function firstStep(
   const about = (...starts: string[]) => codes.some((code) => starts.some((start) => code.startsWith(start)));
   if (unit !== null && about("imu.gyroscope_unit", "imu.accelerometer_unit")) return "unit";
   if (about("imu.axis_signs", "points.")) return "reading";
-  if (about("prior.")) return null; // what was given has to be corrected, which the settings are for
+  if (about("prior.")) return "settings"; // what was given has to be corrected, and all else was bent to fit it
   if (status === "weak" || about("motion.", "start.too_short")) return "record";
   if (about("planes.", "solve.", "start.", "paper.")) return "planes";
   return null;
 }
 
+const ofAxis = /given for the (?:(rotation|translation) \w+ the \w+['’]s ([xyz]) axis|time offset)/;
+
+/** Which of the axes that something was given for the recording contradicts, by what is said of it; the first where that is not
+ *  clear, null where nothing was given. */
+export function contradicted(texts: readonly string[], given: readonly Axis[]): Axis | null {
+  const said = texts.map((text) => ofAxis.exec(text)).find((found) => found !== null);
+  const axis =
+    said === undefined ? null : said[1] === undefined ? "dt" : `${said[1] === "rotation" ? "r" : "t"}${said[2] ?? ""}`;
+  return given.find((one) => one === axis) ?? given[0] ?? null;
+}
+
+interface NextStepsProps {
+  recording: Recording;
+  run: Run;
+  result: CalibrationResult;
+}
+
 /** What to do with an answer that is not one, or that something speaks against: the next step as buttons. */
-export function NextSteps({ recording, result }: { recording: Recording; result: CalibrationResult }) {
+export function NextSteps({ recording, run, result }: NextStepsProps) {
   const navigate = useNavigate();
   const change = useChangeRecording(recording.id);
   const base = `/r/${recording.id}`;
@@ -67,6 +86,11 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
     gravest.map((message) => message.code),
     unit,
   );
+  const known = contradicted(
+    gravest.filter(({ code }) => code.startsWith("prior.")).map(({ text }) => text),
+    run.job.settings.priors.map(({ axis }) => axis),
+  );
+  const solve = new URLSearchParams({ job: run.job.id, ...(first === "settings" && known !== null ? { known } : {}) });
   const look = (step: Step) =>
     ({ size: "compact-md", variant: step === first ? "filled" : "default", "data-first": step === first }) as const;
   const steps: Record<Step, ReactNode> = {
@@ -81,7 +105,7 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
       </Button>
     ),
     reading: (
-      <Button component={Link} to={`${base}/recording`} {...look("reading")}>
+      <Button component={Link} to={`${base}/recording#${readingPlace}`} {...look("reading")}>
         See how it was read
       </Button>
     ),
@@ -95,8 +119,13 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
         Back to the planes
       </Button>
     ),
+    settings: (
+      <Button component={Link} to={`${base}/solve?${solve.toString()}`} {...look("settings")}>
+        Solve with other settings
+      </Button>
+    ),
   };
-  const order = (["unit", "planes", "record", "reading"] as const).toSorted(
+  const order = (["unit", "planes", "record", "reading", "settings"] as const).toSorted(
     (a, b) => Number(b === first) - Number(a === first),
   );
   return (
@@ -106,9 +135,6 @@ export function NextSteps({ recording, result }: { recording: Recording; result:
         {order.map((step) => (
           <Fragment key={step}>{steps[step]}</Fragment>
         ))}
-        <Button component={Link} to={`${base}/solve`} variant="default" size="compact-md">
-          Solve with other settings
-        </Button>
       </div>
       {change.isError && <Fault error={change.error} />}
     </section>

@@ -140,7 +140,7 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
       {toneOf(
         result.status,
         result.messages.map((message) => message.code),
-      ) !== "good" && <NextSteps recording={recording} result={result} />}
+      ) !== "good" && <NextSteps recording={recording} run={run} result={result} />}
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
       <Messages
         messages={result.messages.filter(

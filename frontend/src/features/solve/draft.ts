@@ -1,4 +1,5 @@
 import type { Job, Usual } from "../../api/client";
+import { unitOf } from "../../ui/axes";
 import { numberOf } from "../../ui/format";
 import { gravityAt, priorOf, priorText, type PriorText, type Settings } from "./priors";
 
@@ -55,6 +56,56 @@ export function draftOf(settings: Served, usual: Usual): Draft {
     seed: settings.random_seed === 0 ? "" : String(settings.random_seed),
     rounds: settings.max_rounds === usual.max_rounds ? "" : String(settings.max_rounds),
   };
+}
+
+/** A field whose number is missing or out of its range: its name in the form, what people call it, and what it takes. */
+export interface Problem {
+  field: string;
+  text: string;
+}
+
+/** The field of a prior, by its place in the list. */
+export const priorField = (place: number, part: "value" | "sigma") => `prior ${place} ${part}`;
+
+/** What stands in the way of a solve with this draft, from the top of the form to its end. */
+export function problemsOf(draft: Draft, usual: Usual, axisNames: Partial<Record<string, string>>): Problem[] {
+  const whole = (least: number) => (value: number) => Number.isInteger(value) && value >= least;
+  const check = (field: string, bad: boolean, text: string): Problem[] => (bad ? [{ field, text }] : []);
+  return [
+    ...draft.priors.flatMap(({ axis, value, sigma }, place) => {
+      const name = axisNames[axis] ?? axis;
+      const std = numberOf(sigma);
+      return [
+        ...check(
+          priorField(place, "value"),
+          numberOf(value) === null,
+          `${name}: its value in ${unitOf(axis)} is missing.`,
+        ),
+        ...check(
+          priorField(place, "sigma"),
+          std === null || std <= 0,
+          `${name}: its standard deviation, a number above 0 ${unitOf(axis)}, is missing.`,
+        ),
+      ];
+    }),
+    ...check(
+      "gravity",
+      gravityOf(draft, usual) === undefined,
+      draft.gravity === "latitude" ? "Latitude: a number from −90 to 90°." : "Gravity: a number between 9 and 10 m/s².",
+    ),
+    ...check(
+      "points",
+      optional(draft.points, whole(1), null) === undefined,
+      "Points per plane and scan: a whole number above 0, or nothing.",
+    ),
+    ...check(
+      "field",
+      optional(draft.fieldDeg, (value) => value > 0 && value <= 180, null) === undefined,
+      "Field of view: a number up to 180°, or nothing.",
+    ),
+    ...check("rounds", optional(draft.rounds, whole(1), null) === undefined, "Most rounds: a whole number above 0."),
+    ...check("seed", optional(draft.seed, whole(0), null) === undefined, "Seed of the plane search: a whole number."),
+  ];
 }
 
 /** The settings that a draft stands for, the rest as before; null while a number is unfinished or out of its range. */

@@ -3,11 +3,14 @@ import { useQuery } from "@tanstack/react-query";
 import { factsQuery } from "../../api/queries";
 import { axes, unitOf, type Axis } from "../../ui/axes";
 import { Icon } from "../../ui/icons";
+import { priorField } from "./draft";
 import { priorOf, type PriorText } from "./priors";
 import css from "./solve.module.css";
 
 interface PriorsProps {
   priors: readonly PriorText[];
+  /** Whether the field of that name is the one that stands in the way. */
+  wrong: (field: string) => boolean;
   onChange: (priors: PriorText[]) => void;
 }
 
@@ -16,7 +19,7 @@ function isAxis(text: string): text is Axis {
 }
 
 /** What is known of single axes beforehand, each with its standard deviation: a ruler's lever arm, a wired clock. */
-export function Priors({ priors, onChange }: PriorsProps) {
+export function Priors({ priors, wrong, onChange }: PriorsProps) {
   const names = useQuery(factsQuery).data?.axis_names ?? {};
   const set = (place: number, part: Partial<PriorText>) =>
     onChange(priors.map((prior, i) => (i === place ? { ...prior, ...part } : prior)));
@@ -38,6 +41,8 @@ export function Priors({ priors, onChange }: PriorsProps) {
           <TextInput
             size="xs"
             inputMode="decimal"
+            name={priorField(i, "value")}
+            error={wrong(priorField(i, "value"))}
             aria-label={`Value of ${names[prior.axis] ?? prior.axis}, ${unitOf(prior.axis)}`}
             placeholder={unitOf(prior.axis)}
             value={prior.value}
@@ -47,10 +52,13 @@ export function Priors({ priors, onChange }: PriorsProps) {
           <TextInput
             size="xs"
             inputMode="decimal"
+            name={priorField(i, "sigma")}
             aria-label={`One standard deviation of ${names[prior.axis] ?? prior.axis}, ${unitOf(prior.axis)}`}
             placeholder={unitOf(prior.axis)}
             value={prior.sigma}
-            error={prior.sigma !== "" && prior.value !== "" && priorOf(prior) === null}
+            error={
+              wrong(priorField(i, "sigma")) || (prior.sigma !== "" && prior.value !== "" && priorOf(prior) === null)
+            }
             onChange={(event) => set(i, { sigma: event.currentTarget.value })}
           />
           <span className="dim small">{unitOf(prior.axis)}</span>

@@ -1,12 +1,13 @@
 import { Button, NativeSelect, SegmentedControl, Switch, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useState } from "react";
+import { useEffect, useRef, useState } from "react";
+import { useSearchParams } from "react-router";
 import type { Job, NewJob, OldExtrinsic, ServerFacts } from "../../api/client";
 import { sparse } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
-import { chosenBlocks, draftOf, settingsOf, type Draft } from "./draft";
+import { chosenBlocks, draftOf, priorField, problemsOf, settingsOf, type Draft } from "./draft";
 import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
@@ -45,6 +46,19 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
   const set = (part: Partial<Draft>) => setDraft((old) => ({ ...old, ...part }));
   const paper = draft.method === "paper";
   const settings = settingsOf(draft, before, usual);
+  const problem = problemsOf(draft, usual, facts.axis_names).at(0);
+  // What is only unfinished is no fault before somebody wants to go on.
+  const [wanted, setWanted] = useState(false);
+  const wrong = (field: string) => wanted && problem?.field === field;
+  const form = useRef<HTMLFormElement>(null);
+  const go = (field: string) => {
+    const input = form.current?.elements.namedItem(field);
+    if (!(input instanceof HTMLElement)) return;
+    const folded = input.closest("details");
+    if (folded !== null) folded.open = true;
+    input.scrollIntoView({ block: "center" });
+    input.focus({ preventScroll: true });
+  };
   const spans = before.excluded_spans_s.length;
   const choice = (name: Choice, label: string, data: { value: string; label: string }[]) => (
     <NativeSelect
@@ -56,12 +70,22 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
     />
   );
   const solve = () => {
-    if (settings !== null)
+    setWanted(true);
+    if (problem !== undefined) go(problem.field);
+    else if (settings !== null)
       onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) });
   };
+  const sought = useSearchParams()[0].get("known");
+  const place = draft.priors.findIndex(({ axis }) => axis === sought);
+  useEffect(() => {
+    if (place >= 0) go(priorField(place, "value"));
+    // Once, for who was sent here to put it right.
+    // eslint-disable-next-line react-hooks/exhaustive-deps
+  }, []);
   return (
     <Section title={title}>
       <form
+        ref={form}
         id={formId}
         className={css.options}
         onSubmit={(event) => {
@@ -89,8 +113,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
           onChange={(event) => set({ timeOffset: event.currentTarget.checked })}
         />
         <h3 className={css.group}>What is known</h3>
-        <Priors priors={draft.priors} onChange={(priors) => set({ priors })} />
-        <details className={css.more} open={settings === null}>
+        <Priors priors={draft.priors} wrong={wrong} onChange={(priors) => set({ priors })} />
+        <details className={css.more}>
           <summary>Sensors, gravity and where to start</summary>
           <div className={css.grid}>
             {choice("gravity", "Gravity", [
@@ -102,6 +126,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
               <TextInput
                 size="xs"
                 inputMode="decimal"
+                name="gravity"
+                error={wrong("gravity")}
                 label={draft.gravity === "latitude" ? "Latitude, °" : "Gravity, m/s²"}
                 placeholder={draft.gravity === "latitude" ? "48.1" : "9.807"}
                 value={draft.gravityNumber}
@@ -138,6 +164,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             <TextInput
               size="xs"
               inputMode="numeric"
+              name="points"
+              error={wrong("points")}
               label="Points per plane and scan"
               placeholder={paper ? String(usual.paper_points_per_plane_per_scan) : "all"}
               value={draft.points}
@@ -146,6 +174,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             <TextInput
               size="xs"
               inputMode="decimal"
+              name="field"
+              error={wrong("field")}
               label="Field of view, ±°"
               placeholder={paper ? String(usual.paper_field_of_view_deg) : "all around"}
               value={draft.fieldDeg}
@@ -154,6 +184,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             <TextInput
               size="xs"
               inputMode="numeric"
+              name="rounds"
+              error={wrong("rounds")}
               label="Most rounds"
               placeholder={String(usual.max_rounds)}
               value={draft.rounds}
@@ -162,6 +194,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             <TextInput
               size="xs"
               inputMode="numeric"
+              name="seed"
+              error={wrong("seed")}
               label="Seed of the plane search"
               placeholder="0"
               value={draft.seed}
@@ -181,9 +215,13 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             {spans === 1 ? "One span of time stays" : `${spans} spans of time stay`} left out; Inspect changes that.
           </p>
         )}
-        {settings === null && <p className="small dim">A number is missing or out of its range.</p>}
+        {problem !== undefined && wanted && (
+          <p className={css.problem} role="alert">
+            {problem.text}
+          </p>
+        )}
         {action !== null && (
-          <Button type="submit" variant="default" size="compact-md" loading={pending} disabled={settings === null}>
+          <Button type="submit" variant="default" size="compact-md" loading={pending}>
             {action}
           </Button>
         )}

@@ -22,7 +22,7 @@ const optionsForm = "solve-options";
 
 /** The solve as it runs: how far, how sure, and the cloud straightening beside it. */
 export function SolveScreen() {
-  const { recording, runs } = useWorkspace();
+  const { recording, runs, returns } = useWorkspace();
   const [query, setQuery] = useSearchParams();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);
@@ -40,7 +40,7 @@ export function SolveScreen() {
 
   useEffect(() => {
     changeView({ mode: "solve", job_id: jobId, nudge: null, straight: 1 });
-  }, [changeView, jobId, hasEstimate, ended]);
+  }, [changeView, jobId, hasEstimate, ended, returns]);
 
   const answered = job === null ? null : job.state === "done" && outcome?.status !== "refused";
   useStraightening(jobId, answered, changeView);

@@ -10,6 +10,7 @@ import { ago, bytes } from "../../ui/format";
 import { Icon, LevelIcon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
+import { RenameField } from "../../ui/renamefield";
 import { useRenaming } from "../../ui/renaming";
 import { listed, standingOf, type Order } from "./standing";
 import css from "./start.module.css";
@@ -92,30 +93,16 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
   const change = useChangeRecording(recording.id);
   const [sure, setSure] = useState(false);
   const { renaming, setRenaming, ask, menuGone } = useRenaming();
-  const rename = (name: string) => {
-    setRenaming(false);
-    if (name !== "" && name !== recording.name) change.mutate({ name });
-  };
   const standing = standingOf(recording);
   return (
     <li className={css.row}>
       {renaming && (
-        <TextInput
-          size="xs"
-          autoFocus
+        <RenameField
+          name={recording.name}
+          label="New name of the recording"
           maxLength={200}
-          aria-label="New name of the recording"
-          defaultValue={recording.name}
-          onFocus={(event) => event.currentTarget.select()}
-          onBlur={(event) => rename(event.currentTarget.value.trim())}
-          onKeyDown={(event) => {
-            if (event.key === "Enter") event.currentTarget.blur();
-            if (event.key === "Escape") {
-              // Taking the field away may count as leaving it, which would rename.
-              event.currentTarget.value = recording.name;
-              setRenaming(false);
-            }
-          }}
+          onRename={(name) => change.mutateAsync({ name })}
+          onDone={() => setRenaming(false)}
         />
       )}
       <Link className={css.open} hidden={renaming} to={`/r/${recording.id}/${standing.screen}`}>

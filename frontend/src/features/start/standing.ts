@@ -20,6 +20,7 @@ function standingOfSolve(state: Job["state"]): Pick<Standing, "tone" | "text"> {
     case "interrupted":
       return { tone: "warning", text: "Solve interrupted" };
     case "queued":
+      return { tone: "info", text: "Waiting to be solved" };
     case "running":
     case "cancelling":
     case "done":

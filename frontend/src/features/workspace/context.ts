@@ -9,6 +9,8 @@ export interface Workspace {
   /** All jobs, newest first; undefined while they are fetched. */
   jobs: readonly Job[] | undefined;
   runs: readonly Run[];
+  /** How often this tab was come back to while the scene showed another one's screen. */
+  returns: number;
 }
 
 export function useWorkspace(): Workspace {

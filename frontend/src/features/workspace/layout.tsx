@@ -1,7 +1,7 @@
 import { Button, Skeleton } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect } from "react";
-import { Link, Outlet, useLocation, useParams } from "react-router";
+import { Link, Outlet, useLocation, useParams, useSearchParams } from "react-router";
 import { useRecordingFeed } from "../../api/feed";
 import { planesQuery } from "../../api/planes";
 import { jobsQuery, recordingQuery, runsQuery } from "../../api/queries";
@@ -11,8 +11,10 @@ import { Shell } from "../../ui/shell";
 import type { StepName } from "../../ui/stepper";
 import type { Workspace } from "./context";
 import css from "./layout.module.css";
+import { useReturns } from "./returns";
 import { ScenePane } from "./scene";
-import { hasArrived, stepsOf } from "./state";
+import { useSeen } from "./seen";
+import { chosenRun, hasArrived, stepsOf } from "./state";
 
 const stepNames: readonly StepName[] = ["recording", "planes", "solve", "inspect", "result"];
 const withScene: readonly StepName[] = ["planes", "solve", "inspect"];
@@ -21,6 +23,8 @@ const withScene: readonly StepName[] = ["planes", "solve", "inspect"];
 export function WorkspaceLayout() {
   const { recordingId = "" } = useParams();
   const { pathname } = useLocation();
+  const [query] = useSearchParams();
+  const [seen, look] = useSeen();
   const current = stepNames.find((name) => pathname.endsWith(`/${name}`)) ?? null;
   const screen = pathname.endsWith("/audit") ? "audit" : current;
   const recording = useQuery(recordingQuery(recordingId));
@@ -31,6 +35,7 @@ export function WorkspaceLayout() {
   const planes = useQuery({ ...planesQuery(recordingId), enabled: recording.data?.has_planes === true });
   const runs = useQuery({ ...runsQuery(recordingId), enabled: arrived });
   const lost = useRecordingFeed(recordingId);
+  const [returns, back] = useReturns(recordingId, current !== null && withScene.includes(current) ? current : null);
 
   const name = recording.data?.name;
   useEffect(() => {
@@ -41,7 +46,12 @@ export function WorkspaceLayout() {
   }, [name]);
 
   const showsScene = current !== null && withScene.includes(current) && arrived;
-  const steps = stepsOf(recording.data, planes.data, runs.data?.runs ?? [], "");
+  const steps = stepsOf(recording.data, planes.data, runs.data?.runs ?? [], "", seen);
+  const looked = current === "inspect" || current === "result" ? current : null;
+  const lookedRun = chosenRun(runs.data?.runs ?? [], query.get("job"))?.job.id;
+  useEffect(() => {
+    if (looked !== null && lookedRun !== undefined) look(looked, lookedRun);
+  }, [look, looked, lookedRun]);
   return (
     <Shell steps={steps} current={current} {...(name === undefined ? {} : { recordingName: name })}>
       <main className={css.workspace} data-screen={screen ?? "none"}>
@@ -52,7 +62,7 @@ export function WorkspaceLayout() {
             back.
           </div>
         )}
-        {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} />}
+        {arrived && <ScenePane recordingId={recordingId} visible={showsScene} mode={current} onEntered={back} />}
         {recording.isPending ? (
           <WorkspaceSkeleton />
         ) : recording.isError ? (
@@ -72,6 +82,7 @@ export function WorkspaceLayout() {
                 planes: recording.data.has_planes ? planes.data : undefined,
                 jobs: jobs.data,
                 runs: runs.data?.runs ?? [],
+                returns,
               } satisfies Workspace
             }
           />

@@ -3,6 +3,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useEffect, useRef, useState, type RefObject } from "react";
 import { useChangeView } from "../../api/changes";
 import { askUnder, viewQuery } from "../../api/queries";
+import { tab } from "../../api/tab";
 import { Notice } from "../../ui/notice";
 import { useShortcutRegistry } from "../../ui/shortcuts";
 import type { StepName } from "../../ui/stepper";
@@ -14,10 +15,13 @@ export function ScenePane({
   recordingId,
   visible,
   mode,
+  onEntered,
 }: {
   recordingId: string;
   visible: boolean;
   mode: StepName | null;
+  /** The canvas is about to be used: its window takes the focus, and the page around it hears nothing of that. */
+  onEntered: () => void;
 }) {
   const frame = useRef<HTMLIFrameElement>(null);
   const [loaded, setLoaded] = useState(false);
@@ -35,6 +39,12 @@ export function ScenePane({
     return () => inner?.removeEventListener("keydown", handle);
   }, [handle, loaded]);
 
+  useEffect(() => {
+    const inner = loaded ? frame.current?.contentWindow : null;
+    inner?.addEventListener("focus", onEntered);
+    return () => inner?.removeEventListener("focus", onEntered);
+  }, [onEntered, loaded]);
+
   const under = useUnderPointer(recordingId, frame, visible && drawn);
 
   if (!wanted) return null;
@@ -43,7 +53,7 @@ export function ScenePane({
     <section className={css.scene} data-visible={visible} aria-label="3D scene" aria-hidden={!visible}>
       <iframe
         ref={frame}
-        src={`/scene/${recordingId}/`}
+        src={`/scene/${recordingId}/${tab}/`}
         title="3D scene: drag to orbit, scroll to zoom, click a plane"
         tabIndex={visible ? 0 : -1}
         onLoad={() => setLoaded(true)}

@@ -1,6 +1,8 @@
 import type { Job, Planes, Recording, Run } from "../../api/client";
 import { isFinal } from "../../api/jobstream";
 import type { Step } from "../../ui/stepper";
+import { determines } from "../planes/determinacy";
+import { lookOf, type Looked, type Seen } from "./seen";
 
 /** The runs that ended with a document to show, newest first. */
 export function finishedRuns(runs: readonly Run[]): Run[] {
@@ -26,12 +28,16 @@ export function hasArrived(recording: Recording | undefined): boolean {
   return recording?.state === "ready" || recording?.state === "inspecting";
 }
 
-/** Which steps can be entered, which are done, and why the others wait. */
+/** Which steps can be entered, which are done, and why the others wait.
+ *
+ *  Done is what was done, not what could be: planes are once a solve was asked for with such as determine the answer, and an
+ *  answer is looked at once somebody has looked at it. */
 export function stepsOf(
   recording: Recording | undefined,
   planes: Planes | undefined,
   runs: readonly Run[],
   query: string,
+  seen: Seen = new Set(),
 ): Step[] {
   const base = recording === undefined ? undefined : `/r/${recording.id}`;
   const to = (name: string) => (base === undefined ? {} : { to: `${base}/${name}${query}` });
@@ -41,6 +47,7 @@ export function stepsOf(
   const solved = finishedRuns(runs);
   const newest = solved[0];
   const solving = busy(job, "solve");
+  const lookedAt = (what: Looked, run: Run) => (seen.has(lookOf(what, run.job.id)) ? "done" : "open");
   const waits = "The recording has to be read first";
   return [
     {
@@ -52,7 +59,11 @@ export function stepsOf(
       ? {
           name: "planes",
           state:
-            busy(job, "planes") && planes === undefined ? "busy" : planes?.determinacy.ok === true ? "done" : "open",
+            busy(job, "planes") && planes === undefined
+              ? "busy"
+              : runs.length > 0 && planes !== undefined && determines(planes)
+                ? "done"
+                : "open",
           ...to("planes"),
         }
       : { name: "planes", state: "locked", reason: waits },
@@ -64,10 +75,10 @@ export function stepsOf(
         }
       : { name: "solve", state: "locked", reason: arrived ? "Planes have to be found first" : waits },
     newest !== undefined && !isRefused(newest)
-      ? { name: "inspect", state: "open", ...to("inspect") }
+      ? { name: "inspect", state: lookedAt("inspect", newest), ...to("inspect") }
       : { name: "inspect", state: "locked", reason: "There is no answer to look at yet" },
     newest !== undefined
-      ? { name: "result", state: isRefused(newest) ? "open" : "done", ...to("result") }
+      ? { name: "result", state: lookedAt("result", newest), ...to("result") }
       : { name: "result", state: "locked", reason: "There is no result yet" },
   ];
 }

@@ -1,0 +1,37 @@
+import { describe, expect, it } from "vitest";
+import type { Planes, Recording, Run } from "../src/api/client";
+import { lookOf } from "../src/features/workspace/seen";
+import { stepsOf } from "../src/features/workspace/state";
+
+const recording = { id: "ab", state: "ready", latest_job: null } as unknown as Recording;
+const planes = { determinacy: { ok: true, text: "", smallest_eigenvalue: 1 }, foreseen: null } as unknown as Planes;
+const run = (status: string) =>
+  ({ job: { id: "j1", kind: "solve", state: "done", result: { kind: "solve", status } } }) as unknown as Run;
+
+const ticked = (...asked: Parameters<typeof stepsOf>) =>
+  stepsOf(...asked)
+    .filter((step) => step.state === "done")
+    .map((step) => step.name);
+
+describe("the steps' ticks", () => {
+  // Fails when what was only suggested, or could be looked at, counts as done.
+  it("are for what was done", () => {
+    expect(ticked(recording, planes, [], "")).toEqual(["recording"]);
+    expect(ticked(recording, planes, [run("calibrated")], "")).toEqual(["recording", "planes", "solve"]);
+    const seen = new Set([lookOf("inspect", "j1"), lookOf("result", "another")]);
+    expect(ticked(recording, planes, [run("calibrated")], "", seen)).toEqual([
+      "recording",
+      "planes",
+      "solve",
+      "inspect",
+    ]);
+  });
+
+  // Fails when a refusal is a solve that is done; when planes that no longer determine the answer keep their tick.
+  it("go where it came to nothing", () => {
+    const seen = new Set([lookOf("result", "j1")]);
+    expect(ticked(recording, planes, [run("refused")], "", seen)).toEqual(["recording", "planes", "result"]);
+    const loose = { ...planes, determinacy: { ...planes.determinacy, ok: false } };
+    expect(ticked(recording, loose, [run("calibrated")], "")).toEqual(["recording", "solve"]);
+  });
+});
