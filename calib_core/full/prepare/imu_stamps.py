@@ -56,6 +56,11 @@ def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
     evenly = f"readings are taken as sampled evenly, every {1e3 * sampling.period_s:.4g} ms"
     if 1.0 - sampling.in_rows > STAMPS.worth_counting:
         evenly += f", but for {100.0 * (1.0 - sampling.in_rows):.0f} % of them, whose stamps follow no line"
+    if sampling.late_s > 0.0:
+        evenly += (
+            f"; the mean stamp comes {1e3 * sampling.late_s:.2g} ms after the most punctual ones, which is part of the time "
+            "offset: of a driver without that delay it is so much greater"
+        )
     if forced:
         return f"{stamps}; {evenly}, as asked"
     if sampling.is_even:

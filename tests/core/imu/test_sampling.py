@@ -134,6 +134,28 @@ def test_the_tail_of_a_one_sided_law_is_part_of_its_mean_and_a_stall_is_not(rate
     assert all(within)
 
 
+@pytest.mark.parametrize("law", ["exponential", "half normal", "uniform", "normal"])
+def test_how_late_the_mean_stamp_is_of_a_driver_that_waits(law: str) -> None:
+    """Oracle: the laws' own means, 1 ms and 0.8; where as many come early as late, nobody is late. Mutations: the median for the
+    mean; the other side's reach.
+    """
+    rng = np.random.default_rng(8)
+    t = even_instants(rng, 8000)
+    unit = rng.standard_normal(len(t))
+    late_s = (
+        1e-3
+        * {
+            "exponential": rng.exponential(size=len(t)),
+            "half normal": np.abs(unit),
+            "uniform": rng.uniform(-1.0, 1.0, len(t)),
+            "normal": unit,
+        }[law]
+    )
+    sampling = studied(in_ns(t + late_s), readings_at(t, rng))
+    mean_s = {"exponential": 1e-3, "half normal": 1e-3 * np.sqrt(2.0 / np.pi)}.get(law, 0.0)
+    assert sampling.late_s == pytest.approx(mean_s, rel=0.05)
+
+
 def test_an_hour_is_asked_by_samples_of_it() -> None:
     """Runs of neighbours, from its beginning to its end. Mutations: every n-th reading; the first ones."""
     centre = 7 + np.arange(3_600_000)
