@@ -135,12 +135,12 @@ def _covariances(xyz_m: FloatArray, cube: IntArray) -> tuple[FloatArray, IntArra
 def _sentence(before: RoomCrispness, after: RoomCrispness) -> str:
     gained = before.mean_entropy_nat - after.mean_entropy_nat
     thick = (
-        f"in cubes of {CUBE_M:.1f} m, corners and clutter included, points lie {1e3 * after.thickness_std_m:.1f} mm (rms) off their "
-        f"own surface instead of {1e3 * before.thickness_std_m:.1f} mm, and the map's entropy is {abs(gained):.3f} nat"
+        f"in cubes of {CUBE_M:.1f} m, corners and clutter included, points lie {1e3 * after.thickness_std_m:.1f} mm (rms) off "
+        f"their own surface instead of {1e3 * before.thickness_std_m:.1f} mm, and the map's entropy is {abs(gained):.3f} nat"
     )
     if gained > 0.0:
         return f"Without regard to any plane, the room is crisper de-skewed: {thick} lower."
     return (
-        f"Without regard to any plane, the room is no crisper de-skewed: {thick} higher. The lidar hardly moved during its sweeps, "
-        "or the answer does not fit."
+        f"Without regard to any plane, the room is no crisper de-skewed: {thick} higher. The lidar hardly moved during its "
+        "sweeps, or the answer does not fit."
     )
