@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from calib_core.document import Answer, Question, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
@@ -23,6 +21,7 @@ from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.maps.crispness import crispness_of
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
+from calib_core.threads import one_blas_thread
 from calib_core.types import InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate"]
@@ -116,8 +115,7 @@ def with_crispness(done: Calibration, recording: Recording, settings: CalibrateS
 
 def _answer(recording: Recording, question: Question) -> Answer:
     """The answer of the chosen method. Raises Refused."""
-    # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         if question.settings.method == "paper":
             from calib_core.paper.answer import calibrate_published
 

@@ -6,8 +6,12 @@ Work handed to them must not hand work on: a task that waits for another one's t
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
+
+from threadpoolctl import threadpool_limits
 
 #: More threads than this gain nothing: the compiled loops wait for memory.
 MOST_THREADS = 4
@@ -23,6 +27,19 @@ def usable_cores() -> int:
 def usual_threads() -> int:
     """Threads for a loop over scans."""
     return min(MOST_THREADS, usable_cores())
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Linear algebra on one thread: small matrices by the thousand, of which a second only ever waits for, and one answer.
+
+    SciPy brings a BLAS of its own with its first use. Loaded within, it would be bound by nothing, and the first answer of a
+    process another one, by round-off, than all that follow.
+    """
+    import scipy.linalg  # noqa: F401
+
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
 @lru_cache(maxsize=1)

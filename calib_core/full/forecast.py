@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
@@ -43,6 +42,7 @@ from calib_core.full.run import Run
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.threads import one_blas_thread
 from calib_core.types import FloatArray, PlaneProposals, Recording, Scan
 
 NO_PLANES = PlaneProposals(
@@ -127,8 +127,7 @@ def forecast(
         on_event(StageEvent(stage="inspect", fraction=fraction, text=text))
 
     settings = settings or CalibrateSettings()
-    # Small matrices by the thousand: a second BLAS thread only ever waits.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         tell(0.1, "looking for planes")
         proposals = NO_PLANES
         seen = recording if whole is None else replace(recording, scans=whole)

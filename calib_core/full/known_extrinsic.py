@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
@@ -24,6 +23,7 @@ from calib_core.imu.turned import turned_since
 from calib_core.maps.accumulate import covers
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
+from calib_core.threads import one_blas_thread
 from calib_core.types import Float32Array, FloatArray, ImuData, InitialGuess, Recording, Scan, Trajectory
 
 #: Held to a micrometre, a microradian and a microsecond.
@@ -112,8 +112,7 @@ def _solved_motion(
     """The motion by the joint solve; None where the recording does not give it."""
     try:
         require_length(recording, "the motion")
-        # Small matrices by the thousand: a second BLAS thread only ever waits, and one thread gives one answer.
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             return calibrate_full(prepare(recording, settings, on_event, should_cancel), None, guess).trajectory
     except Refused:
         return None

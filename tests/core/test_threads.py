@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import os
+import subprocess
+import sys
 import warnings
 
 import pytest
@@ -18,6 +21,27 @@ def test_cores_are_counted_where_the_system_does_not_tell_which_may_be_used(monk
         assert usable_cores() == expected
     monkeypatch.setattr(os, "cpu_count", lambda: 64)
     assert usual_threads() == 4
+
+
+def test_no_linear_algebra_goes_on_two_threads_the_first_time_either() -> None:
+    """Seen: the first answer of a Python process ended after 46 rounds, the next after 23: SciPy's own library came in after the
+    limit. Mutation: the import before it.
+    """
+    code = (
+        "import os, numpy as np\n"
+        "from calib_core.threads import one_blas_thread\n"
+        "from threadpoolctl import threadpool_info\n"
+        "with one_blas_thread():\n"
+        "    import scipy.linalg\n"
+        "    scipy.linalg.cho_factor(np.eye(3))\n"
+        "    print([each['num_threads'] for each in threadpool_info() if each['user_api'] == 'blas'])\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    environment["OPENBLAS_NUM_THREADS"] = "3"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    threads = ast.literal_eval(done.stdout)
+    assert threads
+    assert set(threads) == {1}
 
 
 def test_there_is_one_pool() -> None:
