@@ -32,7 +32,7 @@ MAY_IMPORT = {
     "document": {"geometry"},
     "full": {"geometry", "gp", "imu", "planes", "factors", "solver", "document", "deskew", "threads", "maps"},
     "paper": {"geometry", "gp", "imu", "planes", "factors", "solver", "full", "document"},
-    "calibrate": {"full", "paper", "document", "maps"},
+    "calibrate": {"full", "paper", "document", "maps", "threads"},
     "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors"},
     "audit": {"geometry", "maps", "full", "calibrate"},
     "api": {"audit", "readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor", "maps"},
