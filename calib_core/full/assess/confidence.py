@@ -44,6 +44,11 @@ class Confidence:
     contradicted: tuple[Contradiction, ...] = ()
 
     @property
+    def apart_times(self) -> float:
+        """How many times what noise allows the parts disagree."""
+        return apart_times(self.found)
+
+    @property
     def is_torn(self) -> bool:
         """Whether stretches of time contradict each other: no error bar is wide enough then to be relied on."""
         return is_torn(self.found)
@@ -86,6 +91,11 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
     if not frozen:
         _say_steps(run, knowledge)
     return Confidence(knowledge, considered, found, apart, tuple(contradicted))
+
+
+def apart_times(found: Sequence[Disagreement]) -> float:
+    """How many times what noise allows those parts disagree that do so beyond it the most; 1 where none do."""
+    return max([1.0, *(each.ratio for each in found if each.is_beyond_noise)])
 
 
 def is_torn(found: Sequence[Disagreement]) -> bool:

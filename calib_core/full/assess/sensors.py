@@ -34,8 +34,12 @@ class SensorFindings:
         return next((each for each in self.parameters if each.block == block), None)
 
 
-def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFindings:
-    """Of a solved recording. considered: where the parameters were held."""
+def sensor_findings(solved: Solved, considered: Considered | None, *, wider: float = 1.0) -> SensorFindings:
+    """Of a solved recording. considered: where the parameters were held.
+
+    wider: by how many times what noise allows parts of the recording disagree. What is no plane bends the sensors as it does the
+    calibration: with a bent wall that somebody kept, an ideal lidar's beams read long by 13 of their own sigmas.
+    """
     sensors = solved.nuisance.sensors
     if not sensors.blocks:
         return SensorFindings((), ())
@@ -46,7 +50,7 @@ def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFind
         assert solved.minimum.solution is not None
         start = solved.problem.layout(solved.estimate).nuisance().start
         own = slice(start, start + sensors.size)
-        std = parameter_std(solved.minimum.solution.information, own)
+        std = wider * parameter_std(solved.minimum.solution.information, own)
     parameters = []
     for each in sensors.blocks:
         place = sensors.places[each.block]
@@ -65,7 +69,13 @@ def sensor_findings(solved: Solved, considered: Considered | None) -> SensorFind
                     }
                 )
             )
-    return SensorFindings(tuple(parameters), tuple(_sentences(parameters, corrected=considered is None)))
+    told = _sentences(parameters, corrected=considered is None)
+    if wider > 1.0:
+        told = [
+            (code, f"{text}; parts of the recording disagree, and this may come of what they disagree about")
+            for code, text in told
+        ]
+    return SensorFindings(tuple(parameters), tuple(told))
 
 
 def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tuple[str, str]]:

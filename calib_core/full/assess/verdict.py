@@ -66,7 +66,7 @@ def require_rotation(knowledge: Knowledge) -> None:
 def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Answer:
     """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
-    sensors = sensor_findings(solved, trust.considered)
+    sensors = sensor_findings(solved, trust.considered, wider=trust.apart_times)
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))

@@ -85,6 +85,12 @@ def detect_accelerometer_unit(
             f"At rest the accelerations on {topic} have norm {norm:.2f}, which is gravity neither in m/s²"
             f" nor in g; {name} is assumed."
         )
+    elif unit != detected:
+        level = "warning"
+        text = (
+            f"Accelerations on {topic} are taken in {name}, as asked; but at rest their norm is {norm:.2f}, which is gravity in "
+            f"{'g' if detected == 'g' else 'm/s²'}: the solve will find no answer where the unit is wrong."
+        )
     finding = Finding(
         code="imu.accelerometer_unit",
         level=level,

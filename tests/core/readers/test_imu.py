@@ -65,6 +65,18 @@ def test_units_can_be_overridden() -> None:
     np.testing.assert_allclose(cleaned.imu.accel_m_s2, accel * 9.80665)
 
 
+def test_a_unit_that_gravity_contradicts_is_taken_and_said() -> None:
+    """Seen: readings in g taken in m/s2, as asked, and walls blamed for a solve that found no answer. Mutation: nothing said."""
+    gyro, accel = tilting(10)
+    cleaned = clean_imu(raw(gyro, accel / 9.80665), ReadSettings(accelerometer_unit="m_s2"), "/imu")
+    (finding,) = (f for f in cleaned.findings if f.code == "imu.accelerometer_unit")
+    assert cleaned.accelerometer_unit == "m_s2"
+    assert finding.level == "warning"
+    assert "as asked; but at rest their norm is 1.00, which is gravity in g" in finding.text
+    agreed = clean_imu(raw(gyro, accel), ReadSettings(accelerometer_unit="m_s2"), "/imu")
+    assert not any("as asked" in f.text for f in agreed.findings)
+
+
 def test_gyroscope_unit_without_tilt_rests_on_plausibility() -> None:
     """Mutation: raise _IMPOSSIBLE_RAD_S to 1000; report full confidence without evidence."""
     times = np.arange(2000) / RATE
