@@ -119,13 +119,25 @@ describe("the next step of a refusal", () => {
 
   // Fails when the unit that is in use already is offered.
   it("offers the other unit, and only where the unit is in doubt", () => {
-    expect(otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar")?.change).toEqual({
+    expect(otherUnit(recording, ["the gyroscope turns 57 times as fast as the lidar"])?.change).toEqual({
       gyroscope_unit: "deg_s",
     });
-    expect(otherUnit(recording, "the lidar stood still")).toBeNull();
+    expect(otherUnit(recording, ["the lidar stood still"])).toBeNull();
   });
 
-  const unit = otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar");
+  // Fails when what is said of every recording in g is taken for a doubt; when two reasons together make one.
+  it("leaves a unit alone that nothing speaks against", () => {
+    const inG = "Accelerations on /imu are in g: at rest their norm is 1.00.";
+    expect(otherUnit(recording, [inG, "the planes chosen do not hold the motion"])).toBeNull();
+    expect(otherUnit(recording, [inG, "the turns hang together (in units of 1 deg, 10 mm, 1 ms)"])).toBeNull();
+    expect(otherUnit(recording, [inG, "the unit of the ranges is in doubt"])).toBeNull();
+    const gravity = "the best answer needs gravity to be 7.50 m/s²; the IMU's units are not what they seem";
+    expect(otherUnit(recording, [gravity])?.change).toEqual({ accelerometer_unit: "g" });
+    const neither = "At rest they have norm 3.10, which is gravity neither in m/s² nor in g; m/s² is assumed.";
+    expect(otherUnit(recording, [neither])?.change).toEqual({ accelerometer_unit: "g" });
+  });
+
+  const unit = otherUnit(recording, ["the gyroscope turns 57 times as fast as the lidar"]);
   // Fails when every refusal leads back to the planes; when a weak answer does not ask for another motion.
   it.each([
     ["refused", ["imu.gyroscope_unit"], unit, "unit"],
