@@ -4,6 +4,8 @@ import { render, screen } from "@testing-library/react";
 import type { ReactNode } from "react";
 import { MemoryRouter } from "react-router";
 import { describe, expect, it } from "vitest";
+import { keys } from "../src/api/queries";
+import { Compare, sidesOf } from "../src/features/result/compare";
 import { NextSteps } from "../src/features/result/nextsteps";
 
 function show(inner: ReactNode, client = new QueryClient()) {
@@ -40,5 +42,35 @@ describe("what to do now", () => {
     );
     expect(screen.queryByText(/Read accelerations/)).toBeNull();
     expect(screen.getByText("Back to the planes")).toBeTruthy();
+  });
+});
+
+describe("two answers to compare", () => {
+  // Fails when one answer is compared with itself; when what was chosen is not what is compared.
+  it("are two, of this recording, until another is chosen", () => {
+    expect(sidesOf(["b", "a"], "b", null, null)).toEqual({ from: "a", to: "b" });
+    expect(sidesOf(["b", "a"], "refused", null, null)).toEqual({ from: "a", to: "b" });
+    expect(sidesOf(["a"], "refused", null, null)).toEqual({ from: null, to: "a" });
+    expect(sidesOf(["a"], "a", "elsewhere", null)).toEqual({ from: "elsewhere", to: "a" });
+    expect(sidesOf(["b", "a"], "refused", "b", null)).toEqual({ from: "b", to: "a" });
+    expect(sidesOf(["b", "a"], "b", "a", "a")).toEqual({ from: "b", to: "a" });
+    expect(sidesOf([], "refused", null, null)).toBeNull();
+  });
+
+  // Fails when another recording's answer stands opposite the only one, unasked.
+  it("of which this recording has one wait for a choice", () => {
+    const outcome = { kind: "solve", status: "calibrated", translation_m: [0, 0, 0] };
+    const job = (id: string) => ({
+      id,
+      created_at: "2026-01-01T00:00:00Z",
+      settings: { method: "full" },
+      result: outcome,
+    });
+    const client = new QueryClient({ defaultOptions: { queries: { staleTime: Infinity, retry: false } } });
+    client.setQueryData(keys.recordings, [{ id: "r2", name: "Another rig", latest_job: job("x") }]);
+    show(<Compare recording={{ id: "r1" } as never} runs={[{ job: job("a") } as never]} shown="a" />, client);
+    expect(screen.getByText(/Choose the answer to compare with/)).toBeTruthy();
+    expect(screen.getByLabelText<HTMLSelectElement>("From").value).toBe("");
+    expect(screen.queryByText("See both clouds")).toBeNull();
   });
 });

@@ -42,6 +42,28 @@ function useOthers(recording: Recording): { value: string; label: string }[] {
     });
 }
 
+interface Sides {
+  from: string | null;
+  to: string;
+}
+
+/** Which two are compared, before and after something was chosen; null where this recording has no answer.
+ *
+ *  The run that is shown, from another of this recording: of another recording's rig nobody said that it is the same, so one of
+ *  those has to be chosen. Never an answer with itself, which always agrees.
+ */
+export function sidesOf(
+  known: readonly string[],
+  shown: string,
+  first: string | null,
+  second: string | null,
+): Sides | null {
+  const free = known.filter((id) => id !== first);
+  const to = second ?? (free.includes(shown) ? shown : (free[0] ?? known[0]));
+  if (to === undefined) return null;
+  return { from: (first === to ? null : first) ?? known.find((id) => id !== to) ?? null, to };
+}
+
 /** Any two answers side by side: what differs, whether by more than both are unsure of, and both clouds. */
 export function Compare({ recording, runs, shown }: CompareProps) {
   const known = runs.filter(answered);
@@ -49,12 +71,19 @@ export function Compare({ recording, runs, shown }: CompareProps) {
   const mine = known.map((run) => ({ value: run.job.id, label: title(run, runs) }));
   const [first, setFirst] = useState<string | null>(null);
   const [second, setSecond] = useState<string | null>(null);
-  const from = first ?? known.find((run) => run.job.id !== shown)?.job.id ?? others[0]?.value;
-  const to = second ?? known.find((run) => run.job.id === shown)?.job.id ?? known[0]?.job.id;
-  if (from === undefined || to === undefined) return null;
-  const data = [
-    { group: "This recording", items: mine },
-    ...(others.length === 0 ? [] : [{ group: "Other recordings", items: others }]),
+  const sides = sidesOf(
+    known.map((run) => run.job.id),
+    shown,
+    first,
+    second,
+  );
+  if (sides === null || mine.length + others.length < 2) return null;
+  const { from, to } = sides;
+  const without = (id: string | null) => [
+    { group: "This recording", items: mine.map((item) => ({ ...item, disabled: item.value === id })) },
+    ...(others.length === 0
+      ? []
+      : [{ group: "Other recordings", items: others.map((item) => ({ ...item, disabled: item.value === id })) }]),
   ];
   return (
     <Section title="Compare two answers">
@@ -62,19 +91,27 @@ export function Compare({ recording, runs, shown }: CompareProps) {
         <NativeSelect
           size="xs"
           label="From"
-          data={data}
-          value={from}
+          data={
+            from === null ? [{ value: "", label: "Choose an answer", disabled: true }, ...without(to)] : without(to)
+          }
+          value={from ?? ""}
           onChange={(event) => setFirst(event.currentTarget.value)}
         />
         <NativeSelect
           size="xs"
           label="To"
-          data={data}
+          data={without(from)}
           value={to}
           onChange={(event) => setSecond(event.currentTarget.value)}
         />
       </div>
-      <Differences firstId={from} secondId={to} recording={recording} runs={known} />
+      {from === null ? (
+        <p className="dim small">
+          Choose the answer to compare with: of this recording, or of another one of the same rig.
+        </p>
+      ) : (
+        <Differences firstId={from} secondId={to} recording={recording} runs={known} />
+      )}
     </Section>
   );
 }
