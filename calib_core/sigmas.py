@@ -34,9 +34,14 @@ def scale_of(std: float, unit: Unit) -> tuple[float, str]:
     return (1.0, unit) if std >= 1.0 else _SMALLER[unit]
 
 
+def tells_nothing(std: float, unit: Unit) -> bool:
+    """Whether a sigma is so wide that what it stands beside is as good as unknown: a metre, a second, half a circle."""
+    return std >= (_ALL_ROUND_DEG if unit == "deg" else 1.0)
+
+
 def std_text(std: float, unit: Unit) -> str:
     """A standard deviation in `unit` as a sentence has it: 0.020 deg, 0.86 mm, 9.1 m."""
-    if unit == "deg" and std >= _ALL_ROUND_DEG:
+    if unit == "deg" and tells_nothing(std, unit):
         return NOT_DETERMINED
     scale, name = scale_of(std, unit)
     return f"{two_digits(scale * std)} {name}"
@@ -45,7 +50,7 @@ def std_text(std: float, unit: Unit) -> str:
 def std_cell(std: float, unit: Unit, digits: int, *, named: bool = False) -> str:
     """The same as a cell of a table in deg, mm or ms with so many decimals; with its unit if that is another, or if `named`."""
     usual, name = _SMALLER[unit]
-    if std >= (_ALL_ROUND_DEG if unit == "deg" else 1.0):
+    if tells_nothing(std, unit):
         return std_text(std, unit)
     return f"{usual * std:.{digits}f}" + (f" {name}" if named else "")
 

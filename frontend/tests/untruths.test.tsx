@@ -6,6 +6,8 @@ import { MemoryRouter } from "react-router";
 import { describe, expect, it } from "vitest";
 import { keys } from "../src/api/queries";
 import { Compare, sidesOf } from "../src/features/result/compare";
+import { distanceOf } from "../src/features/result/distance";
+import { Frames } from "../src/features/result/frames";
 import { NextSteps } from "../src/features/result/nextsteps";
 
 function show(inner: ReactNode, client = new QueryClient()) {
@@ -72,5 +74,37 @@ describe("two answers to compare", () => {
     expect(screen.getByText(/Choose the answer to compare with/)).toBeTruthy();
     expect(screen.getByLabelText<HTMLSelectElement>("From").value).toBe("");
     expect(screen.queryByText("See both clouds")).toBeNull();
+  });
+});
+
+describe("how far apart the sensors are", () => {
+  const unit = [
+    [1, 0, 0, 0],
+    [0, 1, 0, 0],
+    [0, 0, 1, 1.029],
+  ];
+  const answer = (p: number[], stds: number[]) =>
+    ({
+      T_imu_lidar: { translation_m: p },
+      uncertainty: {
+        translation_std_m: stds,
+        covariance: Array.from({ length: 7 }, (_, i) =>
+          Array.from({ length: 7 }, (_, j) => (i === j && i > 2 && i < 6 ? (stds[i - 3] ?? 0) ** 2 : 0)),
+        ),
+      },
+    }) as never;
+
+  // Fails when what is weak is called unknown; when an axis across a short line is left out; when nothing is ever unknown.
+  it("is told with its standard deviation, up to a metre", () => {
+    expect(distanceOf(answer([0, 0, 1.029], [0.001, 0.001, 0.025]))?.sigmaM).toBeCloseTo(0.025);
+    expect(distanceOf(answer([0, 0, 0.1], [0.4, 0.001, 0.001]))?.sigmaM).toBeCloseTo(0.4);
+    expect(distanceOf(answer([0, 0, 1], [0.2, 0, 0.001]))?.sigmaM).toBeCloseTo(0.02);
+    expect(distanceOf(answer([0, 0, 0.1], [0.001, 0.001, 1]))).toBeNull();
+  });
+
+  // Fails when a number stands there without its sigma, or as a good one.
+  it("is marked where it is weak", () => {
+    show(<Frames matrix={unit} base="IMU" other="lidar" apart={{ m: 1.029, sigmaM: 0.025 }} weak />);
+    expect(screen.getByRole("figure").textContent).toContain("1029 ± 25 mm apart, weak");
   });
 });
