@@ -62,16 +62,18 @@ describe("one truth", () => {
     expect(determines({ determinacy, foreseen: null })).toBe(true);
   });
 
-  // Fails when a sample's number of planes stands beside the number that was found.
+  // Fails when a sample's number of planes stands beside the number that was found; when planes are called confirmed that
+  // nobody has looked at.
   it("counts planes once", () => {
     const sampled = { text: "A sample of the points shows 8 planes" } as Parameters<typeof planesText>[0];
     const found = (confirmed: boolean[]) =>
       ({
         patches: confirmed.map((one) => ({ confirmed: one })),
-        determinacy: { text: "2 confirmed planes fix it." },
+        determinacy: { ok: confirmed.length > 1, text: `${confirmed.length} confirmed planes, said elsewhere` },
       }) as unknown as Parameters<typeof planesText>[1];
     expect(planesText(sampled, undefined)).toBe("A sample of the points shows 8 planes");
-    expect(planesText(sampled, found([true, true]))).toBe("2 confirmed planes fix it.");
+    expect(planesText(sampled, found([true, true]))).toBe("2 planes seen; together they fix where the lidar is.");
+    expect(planesText(sampled, found([true]))).toBe("1 confirmed planes, said elsewhere");
     expect(planesText(sampled, found([true, false, false]))).toBe(
       "With all 3 planes that were found; 1 is chosen now.",
     );
