@@ -6,6 +6,7 @@ import { MemoryRouter } from "react-router";
 import { describe, expect, it } from "vitest";
 import { keys } from "../src/api/queries";
 import { Compare, sidesOf } from "../src/features/result/compare";
+import { Forecast } from "../src/features/recording/forecast";
 import { distanceOf } from "../src/features/result/distance";
 import { Frames } from "../src/features/result/frames";
 import { NextSteps } from "../src/features/result/nextsteps";
@@ -74,6 +75,24 @@ describe("two answers to compare", () => {
     expect(screen.getByText(/Choose the answer to compare with/)).toBeTruthy();
     expect(screen.getByLabelText<HTMLSelectElement>("From").value).toBe("");
     expect(screen.queryByText("See both clouds")).toBeNull();
+  });
+});
+
+describe("what a solve would know", () => {
+  // Fails when the time that was followed, standstill included, is called motion.
+  it("rests on the time that could be followed", () => {
+    const client = new QueryClient({ defaultOptions: { queries: { enabled: false } } });
+    const forecast = {
+      text: "All seven would be known.",
+      parameters: [{ name: "tx", std: 0.001, unit: "m", weak: false }],
+      weak: [],
+      planes: [],
+      covered_s: 8.2,
+    };
+    show(<Forecast forecast={forecast as never} planes="" said={[]} />, client);
+    expect(screen.getByText(/One standard deviation each/).textContent).toBe(
+      "One standard deviation each, from 8 s that could be followed.",
+    );
   });
 });
 

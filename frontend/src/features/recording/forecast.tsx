@@ -74,7 +74,7 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
       {forecast.parameters.length > 0 && (
         <p className="dim small">
           One standard deviation each
-          {forecast.covered_s > 0 && `, from ${fixed(forecast.covered_s, 0)} s of motion that could be followed`}.
+          {forecast.covered_s > 0 && `, from ${fixed(forecast.covered_s, 0)} s that could be followed`}.
         </p>
       )}
     </section>
