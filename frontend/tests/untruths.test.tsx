@@ -4,18 +4,23 @@ import { render, screen } from "@testing-library/react";
 import type { ReactNode } from "react";
 import { MemoryRouter } from "react-router";
 import { describe, expect, it } from "vitest";
+import { ViewBar } from "../src/features/inspect/viewbar";
+import { readWish } from "../src/features/inspect/wish";
 import { keys } from "../src/api/queries";
-import { Compare, sidesOf } from "../src/features/result/compare";
+import { cloudsQuery, Compare, sidesOf } from "../src/features/result/compare";
 import { Forecast } from "../src/features/recording/forecast";
 import { distanceOf } from "../src/features/result/distance";
 import { Frames } from "../src/features/result/frames";
 import { NextSteps } from "../src/features/result/nextsteps";
+import { ShortcutProvider } from "../src/ui/shortcuts";
 
 function show(inner: ReactNode, client = new QueryClient()) {
   return render(
     <MemoryRouter>
       <QueryClientProvider client={client}>
-        <MantineProvider>{inner}</MantineProvider>
+        <MantineProvider>
+          <ShortcutProvider>{inner}</ShortcutProvider>
+        </MantineProvider>
       </QueryClientProvider>
     </MemoryRouter>,
   );
@@ -125,5 +130,19 @@ describe("how far apart the sensors are", () => {
   it("is marked where it is weak", () => {
     show(<Frames matrix={unit} base="IMU" other="lidar" apart={{ m: 1.029, sigmaM: 0.025 }} weak />);
     expect(screen.getByRole("figure").textContent).toContain("1029 ± 25 mm apart, weak");
+  });
+});
+
+describe("both clouds of two runs", () => {
+  // Fails when another run is called an old extrinsic, or its name is lost on the way through the address.
+  it("have the names of the runs", () => {
+    const pose = { translation_m: [0.1, 0, 0], quaternion_xyzw: [0, 0, 0, 1] };
+    const query = cloudsQuery("b", { T_imu_lidar: pose as never, time_offset_s: 0.001 }, "Run 3; noon, 2nd");
+    const wish = { ...readWish(new URLSearchParams(query), 0), show: "both" as const };
+    expect(wish.old).toEqual({ ...pose, time_offset_s: 0.001, name: "Run 3; noon, 2nd" });
+    show(<ViewBar recordingId="r" wish={wish} change={() => undefined} />);
+    expect(screen.getByText("against Run 3; noon, 2nd")).toBeTruthy();
+    expect(screen.getByLabelText("Run 3; noon, 2nd")).toBeTruthy();
+    expect(screen.queryByText("Old")).toBeNull();
   });
 });

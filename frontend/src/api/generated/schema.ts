@@ -2214,6 +2214,12 @@ export interface components {
          */
         OldExtrinsic: {
             /**
+             * Name
+             * @description what it is called on the scene, as a run's; '': an old extrinsic
+             * @default
+             */
+            name: string;
+            /**
              * Quaternion Xyzw
              * @description of unit length, to two digits
              * @example [
