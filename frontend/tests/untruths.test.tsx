@@ -11,6 +11,7 @@ import { cloudsQuery, Compare, sidesOf } from "../src/features/result/compare";
 import { Forecast } from "../src/features/recording/forecast";
 import { distanceOf } from "../src/features/result/distance";
 import { Frames } from "../src/features/result/frames";
+import { History } from "../src/features/result/history";
 import { NextSteps } from "../src/features/result/nextsteps";
 import { ShortcutProvider } from "../src/ui/shortcuts";
 
@@ -144,5 +145,54 @@ describe("both clouds of two runs", () => {
     expect(screen.getByText("against Run 3; noon, 2nd")).toBeTruthy();
     expect(screen.getByLabelText("Run 3; noon, 2nd")).toBeTruthy();
     expect(screen.queryByText("Old")).toBeNull();
+  });
+});
+
+describe("the list of runs", () => {
+  // Fails when the planes that were used stand for those that were chosen; when what a refused run used, which is none or some
+  // on the way, is counted.
+  it("counts the planes chosen, and of them those that were used", () => {
+    const run = (id: string, status: string, used: number | null, chosen: number) => ({
+      job: {
+        id,
+        state: "done",
+        created_at: "2026-01-01T00:00:00Z",
+        settings: {
+          method: "full",
+          estimate_time_offset: true,
+          estimate_planes: true,
+          random_seed: 0,
+          priors: [],
+          excluded_spans_s: [],
+          bias_model: "spline",
+          imu_sampling: "auto",
+          lidar_sampling: "auto",
+          cloud: "auto",
+          lidar: null,
+          imu_noise: null,
+          points_per_plane_per_scan: null,
+          field_of_view_deg: null,
+        },
+        planes: Array.from({ length: chosen }, () => ({ restricted: false })),
+        result: {
+          kind: "solve",
+          status,
+          codes: [],
+          planes_used: used,
+          translation_std_m: null,
+          rotation_std_deg: null,
+        },
+      },
+      from_latest: null,
+    });
+    const runs = [
+      run("d", "refused", 4, 9),
+      run("c", "calibrated", 8, 9),
+      run("b", "weak", 9, 9),
+      run("a", "calibrated", null, 5),
+    ];
+    show(<History runs={runs as never} shown="d" />);
+    const said = screen.getAllByText(/^Full/).map((line) => line.textContent);
+    expect(said).toEqual(["Full, 9 planes", "Full, 8 of 9 planes", "Full, 9 planes", "Full, 5 planes"]);
   });
 });
