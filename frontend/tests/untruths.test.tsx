@@ -8,6 +8,7 @@ import { ViewBar } from "../src/features/inspect/viewbar";
 import { readWish } from "../src/features/inspect/wish";
 import { keys } from "../src/api/queries";
 import { cloudsQuery, Compare, sidesOf } from "../src/features/result/compare";
+import { saidBelow } from "../src/features/jobs/timeleft";
 import { Forecast } from "../src/features/recording/forecast";
 import { distanceOf } from "../src/features/result/distance";
 import { Frames } from "../src/features/result/frames";
@@ -194,5 +195,17 @@ describe("the list of runs", () => {
     show(<History runs={runs as never} shown="d" />);
     const said = screen.getAllByText(/^Full/).map((line) => line.textContent);
     expect(said).toEqual(["Full, 9 planes", "Full, 8 of 9 planes", "Full, 9 planes", "Full, 5 planes"]);
+  });
+});
+
+describe("an ended run", () => {
+  // Fails when "Refused" stands twice; when a verdict loses a word that stands nowhere else.
+  it("says its standing once", () => {
+    const job = (status: string) => ({ state: "done", result: { kind: "solve", status } }) as never;
+    expect(saidBelow(job("refused"), "Refused. The planes do not hold.")).toBe("The planes do not hold.");
+    expect(saidBelow(job("calibrated"), "Calibrated. One standard deviation.")).toBe(
+      "Calibrated. One standard deviation.",
+    );
+    expect(saidBelow(null, "")).toBe("");
   });
 });
