@@ -13,6 +13,7 @@ from typing import Literal
 Unit = Literal["deg", "m", "s"]
 
 NOT_DETERMINED = "not determined"
+HELD = "held"
 _ALL_ROUND_DEG = 180.0
 #: What a large sigma is said in, and what a usual one.
 _SMALLER: dict[Unit, tuple[float, str]] = {"deg": (1.0, "deg"), "m": (1e3, "mm"), "s": (1e3, "ms")}
@@ -55,10 +56,10 @@ def std_cell(std: float, unit: Unit, digits: int, *, named: bool = False) -> str
     return f"{usual * std:.{digits}f}" + (f" {name}" if named else "")
 
 
-def std_row(stds: Sequence[float], unit: Unit, digits: int) -> tuple[list[str], str]:
-    """Cells of one row, and the unit at its end: none where a cell has another one, each has its own then."""
-    plain = [std_cell(std, unit, digits) for std in stds]
-    named = [std_cell(std, unit, digits, named=True) for std in stds]
-    if any(one == other for one, other in zip(plain, named, strict=True)):
+def std_row(stds: Sequence[float | None], unit: Unit, digits: int) -> tuple[list[str], str]:
+    """Cells of one row, and the unit at its end: none where a cell has another one, each has its own then. None: held."""
+    plain = [HELD if std is None else std_cell(std, unit, digits) for std in stds]
+    named = [HELD if std is None else std_cell(std, unit, digits, named=True) for std in stds]
+    if any(one == other and one != HELD for one, other in zip(plain, named, strict=True)):
         return named, ""
-    return plain, _SMALLER[unit][1]
+    return plain, "" if all(std is None for std in stds) else _SMALLER[unit][1]

@@ -14,6 +14,8 @@ import { distanceOf } from "../src/features/result/distance";
 import { Frames } from "../src/features/result/frames";
 import { History } from "../src/features/result/history";
 import { NextSteps } from "../src/features/result/nextsteps";
+import { ParameterTable } from "../src/features/solve/funnel";
+import { answerOf, parametersOf } from "../src/features/solve/parameters";
 import { ShortcutProvider } from "../src/ui/shortcuts";
 
 function show(inner: ReactNode, client = new QueryClient()) {
@@ -207,5 +209,28 @@ describe("an ended run", () => {
       "Calibrated. One standard deviation.",
     );
     expect(saidBelow(null, "")).toBe("");
+  });
+});
+
+describe("what a round holds", () => {
+  const step = {
+    euler_xyz_deg: [1, 2, 3],
+    rotation_std_deg: [0.01, 0.01, 0.01],
+    translation_m: [0.1, 0.2, 0.3],
+    translation_std_m: [0.001, null, 0.001],
+    time_offset_s: 0.0125,
+    time_offset_std_s: 0.0001,
+  };
+
+  // Fails when what is held shows a standard deviation, be it nought or none of its own; when one of a solve's end does.
+  it("is called held", () => {
+    const rows = () => screen.getAllByRole("row").map((row) => row.textContent);
+    const view = show(<ParameterTable parameters={parametersOf([step])} />);
+    expect(rows().filter((text) => text.includes("held"))).toEqual(["Position y200.0heldmm"]);
+    expect(rows()[3]).toContain("± 1.0");
+    view.unmount();
+    const outcome = { ...step, translation_std_m: [0.001, 0.001, 0.001] } as never;
+    show(<ParameterTable parameters={parametersOf([step, ...answerOf(outcome, true)])} />);
+    expect(rows().filter((text) => text.includes("held"))).toEqual(["Time offset12.500heldms"]);
   });
 });

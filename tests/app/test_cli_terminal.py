@@ -207,6 +207,14 @@ def test_iteration_is_in_degrees_millimetres_milliseconds() -> None:
         assert words in text
 
 
+def test_what_is_held_is_called_so() -> None:
+    """Mutations: a number for it; the bar of the others missing, or a bar for what has none."""
+    stds = {"translation_std_m": [None, 0.03, 0.0004], "rotation_std_deg": [None] * 3, "time_offset_std_s": None}
+    lines = shown(iteration_table(ITERATION.model_copy(update=stds))).splitlines()
+    assert [line.count("held") for line in lines if "1 sigma" in line] == [3, 1, 1]
+    assert ["━" in line for line in lines if "1 sigma" in line] == [False, True, False]
+
+
 def test_error_bar_shrinks_with_every_decade() -> None:
     """Fails if the bar is linear (a thousandth would not be seen) or longer than its cells."""
     lengths = [error_bar(std, 1.0).plain.count("━") for std in (100.0, 10.0, 1.0, 0.1, 0.01, 1e-9, 0.0)]

@@ -1818,8 +1818,11 @@ export interface components {
             matrix: number[][];
             /** Planes */
             planes: components["schemas"]["PlaneResidual"][];
-            /** Rotation Std Deg */
-            rotation_std_deg: number[];
+            /**
+             * Rotation Std Deg
+             * @description null: held in this round
+             */
+            rotation_std_deg: (number | null)[];
             /** Round */
             round: number;
             /**
@@ -1830,12 +1833,18 @@ export interface components {
             sweeps: components["schemas"]["SweepMotion"][];
             /** Time Offset S */
             time_offset_s: number;
-            /** Time Offset Std S */
-            time_offset_std_s: number;
+            /**
+             * Time Offset Std S
+             * @description null: held in this round
+             */
+            time_offset_std_s: number | null;
             /** Translation M */
             translation_m: number[];
-            /** Translation Std M */
-            translation_std_m: number[];
+            /**
+             * Translation Std M
+             * @description null: held in this round
+             */
+            translation_std_m: (number | null)[];
         };
         /**
          * Job

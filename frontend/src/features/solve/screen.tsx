@@ -168,7 +168,12 @@ function Estimate({ run, looks, answer }: EstimateProps) {
   return (
     <>
       <Section title={answer !== null ? "Answer" : "Answer so far"}>
-        <ParameterTable parameters={parametersOf([...run.iterations, ...answerOf(answer)])} />
+        <ParameterTable
+          parameters={parametersOf([
+            ...run.iterations,
+            ...answerOf(answer, run.job?.settings.estimate_time_offset === false),
+          ])}
+        />
       </Section>
       <Section title="Cost">
         <CostPlot iterations={run.iterations} />
