@@ -67,9 +67,10 @@ class IterationEvent(_Event):
     translation_m: list[float]
     euler_xyz_deg: list[float]
     time_offset_s: float
-    rotation_std_deg: list[float]
-    translation_std_m: list[float]
-    time_offset_std_s: float
+    # One that is held has nothing but what holds it, and no standard deviation that anybody found.
+    rotation_std_deg: list[float | None] = Field(description="null: held in this round")
+    translation_std_m: list[float | None] = Field(description="null: held in this round")
+    time_offset_std_s: float | None = Field(description="null: held in this round")
     planes: list[PlaneResidual]
     sweeps: tuple[SweepMotion, ...] = Field(default=(), description="some sweeps where this step puts them")
     gravity_m_s2: list[float] = Field(

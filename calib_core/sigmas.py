@@ -13,6 +13,7 @@ from typing import Literal
 Unit = Literal["deg", "m", "s"]
 
 NOT_DETERMINED = "not determined"
+HELD = "held"
 _ALL_ROUND_DEG = 180.0
 #: What a large sigma is said in, and what a usual one.
 _SMALLER: dict[Unit, tuple[float, str]] = {"deg": (1.0, "deg"), "m": (1e3, "mm"), "s": (1e3, "ms")}
@@ -34,9 +35,14 @@ def scale_of(std: float, unit: Unit) -> tuple[float, str]:
     return (1.0, unit) if std >= 1.0 else _SMALLER[unit]
 
 
+def tells_nothing(std: float, unit: Unit) -> bool:
+    """Whether a sigma is so wide that what it stands beside is as good as unknown: a metre, a second, half a circle."""
+    return std >= (_ALL_ROUND_DEG if unit == "deg" else 1.0)
+
+
 def std_text(std: float, unit: Unit) -> str:
     """A standard deviation in `unit` as a sentence has it: 0.020 deg, 0.86 mm, 9.1 m."""
-    if unit == "deg" and std >= _ALL_ROUND_DEG:
+    if unit == "deg" and tells_nothing(std, unit):
         return NOT_DETERMINED
     scale, name = scale_of(std, unit)
     return f"{two_digits(scale * std)} {name}"
@@ -45,15 +51,15 @@ def std_text(std: float, unit: Unit) -> str:
 def std_cell(std: float, unit: Unit, digits: int, *, named: bool = False) -> str:
     """The same as a cell of a table in deg, mm or ms with so many decimals; with its unit if that is another, or if `named`."""
     usual, name = _SMALLER[unit]
-    if std >= (_ALL_ROUND_DEG if unit == "deg" else 1.0):
+    if tells_nothing(std, unit):
         return std_text(std, unit)
     return f"{usual * std:.{digits}f}" + (f" {name}" if named else "")
 
 
-def std_row(stds: Sequence[float], unit: Unit, digits: int) -> tuple[list[str], str]:
-    """Cells of one row, and the unit at its end: none where a cell has another one, each has its own then."""
-    plain = [std_cell(std, unit, digits) for std in stds]
-    named = [std_cell(std, unit, digits, named=True) for std in stds]
-    if any(one == other for one, other in zip(plain, named, strict=True)):
+def std_row(stds: Sequence[float | None], unit: Unit, digits: int) -> tuple[list[str], str]:
+    """Cells of one row, and the unit at its end: none where a cell has another one, each has its own then. None: held."""
+    plain = [HELD if std is None else std_cell(std, unit, digits) for std in stds]
+    named = [HELD if std is None else std_cell(std, unit, digits, named=True) for std in stds]
+    if any(one == other and one != HELD for one, other in zip(plain, named, strict=True)):
         return named, ""
-    return plain, _SMALLER[unit][1]
+    return plain, "" if all(std is None for std in stds) else _SMALLER[unit][1]

@@ -56,8 +56,10 @@ def forecast_block(forecast: Forecast) -> RenderableType:
             blank = [Text("")] * (3 - len(cells))
             table.add_row(title, *cells, *blank, unit, error_bar(max(p.std for p in found), weak))
     limits = f"  weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
-    rests = f"; from {len(forecast.planes)} planes" if forecast.planes else ""
-    rests += f" and {forecast.covered_s:.0f} s of motion" if forecast.covered_s else ""
+    # Followed is what stands still too, so that it may be longer than the rig is said to move.
+    followed = f"{forecast.covered_s:.0f} s that could be followed" if forecast.covered_s else ""
+    rests = " and ".join(filter(None, [f"{len(forecast.planes)} planes" if forecast.planes else "", followed]))
+    rests = f"; from {rests}" if rests else ""
     return Group(table, Text(limits + rests, style="dim"))
 
 

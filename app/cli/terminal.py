@@ -6,7 +6,7 @@ The result goes to stdout; everything here goes to stderr.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from math import log10
@@ -173,14 +173,14 @@ def iteration_table(event: IterationEvent) -> Table:
         "  [dim]1 sigma about lidar x, y, z[/]",
         *turns,
         turn_unit,
-        error_bar(max(event.rotation_std_deg), WEAK_DEG),
+        _widest_bar(event.rotation_std_deg, WEAK_DEG),
     )
     table.add_row("lever arm (lidar in IMU axes)", *_cells(mm, 2), "mm", "")
     table.add_row(
         "  [dim]1 sigma[/]",
         *places,
         place_unit,
-        error_bar(max(event.translation_std_m), WEAK_M),
+        _widest_bar(event.translation_std_m, WEAK_M),
     )
     table.add_row("time offset", f"{1e3 * event.time_offset_s:.4f}", "", "", "ms", "")
     table.add_row(
@@ -189,9 +189,15 @@ def iteration_table(event: IterationEvent) -> Table:
         "",
         "",
         clock_unit,
-        error_bar(event.time_offset_std_s, WEAK_S),
+        _widest_bar([event.time_offset_std_s], WEAK_S),
     )
     return table
+
+
+def _widest_bar(stds: Sequence[float | None], weak: float) -> Text:
+    """The bar of the widest of those that are estimated; none where all are held."""
+    estimated = [std for std in stds if std is not None]
+    return error_bar(max(estimated), weak) if estimated else Text("")
 
 
 def error_bar(std: float, weak: float) -> Text:

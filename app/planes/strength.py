@@ -17,6 +17,7 @@ from app.planes.state import PlaneSet
 from app.schemas.planes import Foreseen
 from app.weak_limits import AXIS_NAMES, WEAK_IN
 from calib_core.doctor.report import Forecast
+from calib_core.sigmas import Unit, std_text, tells_nothing
 from calib_core.types import FloatArray
 
 #: A plane flatter than the lidar's own noise is not known better for it.
@@ -39,19 +40,30 @@ def foreseen(forecast: Forecast | None, planes: PlaneSet, suggestion: PlaneSet) 
     name = AXIS_NAMES[worst.name]
     by_motion = worst.weak or worst.std > limit
     weak = by_motion or std > limit
-    text = _what_to_do(name, worst.advice, by_motion=by_motion) if weak else ""
+    text = _what_to_do(_stays(name, std, worst.unit, limit), worst.advice, by_motion=by_motion) if weak else ""
     return Foreseen(name=name, std=std, unit=worst.unit, limit=limit, weak=weak, text=text)
 
 
-def _what_to_do(name: str, advice: str, *, by_motion: bool) -> str:
-    """A sentence for an axis that would stay unknown.
+def _stays(name: str, std: float, unit: Unit, limit: float) -> str:
+    """What would be left of an axis. One within its limit has that from its prior alone, and one that is merely weak has a number
+    beside this sentence: neither is unknown as one beyond a metre is."""
+    if tells_nothing(std, unit):
+        return f"{name} would stay unknown"
+    if std <= limit:
+        return f"{name} would rest on what is known beforehand"
+    return f"{name} would stay weak, ± {std_text(std, unit).replace(' deg', '°')}"
 
-    advice: of the forecast for this axis.   by_motion: all planes that were found would not tell it either.
+
+def _what_to_do(stays: str, advice: str, *, by_motion: bool) -> str:
+    """A sentence for an axis that would stay weak or unknown.
+
+    stays: which, in words.   advice: of the forecast for this axis.   by_motion: all planes that were found would not tell it
+    either.
     """
     if not by_motion:
-        return f"{name} would stay unknown: too little is left of what fixes it. Confirm more planes."
+        return f"{stays}: too little is left of what fixes it. Confirm more planes."
     cure = advice or "Record again, with turns about all three axes."
-    return f"{name} would stay unknown, whichever planes are confirmed: the motion does not tell it. {cure}"
+    return f"{stays}, whichever planes are confirmed: the motion does not tell it. {cure}"
 
 
 def information(planes: PlaneSet) -> FloatArray:

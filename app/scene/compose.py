@@ -188,7 +188,9 @@ def _as_wished(content: Content, state: ViewState) -> Content:
 def _motions(solved: Solved, state: ViewState) -> Motions:
     nudge = state.nudge
     shown = solved.trajectory if nudge is None else nudged(solved.trajectory, solved.T_imu_lidar, nudge)
-    return Motions(solved, shown, None if state.old is None else with_old(solved, state.old))
+    if state.old is None:
+        return Motions(solved, shown, None)
+    return Motions(solved, shown, with_old(solved, state.old), state.old.name)
 
 
 def _view(

@@ -68,6 +68,12 @@ class Motions:
     solved: Solved
     shown: Trajectory
     old: Trajectory | None
+    #: What the old one is called; "" where nobody named it. It may be another run, which is not old.
+    old_name: str = ""
+
+    def title(self, source: Source) -> str:
+        """What a cloud is called."""
+        return self.old_name if source == "old" and self.old_name else TITLES[source]
 
 
 def build_inspection(recording: Recording, look: Look, motions: Motions, camera: Camera | None) -> Content:
@@ -88,13 +94,13 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
     if look.show == "side":
         shifts = _shifts(parts, look)
         parts = [_moved(part, shift) for part, shift in zip(parts, shifts, strict=True)]
-        labels = [_title(part, source, look.stage) for part, source in zip(parts, sources, strict=True)]
+        labels = [_title(part, source, motions, look.stage) for part, source in zip(parts, sources, strict=True)]
     stand = shifts[sources.index("deskewed")] if "deskewed" in sources else shifts[-1]
     frames = _motion(recording, look, motions, stand, breadth_m([part.xyz for part in parts]))
     beside = look.show == "side"
     return Content(
         items=(*parts, *labels, *frames, *(() if beside else ground(parts[-1].xyz, look.stage))),
-        legend=_legend(look, sources),
+        legend=_legend(look, sources, motions),
         aim=f"side of {len(sources)}" if beside else ONE_PLACE,
         # Beside each other there is more than one room, and walls of none of them are where the planes say.
         stage=replace(look.stage, walls=look.stage.walls[:0]) if beside else look.stage,
@@ -214,12 +220,12 @@ def _shifts(parts: list[Cloud], look: Look) -> list[FloatArray]:
     return [(place - (len(parts) - 1) / 2) * step_m * direction for place in range(len(parts))]
 
 
-def _title(cloud: Cloud, source: Source, stage: Stage) -> Label:
+def _title(cloud: Cloud, source: Source, motions: Motions, stage: Stage) -> Label:
     if len(cloud.xyz) == 0:
-        return Label(f"/titles/{source}", TITLES[source], np.zeros(3))
+        return Label(f"/titles/{source}", motions.title(source), np.zeros(3))
     low, high = np.percentile(cloud.xyz @ stage.R_level_scene.T, [2, 98], axis=0)
     above = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 1.1]) @ stage.R_level_scene
-    return Label(f"/titles/{source}", TITLES[source], above)
+    return Label(f"/titles/{source}", motions.title(source), above)
 
 
 def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArray, breadth: float) -> tuple[Item, ...]:
@@ -243,11 +249,11 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
     )
 
 
-def _legend(look: Look, sources: tuple[Source, ...]) -> str:
+def _legend(look: Look, sources: tuple[Source, ...], motions: Motions) -> str:
+    # A name given keeps its letters.
+    first = motions.old_name if sources[0] == "old" and motions.old_name else TITLES[sources[0]].lower()
     if look.show == "both":
-        other = "orange: raw" if sources[0] == "raw" else "magenta: old extrinsic"
-        return f"{other[0].upper()}{other[1:]}; blue: de-skewed."
+        return f"{'Orange' if sources[0] == 'raw' else 'Magenta'}: {first}; blue: de-skewed."
     if look.show == "wipe":
-        left = TITLES[sources[0]].lower()
-        return f"Left of the line: {left}; right: de-skewed. {LEGENDS[look.color_by]}"
+        return f"Left of the line: {first}; right: de-skewed. {LEGENDS[look.color_by]}"
     return LEGENDS[look.color_by]

@@ -43,6 +43,9 @@ class OldExtrinsic(WireModel):
         description="of unit length, to two digits", examples=[(0.0, 0.0, 0.0, 1.0)]
     )
     time_offset_s: float | None = Field(default=None, description="None: the answer's own is kept")
+    name: str = Field(
+        default="", max_length=80, description="what it is called on the scene, as a run's; '': an old extrinsic"
+    )
 
     @field_validator("quaternion_xyzw")
     @classmethod

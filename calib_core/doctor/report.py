@@ -225,7 +225,7 @@ class Forecast(_Model):
 
     text: for a person.   parameters: all seven, or none where `reason` says why, under the stable `code`.
     weak: a sentence for each direction that stays weak.   planes: names of those it rests on.   advice: what to record.
-    covered_s: seconds of motion that the numbers rest on.
+    covered_s: seconds that could be followed and that the numbers rest on, standstill included.
     """
 
     text: str = ""

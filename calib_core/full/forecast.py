@@ -81,8 +81,8 @@ class Outlook:
     """What a solve would find to work with, and to know.
 
     proposals: the expected planes.   gravity: (3,) [m/s2] in their frame.   knowledge: None where `reason` says why, under
-    the stable `code`.   advice: what to record for what would stay unknown.   covered_s: seconds of motion that could be
-    followed.   range_std_m: the lidar's noise, seen on the planes.
+    the stable `code`.   advice: what to record for what would stay unknown.   covered_s: seconds that could be followed,
+    standstill included.   range_std_m: the lidar's noise, seen on the planes.
     """
 
     proposals: PlaneProposals

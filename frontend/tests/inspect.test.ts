@@ -81,7 +81,7 @@ describe("scans that stand out", () => {
 });
 
 describe("the URL of an inspection", () => {
-  const old = { translation_m: [0.1, -0.2, 0.3], quaternion_xyzw: [0, 0, 0, 1], time_offset_s: null };
+  const old = { translation_m: [0.1, -0.2, 0.3], quaternion_xyzw: [0, 0, 0, 1], time_offset_s: null, name: "" };
   // Fails with the missing time offset read as zero.
   it("keeps an old extrinsic, with its time offset or without", () => {
     expect(parseOld(writeOld(old))).toEqual(old);

@@ -26,9 +26,12 @@ const outcome = {
 describe("one truth", () => {
   // Fails when the table at the end shows the last iteration's sigmas instead of the verdict's.
   it("ends the solve's table with the outcome", () => {
-    const last = parametersOf([{ ...outcome, translation_std_m: [0.00029, 0.1, 0.1] } as never, ...answerOf(outcome)]);
+    const last = parametersOf([
+      { ...outcome, translation_std_m: [0.00029, 0.1, 0.1] } as never,
+      ...answerOf(outcome, false),
+    ]);
     expect(last.find((one) => one.key === "tx")?.sigmas.at(-1)).toBeCloseTo(3);
-    expect(answerOf({ ...outcome, euler_xyz_deg: null })).toEqual([]);
+    expect(answerOf({ ...outcome, euler_xyz_deg: null }, false)).toEqual([]);
   });
 
   // Fails when an angle is shown as 181 in one place and as -179 in another.
@@ -62,16 +65,18 @@ describe("one truth", () => {
     expect(determines({ determinacy, foreseen: null })).toBe(true);
   });
 
-  // Fails when a sample's number of planes stands beside the number that was found.
+  // Fails when a sample's number of planes stands beside the number that was found; when planes are called confirmed that
+  // nobody has looked at.
   it("counts planes once", () => {
     const sampled = { text: "A sample of the points shows 8 planes" } as Parameters<typeof planesText>[0];
     const found = (confirmed: boolean[]) =>
       ({
         patches: confirmed.map((one) => ({ confirmed: one })),
-        determinacy: { text: "2 confirmed planes fix it." },
+        determinacy: { ok: confirmed.length > 1, text: `${confirmed.length} confirmed planes, said elsewhere` },
       }) as unknown as Parameters<typeof planesText>[1];
     expect(planesText(sampled, undefined)).toBe("A sample of the points shows 8 planes");
-    expect(planesText(sampled, found([true, true]))).toBe("2 confirmed planes fix it.");
+    expect(planesText(sampled, found([true, true]))).toBe("2 planes seen; together they fix where the lidar is.");
+    expect(planesText(sampled, found([true]))).toBe("1 confirmed planes, said elsewhere");
     expect(planesText(sampled, found([true, false, false]))).toBe(
       "With all 3 planes that were found; 1 is chosen now.",
     );
@@ -119,13 +124,25 @@ describe("the next step of a refusal", () => {
 
   // Fails when the unit that is in use already is offered.
   it("offers the other unit, and only where the unit is in doubt", () => {
-    expect(otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar")?.change).toEqual({
+    expect(otherUnit(recording, ["the gyroscope turns 57 times as fast as the lidar"])?.change).toEqual({
       gyroscope_unit: "deg_s",
     });
-    expect(otherUnit(recording, "the lidar stood still")).toBeNull();
+    expect(otherUnit(recording, ["the lidar stood still"])).toBeNull();
   });
 
-  const unit = otherUnit(recording, "the gyroscope turns 57 times as fast as the lidar");
+  // Fails when what is said of every recording in g is taken for a doubt; when two reasons together make one.
+  it("leaves a unit alone that nothing speaks against", () => {
+    const inG = "Accelerations on /imu are in g: at rest their norm is 1.00.";
+    expect(otherUnit(recording, [inG, "the planes chosen do not hold the motion"])).toBeNull();
+    expect(otherUnit(recording, [inG, "the turns hang together (in units of 1 deg, 10 mm, 1 ms)"])).toBeNull();
+    expect(otherUnit(recording, [inG, "the unit of the ranges is in doubt"])).toBeNull();
+    const gravity = "the best answer needs gravity to be 7.50 m/s²; the IMU's units are not what they seem";
+    expect(otherUnit(recording, [gravity])?.change).toEqual({ accelerometer_unit: "g" });
+    const neither = "At rest they have norm 3.10, which is gravity neither in m/s² nor in g; m/s² is assumed.";
+    expect(otherUnit(recording, [neither])?.change).toEqual({ accelerometer_unit: "g" });
+  });
+
+  const unit = otherUnit(recording, ["the gyroscope turns 57 times as fast as the lidar"]);
   // Fails when every refusal leads back to the planes; when a weak answer does not ask for another motion.
   it.each([
     ["refused", ["imu.gyroscope_unit"], unit, "unit"],

@@ -6,6 +6,7 @@ import { describe, expect, it, vi } from "vitest";
 import type { Operation, Patch, Planes } from "../src/api/client";
 import { keys } from "../src/api/queries";
 import { DeterminacyMeter } from "../src/features/planes/determinacy";
+import { lastSolve, remarksOf } from "../src/features/planes/leftout";
 import { PatchList } from "../src/features/planes/list";
 import { NoneConfirmed } from "../src/features/planes/screen";
 import { mergeCandidates } from "../src/features/planes/similar";
@@ -176,5 +177,69 @@ describe("the meter of what planes determine", () => {
       "false",
       expect.stringContaining("The lidar stood still."),
     ]);
+  });
+});
+
+describe("what the last solve left out", () => {
+  const color = "#0072b2";
+  const look = (name: string, title = name, shade = color) => ({ name, title, color: shade, restricted: false });
+  const run = (looks: unknown[], kind: string | null = "solve") =>
+    ({ job: { planes: looks, result: kind === null ? null : { kind } } }) as never;
+  const solved = run([
+    look("plane 9", "plane 1"),
+    look("plane 2"),
+    look("plane 3"),
+    look("plane 4", "plane 4", "#000000"),
+  ]);
+  const message = (code: string, text: string) => ({ level: "warning", code, text });
+  const result = (used: string[], ...messages: unknown[]) =>
+    ({ quality: { planes: used.map((name) => ({ name })) }, messages }) as never;
+
+  // Fails when a renamed plane is not known again; when one that counts is marked; when another plane's message is taken for it.
+  it("is said beside the plane, with the reason", () => {
+    const told = result(
+      ["plane 2"],
+      message("planes.bent", "plane 9 is not flat: left out"),
+      message(
+        "planes.moved",
+        "plane 2 did not stand still and counts because it was chosen: leave it out and solve again",
+      ),
+      message("planes.dropped", "plane 3 does not fit the motion that the others share: left out"),
+    );
+    expect([...remarksOf(planes.patches, solved, 2, told)]).toEqual([
+      [0, "left out by run 2: not flat"],
+      [2, "left out by run 2: does not fit the motion that the others share"],
+    ]);
+  });
+
+  // Fails when a refused run that lists no planes marks all of them.
+  it("is not guessed", () => {
+    expect(remarksOf(planes.patches, solved, 2, result([])).size).toBe(0);
+    expect([...remarksOf(planes.patches, solved, 2, result(["plane 9", "plane 2"]))]).toEqual([
+      [2, "left out by run 2"],
+    ]);
+  });
+
+  // Fails when a run that waits or failed hides the last that solved, or the numbers count from the wrong end.
+  it("is of the newest run that ended with a result", () => {
+    expect(lastSolve([run([look("a")], null), solved, solved, solved])).toEqual({ run: solved, number: 3 });
+    expect(lastSolve([])).toBeNull();
+  });
+
+  // Fails when the remark is not on the page, or takes the plane out of the choice by itself.
+  it("leaves the choice alone", () => {
+    const client = new QueryClient();
+    client.setQueryData(keys.facts, { usual });
+    const asked = { apply: vi.fn(), rename: vi.fn(), onRestrict: vi.fn() };
+    render(
+      <QueryClientProvider client={client}>
+        <MantineProvider>
+          <PatchList planes={planes} remarks={new Map([[0, "left out by run 2: not flat"]])} {...asked} />
+        </MantineProvider>
+      </QueryClientProvider>,
+    );
+    expect(screen.getByText("left out by run 2: not flat").closest("tr")?.textContent).toContain("plane 1");
+    expect(screen.getByRole<HTMLInputElement>("checkbox", { name: "Use plane 1" }).checked).toBe(true);
+    expect(asked.apply).not.toHaveBeenCalled();
   });
 });

@@ -148,7 +148,9 @@ def test_report_says_it_all() -> None:
 
 
 def test_forecast_has_two_digits_and_no_number_for_what_is_unknown() -> None:
-    """Fails if ten metres of a prior are shown as if they were a forecast, or metres are not turned into millimetres."""
+    """Fails if ten metres of a prior are shown as if they were a forecast, metres are not turned into millimetres, or standstill
+    counts as motion.
+    """
     parameters = (
         ParameterForecast(name="rx", std=0.00234, unit="deg", weak=False),
         ParameterForecast(name="tx", std=0.00062, unit="m", weak=False),
@@ -156,7 +158,7 @@ def test_forecast_has_two_digits_and_no_number_for_what_is_unknown() -> None:
         ParameterForecast(name="dt", std=0.0000161, unit="s", weak=False),
     )
     text = shown(report_block(report(forecast=Forecast(parameters=parameters, covered_s=20.1))))
-    for words in ("0.0023", "0.62", "unknown", "0.016", "20 s of motion"):
+    for words in ("0.0023", "0.62", "unknown", "0.016", "; from 20 s that could be followed"):
         assert words in text
     assert "9130" not in text
     silent = Forecast(parameters=(), reason="nothing moved", text="No forecast: nothing moved.")
@@ -203,6 +205,14 @@ def test_iteration_is_in_degrees_millimetres_milliseconds() -> None:
     text = shown(iteration_table(ITERATION))
     for words in ("179.9000", "-80.00", "30.00", "12.7000", "0.0100", "1234.5"):
         assert words in text
+
+
+def test_what_is_held_is_called_so() -> None:
+    """Mutations: a number for it; the bar of the others missing, or a bar for what has none."""
+    stds = {"translation_std_m": [None, 0.03, 0.0004], "rotation_std_deg": [None] * 3, "time_offset_std_s": None}
+    lines = shown(iteration_table(ITERATION.model_copy(update=stds))).splitlines()
+    assert [line.count("held") for line in lines if "1 sigma" in line] == [3, 1, 1]
+    assert ["━" in line for line in lines if "1 sigma" in line] == [False, True, False]
 
 
 def test_error_bar_shrinks_with_every_decade() -> None:

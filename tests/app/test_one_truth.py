@@ -276,3 +276,22 @@ def test_a_forecast_that_is_useless_says_so_and_what_to_do():
     assert starved is not None
     assert starved.weak
     assert starved.text.endswith("Confirm more planes.")
+
+
+def test_what_has_a_number_is_not_called_unknown():
+    """Mutation: unknown for each axis beyond its limit, above its own standard deviation."""
+    start = suggested(PROPOSALS)
+
+    def said(name: str, std: float) -> str:
+        changed = (
+            p.model_copy(update={"std": std, "weak": True}) if p.name == name else p for p in FORECAST.parameters
+        )
+        found = foreseen(FORECAST.model_copy(update={"parameters": tuple(changed)}), start, start)
+        assert found is not None
+        return found.text.split(", whichever")[0]
+
+    assert said("tz", 0.035) == "Position z would stay weak, ± 35 mm"
+    assert said("rx", 2.0) == "Turn x would stay weak, ± 2.0°"
+    assert said("tz", 1.0) == "Position z would stay unknown"
+    assert said("rx", 180.0) == "Turn x would stay unknown"
+    assert said("tz", 0.001) == "Position z would rest on what is known beforehand"

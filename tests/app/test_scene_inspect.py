@@ -13,12 +13,13 @@ from app.planes import palette
 from app.results.thickness import measure_thickness
 from app.scene.aim import stand
 from app.scene.build import Solved, build_unsolved
+from app.scene.compose import _motions
 from app.scene.converge import build_converging, steady_up
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Axes, Cloud, Label, Line
 from app.scene.nudge import nudged, with_old
 from app.scene.wipe import Camera, left_of
-from app.schemas.view import Nudge, OldExtrinsic
+from app.schemas.view import Nudge, OldExtrinsic, ViewState
 from calib_core.events import IterationEvent, PlaneResidual, SweepMotion
 from tests.app.support import world
 
@@ -140,6 +141,26 @@ def test_side_by_side_is_the_same_clouds_apart(with_old_one):
     assert low < max(cloud.xyz[:, 0].min() for cloud in side.values()) + 8.0
     titles = [item.text for item in content.items if isinstance(item, Label) and item.path.startswith("/titles")]
     assert titles == (["Raw", "Old extrinsic", "De-skewed"] if with_old_one else ["Raw", "De-skewed"])
+
+
+def test_another_run_is_called_by_its_name():
+    """Mutations: one run called an old extrinsic over its cloud; in a legend."""
+    old = OldExtrinsic(translation_m=(0, 0, 0), quaternion_xyzw=(0, 0, 0, 1), name="Run 3")
+    motions = replace(MOTIONS, old=with_old(SOLVED, old), old_name=old.name)
+
+    def shown(show, camera=None):
+        return build_inspection(RECORDING, replace(LOOK, show=show, against="old", limit=900), motions, camera)
+
+    assert [item.text for item in shown("side").items if isinstance(item, Label) and item.path == "/titles/old"] == [
+        "Run 3"
+    ]
+    assert shown("both").legend == "Magenta: Run 3; blue: de-skewed."
+    assert shown("wipe", seen_from_above()).legend.startswith("Left of the line: Run 3; right: de-skewed.")
+    unnamed = build_inspection(
+        RECORDING, replace(LOOK, show="both", against="old"), replace(motions, old_name=""), None
+    )
+    assert unnamed.legend == "Magenta: old extrinsic; blue: de-skewed."
+    assert _motions(SOLVED, ViewState(old=old)).old_name == "Run 3"
 
 
 @pytest.mark.parametrize("preset", ["overview", "top", "front"])

@@ -37,4 +37,6 @@ def test_a_row_with_another_unit_names_each() -> None:
     """Mutation: the column's unit behind a number of another: 9.1 m mm."""
     assert std_row([0.0012, 0.0031], "m", 2) == (["1.20", "3.10"], "mm")
     assert std_row([0.0012, 9.13506], "m", 2) == (["1.20 mm", "9.1 m"], "")
+    assert std_row([0.0012, None], "m", 2) == (["1.20", "held"], "mm")
+    assert std_row([None], "s", 4) == (["held"], "")
     assert std_row([0.01, 200.0], "deg", 4) == (["0.0100 deg", "not determined"], "")

@@ -87,7 +87,7 @@ def require_three_ways(names: Sequence[str], faults: Sequence[Fault], normals: F
         raise Refused(
             "planes.doubtful",
             f"the planes chosen do not hold the motion: {', '.join(said)}, and the others do not face three ways; choose walls, "
-            "floor and ceiling, or leave the choice open",
+            "floor and ceiling, or use the suggestion",
         )
 
 
@@ -118,6 +118,6 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
             "warning",
             "planes.bent",
             f"the chosen planes are mostly not flat, or not what they seem: all standard deviations are {wider:.1f} times what "
-            "noise alone would give; choose walls, floor and ceiling, or leave the choice open",
+            "noise alone would give; choose walls, floor and ceiling, or use the suggestion",
         )
     return wider

@@ -63,6 +63,9 @@ def iteration_event(
 ) -> IterationEvent:
     """One accepted step, for whoever watches. number: of the iteration, of its round.   names: of the planes."""
     std = np.sqrt(np.diag(covariance(solution.information).matrix)[:CALIBRATION])
+    std[ROTATION] = np.degrees(std[ROTATION])
+    # What is held is so by an information that nobody measured, which would look like the best of all answers.
+    told = [None if i in problem.frozen else float(value) for i, value in enumerate(std)]
     return IterationEvent(
         iteration=number[0],
         round=number[1],
@@ -71,9 +74,9 @@ def iteration_event(
         translation_m=estimate.p_imu_lidar.tolist(),
         euler_xyz_deg=euler_xyz_deg(estimate.R_imu_lidar),
         time_offset_s=run.clocks.offset_ns(estimate.time_offset_s) * 1e-9,
-        rotation_std_deg=np.degrees(std[ROTATION]).tolist(),
-        translation_std_m=std[TRANSLATION].tolist(),
-        time_offset_std_s=float(std[TIME_OFFSET]),
+        rotation_std_deg=told[ROTATION],
+        translation_std_m=told[TRANSLATION],
+        time_offset_std_s=told[TIME_OFFSET],
         planes=[
             PlaneResidual(name=name, rms_m=rms, points=points, normal=np.round(normal, 7).tolist(), offset_m=float(w))
             for name, normal, w, (rms, points) in zip(

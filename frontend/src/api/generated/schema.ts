@@ -1525,7 +1525,7 @@ export interface components {
          *
          *     text: for a person.   parameters: all seven, or none where `reason` says why, under the stable `code`.
          *     weak: a sentence for each direction that stays weak.   planes: names of those it rests on.   advice: what to record.
-         *     covered_s: seconds of motion that the numbers rest on.
+         *     covered_s: seconds that could be followed and that the numbers rest on, standstill included.
          */
         Forecast: {
             /**
@@ -1818,8 +1818,11 @@ export interface components {
             matrix: number[][];
             /** Planes */
             planes: components["schemas"]["PlaneResidual"][];
-            /** Rotation Std Deg */
-            rotation_std_deg: number[];
+            /**
+             * Rotation Std Deg
+             * @description null: held in this round
+             */
+            rotation_std_deg: (number | null)[];
             /** Round */
             round: number;
             /**
@@ -1830,12 +1833,18 @@ export interface components {
             sweeps: components["schemas"]["SweepMotion"][];
             /** Time Offset S */
             time_offset_s: number;
-            /** Time Offset Std S */
-            time_offset_std_s: number;
+            /**
+             * Time Offset Std S
+             * @description null: held in this round
+             */
+            time_offset_std_s: number | null;
             /** Translation M */
             translation_m: number[];
-            /** Translation Std M */
-            translation_std_m: number[];
+            /**
+             * Translation Std M
+             * @description null: held in this round
+             */
+            translation_std_m: (number | null)[];
         };
         /**
          * Job
@@ -2213,6 +2222,12 @@ export interface components {
          * @description An extrinsic the user had before, T_imu_lidar in the contract's signs, to be looked at beside the answer.
          */
         OldExtrinsic: {
+            /**
+             * Name
+             * @description what it is called on the scene, as a run's; '': an old extrinsic
+             * @default
+             */
+            name: string;
             /**
              * Quaternion Xyzw
              * @description of unit length, to two digits

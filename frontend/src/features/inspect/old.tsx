@@ -5,6 +5,7 @@ import { useReadExtrinsic } from "../../api/changes";
 import { fixed } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
+import { nameOfOld } from "./oldtext";
 import css from "./inspect.module.css";
 
 interface OldSectionProps {
@@ -19,7 +20,7 @@ type Direction = ExtrinsicText["direction"];
 export function OldSection({ old, blur, onChange }: OldSectionProps) {
   return (
     <Section
-      title="Your old extrinsic"
+      title={nameOfOld(old, "Your old extrinsic")}
       tools={
         old !== null && (
           <Button size="compact-xs" variant="default" onClick={() => onChange(null)}>

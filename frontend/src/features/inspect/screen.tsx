@@ -14,6 +14,7 @@ import { chosenRun, isRefused } from "../workspace/state";
 import { ExcludeSection } from "./exclude";
 import { NudgeSection } from "./nudge";
 import { OldSection } from "./old";
+import { nameOfOld } from "./oldtext";
 import { ScanStrip } from "./scanstrip";
 import { badScans, joined, type TimeSpan } from "./spans";
 import { ThicknessSection } from "./thickness";
@@ -91,7 +92,7 @@ function Inspection({ run, recording, returns }: Workspace & { run: Run }) {
       {wish.show === "wipe" && (
         <Wipe
           share={wish.wipe}
-          left={wish.against === "old" ? "Old extrinsic" : "Raw"}
+          left={wish.against === "old" ? nameOfOld(wish.old, "Old extrinsic") : "Raw"}
           right="De-skewed"
           onChange={(wipe) => change({ wipe })}
         />

@@ -2,6 +2,7 @@ import { Button, NativeSelect, SegmentedControl } from "@mantine/core";
 import { viewPageUrl } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { useShortcuts } from "../../ui/shortcuts";
+import { nameOfOld } from "./oldtext";
 import css from "./inspect.module.css";
 import type { ColorBy, Extent, InspectWish, Show } from "./wish";
 
@@ -35,7 +36,13 @@ interface ViewBarProps {
 
 /** What the scene shows, and by what it is coloured. */
 export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
-  const offered = shows.filter((show) => show.value !== "old" || wish.old !== null);
+  const offered = shows
+    .filter((show) => show.value !== "old" || wish.old !== null)
+    .map((show) =>
+      show.value === "old"
+        ? { ...show, label: nameOfOld(wish.old, show.label), said: `With ${nameOfOld(wish.old, "the old extrinsic")}` }
+        : show,
+    );
   const compares = wish.old !== null && (wish.show === "both" || wish.show === "wipe");
   const nextExtent = () => {
     const at = extents.findIndex((extent) => extent.value === wish.extent);
@@ -80,7 +87,7 @@ export function ViewBar({ recordingId, wish, change }: ViewBarProps) {
           aria-label="Compare with"
           data={[
             { value: "raw", label: "against raw" },
-            { value: "old", label: "against old" },
+            { value: "old", label: `against ${nameOfOld(wish.old, "old")}` },
           ]}
           value={wish.against}
           onChange={(event) => change({ against: event.currentTarget.value === "old" ? "old" : "raw" })}

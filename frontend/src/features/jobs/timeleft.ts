@@ -101,3 +101,9 @@ export function standingOf(job: Job | null): string {
       return "Solving";
   }
 }
+
+/** What is said of an ended run below its standing: the verdict, without the word that stands there already. */
+export function saidBelow(job: Job | null, verdict: string): string {
+  const word = `${standingOf(job)}. `;
+  return verdict.startsWith(word) ? verdict.slice(word.length) : verdict;
+}

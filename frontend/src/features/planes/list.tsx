@@ -11,6 +11,8 @@ import { mergeCandidates } from "./similar";
 
 interface PatchListProps {
   planes: Planes;
+  /** What is to be said of a patch, by its index. */
+  remarks?: ReadonlyMap<number, string>;
   apply: (operation: Operation) => void;
   /** Rejects where the name cannot be had. */
   rename: (index: number, name: string) => Promise<unknown>;
@@ -19,7 +21,7 @@ interface PatchListProps {
 }
 
 /** Every patch with what a person needs to judge it. */
-export function PatchList({ planes, ...asked }: PatchListProps) {
+export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
   if (planes.patches.length === 0) return <NoPlanes />;
   return (
     <table className={css.table}>
@@ -57,19 +59,26 @@ export function PatchList({ planes, ...asked }: PatchListProps) {
       </thead>
       <tbody>
         {planes.patches.map((patch) => (
-          <PatchRow key={patch.index} patch={patch} all={planes.patches} {...asked} />
+          <PatchRow
+            key={patch.index}
+            patch={patch}
+            all={planes.patches}
+            remark={remarks?.get(patch.index)}
+            {...asked}
+          />
         ))}
       </tbody>
     </table>
   );
 }
 
-interface RowProps extends Omit<PatchListProps, "planes"> {
+interface RowProps extends Omit<PatchListProps, "planes" | "remarks"> {
   patch: Patch;
+  remark: string | undefined;
   all: readonly Patch[];
 }
 
-function PatchRow({ patch, all, apply, rename, onRestrict }: RowProps) {
+function PatchRow({ patch, remark, all, apply, rename, onRestrict }: RowProps) {
   const { renaming, setRenaming, ask, menuGone } = useRenaming();
   const usual = useUsual();
   const candidates = usual === undefined ? [] : mergeCandidates(patch, all, usual);
@@ -115,6 +124,7 @@ function PatchRow({ patch, all, apply, rename, onRestrict }: RowProps) {
             </span>
           )}
         </div>
+        {remark !== undefined && <p className={css.remark}>{remark}</p>}
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>

@@ -1,4 +1,5 @@
 import { ActionIcon, Button, Skeleton, Tooltip } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { useEffect, useRef } from "react";
 import { useNavigate } from "react-router";
 import type { Operation, Planes } from "../../api/client";
@@ -7,6 +8,7 @@ import { asFault } from "../../api/fault";
 import { useClickRefusal } from "../../api/feed";
 import { useChangeView, useStartJob } from "../../api/changes";
 import { useEditPlanes } from "../../api/planes";
+import { resultQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
@@ -16,12 +18,13 @@ import { stagesOfPlanes } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
 import { determines, DeterminacyMeter } from "./determinacy";
+import { lastSolve, remarksOf } from "./leftout";
 import { PatchList } from "./list";
 import css from "./planes.module.css";
 
 /** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
 export function PlanesScreen() {
-  const { recording, planes, jobs, returns } = useWorkspace();
+  const { recording, planes, jobs, runs, returns } = useWorkspace();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);
   const edit = useEditPlanes(recording.id);
@@ -32,6 +35,13 @@ export function PlanesScreen() {
   const running = job !== null && !isFinal(job);
   const searching = running && planes === undefined;
   const [refusal, forgetRefusal] = useClickRefusal(recording.id, planes?.revision);
+
+  const last = lastSolve(runs);
+  const told = useQuery({ ...resultQuery(last?.run.job.id ?? ""), enabled: last !== null }).data;
+  const remarks =
+    last === null || told === undefined || planes === undefined
+      ? undefined
+      : remarksOf(planes.patches, last.run, last.number, told);
 
   useEffect(() => {
     changeView({ mode: "planes", click: "toggle", nudge: null });
@@ -122,6 +132,7 @@ export function PlanesScreen() {
             )}
             <PatchList
               planes={planes}
+              {...(remarks === undefined ? {} : { remarks })}
               apply={apply}
               rename={(index, name) => naming.mutateAsync({ op: "rename", index, name })}
               onRestrict={(target) => changeView({ click: "restrict", target })}

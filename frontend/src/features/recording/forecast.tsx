@@ -33,7 +33,9 @@ export function planesText(report: DoctorReport["planes"], found: Planes | undef
   if (found === undefined) return report?.text ?? "";
   const chosen = found.patches.filter((patch) => patch.confirmed).length;
   const all = found.patches.length;
-  if (chosen === all) return found.determinacy.text;
+  // Here nobody has confirmed any yet: what is chosen may be the suggestion.
+  if (chosen === all)
+    return found.determinacy.ok ? `${all} planes seen; together they fix where the lidar is.` : found.determinacy.text;
   return `With all ${all} planes that were found; ${chosen === 1 ? "1 is" : `${chosen} are`} chosen now.`;
 }
 
@@ -72,7 +74,7 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
       {forecast.parameters.length > 0 && (
         <p className="dim small">
           One standard deviation each
-          {forecast.covered_s > 0 && `, from ${fixed(forecast.covered_s, 0)} s of motion that could be followed`}.
+          {forecast.covered_s > 0 && `, from ${fixed(forecast.covered_s, 0)} s that could be followed`}.
         </p>
       )}
     </section>

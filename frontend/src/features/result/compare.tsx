@@ -24,10 +24,14 @@ function answered(run: Run): boolean {
   return run.job.result?.kind === "solve" && run.job.result.translation_m !== null;
 }
 
+/** As the list of runs counts: the oldest is the first. */
+function called(run: Run, runs: readonly Run[]): string {
+  return `Run ${runs.length - runs.indexOf(run)}`;
+}
+
 function title(run: Run, runs: readonly Run[]): string {
-  const number = runs.length - runs.indexOf(run);
   const when = new Date(run.job.created_at).toLocaleString(undefined, { dateStyle: "short", timeStyle: "short" });
-  return `Run ${number}, ${run.job.settings.method === "paper" ? "as published" : "full"}, ${when}`;
+  return `${called(run, runs)}, ${run.job.settings.method === "paper" ? "as published" : "full"}, ${when}`;
 }
 
 /** The newest answers of other recordings: the same rig on another day, or another rig. */
@@ -42,6 +46,28 @@ function useOthers(recording: Recording): { value: string; label: string }[] {
     });
 }
 
+interface Sides {
+  from: string | null;
+  to: string;
+}
+
+/** Which two are compared, before and after something was chosen; null where this recording has no answer.
+ *
+ *  The run that is shown, from another of this recording: of another recording's rig nobody said that it is the same, so one of
+ *  those has to be chosen. Never an answer with itself, which always agrees.
+ */
+export function sidesOf(
+  known: readonly string[],
+  shown: string,
+  first: string | null,
+  second: string | null,
+): Sides | null {
+  const free = known.filter((id) => id !== first);
+  const to = second ?? (free.includes(shown) ? shown : (free[0] ?? known[0]));
+  if (to === undefined) return null;
+  return { from: (first === to ? null : first) ?? known.find((id) => id !== to) ?? null, to };
+}
+
 /** Any two answers side by side: what differs, whether by more than both are unsure of, and both clouds. */
 export function Compare({ recording, runs, shown }: CompareProps) {
   const known = runs.filter(answered);
@@ -49,12 +75,23 @@ export function Compare({ recording, runs, shown }: CompareProps) {
   const mine = known.map((run) => ({ value: run.job.id, label: title(run, runs) }));
   const [first, setFirst] = useState<string | null>(null);
   const [second, setSecond] = useState<string | null>(null);
-  const from = first ?? known.find((run) => run.job.id !== shown)?.job.id ?? others[0]?.value;
-  const to = second ?? known.find((run) => run.job.id === shown)?.job.id ?? known[0]?.job.id;
-  if (from === undefined || to === undefined) return null;
-  const data = [
-    { group: "This recording", items: mine },
-    ...(others.length === 0 ? [] : [{ group: "Other recordings", items: others }]),
+  const sides = sidesOf(
+    known.map((run) => run.job.id),
+    shown,
+    first,
+    second,
+  );
+  if (sides === null || mine.length + others.length < 2) return null;
+  const { from, to } = sides;
+  const names = new Map([
+    ...known.map((run) => [run.job.id, called(run, runs)] as const),
+    ...others.map(({ value, label }) => [value, label] as const),
+  ]);
+  const without = (id: string | null) => [
+    { group: "This recording", items: mine.map((item) => ({ ...item, disabled: item.value === id })) },
+    ...(others.length === 0
+      ? []
+      : [{ group: "Other recordings", items: others.map((item) => ({ ...item, disabled: item.value === id })) }]),
   ];
   return (
     <Section title="Compare two answers">
@@ -62,19 +99,27 @@ export function Compare({ recording, runs, shown }: CompareProps) {
         <NativeSelect
           size="xs"
           label="From"
-          data={data}
-          value={from}
+          data={
+            from === null ? [{ value: "", label: "Choose an answer", disabled: true }, ...without(to)] : without(to)
+          }
+          value={from ?? ""}
           onChange={(event) => setFirst(event.currentTarget.value)}
         />
         <NativeSelect
           size="xs"
           label="To"
-          data={data}
+          data={without(from)}
           value={to}
           onChange={(event) => setSecond(event.currentTarget.value)}
         />
       </div>
-      <Differences firstId={from} secondId={to} recording={recording} runs={known} />
+      {from === null ? (
+        <p className="dim small">
+          Choose the answer to compare with: of this recording, or of another one of the same rig.
+        </p>
+      ) : (
+        <Differences firstId={from} secondId={to} recording={recording} runs={known} names={names} />
+      )}
     </Section>
   );
 }
@@ -84,9 +129,11 @@ interface DifferencesProps {
   secondId: string;
   recording: Recording;
   runs: readonly Run[];
+  /** What the scene calls each of them. */
+  names: ReadonlyMap<string, string>;
 }
 
-function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
+function Differences({ firstId, secondId, recording, runs, names }: DifferencesProps) {
   const first = useQuery(resultQuery(firstId));
   const second = useQuery(resultQuery(secondId));
   if (first.isPending || second.isPending) return <Skeleton height={180} />;
@@ -97,7 +144,7 @@ function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
   const blind = found.filter(({ unit, sigma }) => apart * sigma > telling[unit]);
   // The clouds of this recording, de-skewed with the one and with the other.
   const here = runs.find((run) => run.job.id === secondId) ?? runs.find((run) => run.job.id === firstId);
-  const other = here?.job.id === secondId ? first.data : second.data;
+  const [other, otherId] = here?.job.id === secondId ? [first.data, firstId] : [second.data, secondId];
   return (
     <>
       <p>
@@ -131,7 +178,7 @@ function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
       {here !== undefined && (
         <Button
           component={Link}
-          to={`/r/${recording.id}/inspect?${cloudsQuery(here.job.id, other)}`}
+          to={`/r/${recording.id}/inspect?${cloudsQuery(here.job.id, other, names.get(otherId) ?? "")}`}
           variant="default"
           size="compact-sm"
         >
@@ -142,13 +189,25 @@ function Differences({ firstId, secondId, recording, runs }: DifferencesProps) {
   );
 }
 
+/** A name that fits a button. */
+function short(name: string): string {
+  return name.length > 24 ? `${name.slice(0, 23)}…` : name;
+}
+
 /** Inspect, with one answer as the run's own and the other as the extrinsic beside it. */
-function cloudsQuery(jobId: string, other: CalibrationResult): string {
+export function cloudsQuery(
+  jobId: string,
+  other: Pick<CalibrationResult, "T_imu_lidar" | "time_offset_s">,
+  name: string,
+) {
   const pose = other.T_imu_lidar;
   const query = new URLSearchParams({ job: jobId, show: "side", against: "old", map: "1" });
   if (pose !== null) {
     const { translation_m, quaternion_xyzw } = pose;
-    query.set("old", writeOld({ translation_m, quaternion_xyzw, time_offset_s: other.time_offset_s }));
+    query.set(
+      "old",
+      writeOld({ translation_m, quaternion_xyzw, time_offset_s: other.time_offset_s, name: short(name) }),
+    );
   }
   return query.toString();
 }

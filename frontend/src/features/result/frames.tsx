@@ -1,3 +1,5 @@
+import { withSigma } from "../../ui/format";
+import { LevelIcon } from "../../ui/icons";
 import css from "./result.module.css";
 
 const size = 200;
@@ -16,16 +18,18 @@ interface FramesProps {
   matrix: readonly (readonly number[])[];
   base: string;
   other: string;
-  /** Whether the recording told where the one is from the other. */
-  placed: boolean;
+  /** How far apart they are and its standard deviation [m]; null where the recording did not tell. */
+  apart: { m: number; sigmaM: number } | null;
+  /** Whether that is told, but beyond the limit of a weak answer. */
+  weak: boolean;
 }
 
 /** The two sensors' axes, true in direction; the distance between them is drawn to fit. */
-export function Frames({ matrix, base, other, placed }: FramesProps) {
+export function Frames({ matrix, base, other, apart, weak }: FramesProps) {
   const at = (row: number, column: number) => matrix[row]?.[column] ?? 0;
   const p: Vector = [at(0, 3), at(1, 3), at(2, 3)];
   const distance = Math.hypot(...p);
-  const millimetres = (distance * 1000).toFixed(1);
+  const told = apart === null ? null : withSigma(apart.m * 1000, apart.sigmaM * 1000);
   const reach = distance > 1e-6 ? 84 / distance : 0;
   const [ox, oy] = project([p[0] * reach, p[1] * reach, p[2] * reach]);
   const place = (sx: number, sy: number): [number, number] => [middle + sx - ox / 2, middle + 8 + sy - oy / 2];
@@ -49,7 +53,7 @@ export function Frames({ matrix, base, other, placed }: FramesProps) {
   return (
     <figure
       className={css.frames}
-      aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${placed ? `${millimetres} millimetres apart` : "the distance not known"}`}
+      aria-label={`The ${other}'s axes drawn in the ${base}'s frame, ${told === null ? "the distance not known" : `${told.value} ± ${told.sigma} millimetres apart${weak ? ", which is weak" : ""}`}`}
     >
       <svg viewBox={`0 0 ${size} ${size}`} aria-hidden="true">
         <line x1={origin[0]} y1={origin[1]} x2={moved[0]} y2={moved[1]} className={css.lever} />
@@ -59,12 +63,15 @@ export function Frames({ matrix, base, other, placed }: FramesProps) {
         <Name at={nameAt(moved, [...marks, nameAt(origin, marks)])} text={other} />
       </svg>
       <figcaption className="small dim">
-        {placed ? (
-          <>
-            <span className="num">{millimetres}</span> mm apart
-          </>
-        ) : (
+        {told === null ? (
           "How far apart is not known"
+        ) : (
+          <>
+            <span className="num">
+              {told.value} ± {told.sigma}
+            </span>{" "}
+            mm apart{weak && ", weak"} {weak && <LevelIcon level="warning" size={13} />}
+          </>
         )}
       </figcaption>
     </figure>

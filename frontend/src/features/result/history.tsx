@@ -42,9 +42,6 @@ function choices(run: Run): string {
   const settings = run.job.settings;
   const { points_per_plane_per_scan: points, field_of_view_deg: field, excluded_spans_s: spans, priors } = settings;
   const planes = run.job.planes ?? [];
-  // Of those that were proposed, and that nobody chose, the doubtful are left out.
-  const outcome = run.job.result?.kind === "solve" ? run.job.result : null;
-  const used = outcome === null || outcome.planes_used === 0 ? planes.length : outcome.planes_used;
   const boxed = planes.filter((plane) => plane.restricted).length;
   return [
     points === null || points === undefined ? "" : `${points} points`,
@@ -61,12 +58,22 @@ function choices(run: Run): string {
     settings.random_seed === 0 ? "" : `seed ${settings.random_seed}`,
     priors.length === 0 ? "" : `${priors.length} ${priors.length === 1 ? "prior" : "priors"}`,
     ...spans.map((span) => `without ${fixed(Number(span[0]), 1)} to ${fixed(Number(span[1]), 1)} s`),
-    used === 0 ? "" : `${used} planes`,
+    planesText(run),
     boxed === 0 ? "" : `${boxed} of them within a box`,
   ]
     .filter((text) => text !== "")
     .map((text) => `, ${text}`)
     .join("");
+}
+
+/** On how many planes an answer rests, and of how many that were chosen; of a run without an answer, how many were chosen. */
+function planesText({ job }: Run): string {
+  const chosen = job.planes?.length ?? 0;
+  const answer = job.result?.kind === "solve" && job.result.status !== "refused" ? job.result : null;
+  // Older runs do not tell how many they used.
+  const used = answer?.planes_used ?? chosen;
+  const planes = used < chosen && used > 0 ? `${used} of ${chosen}` : String(used > 0 ? used : chosen);
+  return planes === "0" ? "" : `${planes} ${planes === "1" ? "plane" : "planes"}`;
 }
 
 function difference(run: Run, latest: boolean): string {

@@ -15,16 +15,21 @@ interface Unit {
   change: ChangeRecording;
 }
 
-/** The unit that an answer's reasons cast doubt on, as the other one it could be; null where they speak of none. */
-export function otherUnit(recording: Pick<Recording, "report" | "read_settings">, reasons: string): Unit | null {
+/** The unit that an answer's gravest reasons cast doubt on, as the other one it could be; null where they speak of none. Each is
+ *  judged by its own words: that readings are in g is said of every such recording, and casts no doubt on anything. */
+export function otherUnit(
+  recording: Pick<Recording, "report" | "read_settings">,
+  reasons: readonly string[],
+): Unit | null {
   const imu = recording.report?.imu;
-  if (/gyroscope/i.test(reasons) && /unit|times as fast/i.test(reasons)) {
+  const doubted = (sensor: RegExp, doubt: RegExp) => reasons.some((text) => sensor.test(text) && doubt.test(text));
+  if (doubted(/gyroscope/i, /(?<!in )\bunits?\b|times as fast/i)) {
     const now = recording.read_settings.gyroscope_unit ?? imu?.gyroscope_unit ?? "rad_s";
     return now === "rad_s"
       ? { label: "Read the gyroscope in °/s", change: { gyroscope_unit: "deg_s" } }
       : { label: "Read the gyroscope in rad/s", change: { gyroscope_unit: "rad_s" } };
   }
-  if (/acceler|gravity/i.test(reasons) && /unit/i.test(reasons)) {
+  if (doubted(/acceler|gravity/i, /(?<!in )\bunits?\b|neither in m\/s² nor in g/i)) {
     const now = recording.read_settings.accelerometer_unit ?? imu?.accelerometer_unit ?? "m_s2";
     return now === "m_s2"
       ? { label: "Read accelerations in g", change: { accelerometer_unit: "g" } }
@@ -72,14 +77,13 @@ export function NextSteps({ recording, run, result }: NextStepsProps) {
   const navigate = useNavigate();
   const change = useChangeRecording(recording.id);
   const base = `/r/${recording.id}`;
-  const reasons = result.messages
-    .filter((message) => message.level !== "info")
-    .map((message) => `${message.code} ${message.text}`)
-    .join(" ");
-  const unit = otherUnit(recording, reasons);
   const motions = result.observability.advice ?? [];
   const gravest = result.messages.filter(
     (message) => message.level === (result.status === "refused" ? "error" : "warning"),
+  );
+  const unit = otherUnit(
+    recording,
+    gravest.map((message) => message.text),
   );
   const first = firstStep(
     result.status,

@@ -3,6 +3,7 @@ import type { CalibrationResult, Limits } from "../../api/client";
 import { useOwnLimits } from "../../api/ownlimits";
 import { useLimits, useUsualLimits } from "../../api/queries";
 import { fixed, withSigma } from "../../ui/format";
+import { distanceOf } from "./distance";
 import { Frames } from "./frames";
 import { CopyBox } from "./copybox";
 import type { Direction, Pose } from "./inverse";
@@ -82,7 +83,8 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
           matrix={pose.matrix}
           base={to}
           other={from}
-          placed={pose.translationStdM.every((std) => std <= usual.translation_m)}
+          apart={distanceOf(result)}
+          weak={pose.translationStdM.some((std) => std > usual.translation_m)}
         />
       </div>
       <p className="dim small">

@@ -40,6 +40,10 @@ export function Funnel({ parameter }: { parameter: Parameter }) {
   );
 }
 
+function plusMinus({ value, sigma }: { value: string; sigma: string }) {
+  return { value, sigma: `± ${sigma}` };
+}
+
 export function ParameterTable({ parameters }: { parameters: readonly Parameter[] }) {
   return (
     <table className={css.parameters}>
@@ -48,10 +52,13 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
         {parameters.map((parameter) => {
           const value = parameter.values.at(-1);
           const sigma = parameter.sigmas.at(-1);
+          const shownValue = value !== undefined && parameter.unit === "°" ? wrapped(value) : value;
           const text =
-            value === undefined || sigma === undefined
+            shownValue === undefined || sigma === undefined
               ? null
-              : withSigma(parameter.unit === "°" ? wrapped(value) : value, sigma, parameter.unit === "mm" ? 3 : 4);
+              : sigma === null
+                ? { value: fixed(shownValue, parameter.unit === "mm" ? 1 : 3), sigma: "held" }
+                : plusMinus(withSigma(shownValue, sigma, parameter.unit === "mm" ? 3 : 4));
           return (
             <tr key={parameter.key}>
               <th scope="row" data-axis={parameter.axis}>
@@ -61,7 +68,7 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
                 <Funnel parameter={parameter} />
               </td>
               <td className="num">{text === null ? "–" : text.value}</td>
-              <td className={`num ${css.sigma ?? ""}`}>{text === null ? "" : `± ${text.sigma}`}</td>
+              <td className={`num ${css.sigma ?? ""}`}>{text === null ? "" : text.sigma}</td>
               <td className={css.unit}>{parameter.unit}</td>
             </tr>
           );

@@ -7,16 +7,17 @@ export interface Parameter {
   unit: ReturnType<typeof unitOf>;
   axis: "x" | "y" | "z" | "t";
   values: number[];
-  sigmas: number[];
+  /** Null where it was held. */
+  sigmas: (number | null)[];
 }
 
 interface Answer {
   euler_xyz_deg: readonly number[];
-  rotation_std_deg: readonly number[];
+  rotation_std_deg: readonly (number | null)[];
   translation_m: readonly number[];
-  translation_std_m: readonly number[];
+  translation_std_m: readonly (number | null)[];
   time_offset_s: number;
-  time_offset_std_s: number;
+  time_offset_std_s: number | null;
 }
 
 /** As the answer is told: as a pose, its turn by roll, pitch and yaw. */
@@ -31,13 +32,14 @@ const names: Readonly<Record<Axis, string>> = {
 };
 
 /** An axis's value and standard deviation in one answer, in the unit people read. */
-function shownOf(axis: Axis, answer: Answer): readonly [number, number] {
-  if (axis === "dt") return [answer.time_offset_s * 1000, answer.time_offset_std_s * 1000];
+function shownOf(axis: Axis, answer: Answer): readonly [number, number | null] {
+  const scaled = (std: number | null | undefined, factor: number) => (std === null ? null : (std ?? NaN) * factor);
+  if (axis === "dt") return [answer.time_offset_s * 1000, scaled(answer.time_offset_std_s, 1000)];
   const place = "xyz".indexOf(axis.slice(1));
   const [values, stds, factor] = axis.startsWith("r")
     ? [answer.euler_xyz_deg, answer.rotation_std_deg, 1]
     : [answer.translation_m, answer.translation_std_m, 1000];
-  return [(values[place] ?? NaN) * factor, (stds[place] ?? NaN) * factor];
+  return [(values[place] ?? NaN) * factor, scaled(stds[place], factor)];
 }
 
 /** The seven numbers of the calibration over the iterations, in the units people read.
@@ -60,8 +62,11 @@ export function parametersOf(answers: readonly Answer[]): Parameter[] {
   });
 }
 
-/** The run's outcome as the last of its answers: the sigmas that the verdict has, not those of the last iteration. */
-export function answerOf(outcome: SolveOutcome | null): Answer[] {
+/** The run's outcome as the last of its answers: the sigmas that the verdict has, not those of the last iteration.
+ *
+ *  held: whether the time offset was not estimated, whose sigma is nobody's finding then.
+ */
+export function answerOf(outcome: SolveOutcome | null, held: boolean): Answer[] {
   if (outcome === null) return [];
   const { euler_xyz_deg, rotation_std_deg, translation_m, translation_std_m, time_offset_s, time_offset_std_s } =
     outcome;
@@ -75,7 +80,8 @@ export function answerOf(outcome: SolveOutcome | null): Answer[] {
   ) {
     return [];
   }
-  return [{ euler_xyz_deg, rotation_std_deg, translation_m, translation_std_m, time_offset_s, time_offset_std_s }];
+  const answer = { euler_xyz_deg, rotation_std_deg, translation_m, translation_std_m, time_offset_s };
+  return [{ ...answer, time_offset_std_s: held ? null : time_offset_std_s }];
 }
 
 /** Angles that cross +-180 degrees, drawn without the jump. */

@@ -16,7 +16,7 @@ import { answerOf, costs, parametersOf } from "./parameters";
 import { JobProgress } from "../jobs/progress";
 import css from "./solve.module.css";
 import { useStraightening } from "./straightening";
-import { stagesOfSolve, standingOf } from "../jobs/timeleft";
+import { saidBelow, stagesOfSolve, standingOf } from "../jobs/timeleft";
 
 const optionsForm = "solve-options";
 
@@ -82,7 +82,9 @@ export function SolveScreen() {
     <Panel
       title={standingOf(job)}
       lead={
-        job === null || ended ? (outcome?.verdict ?? "") : "Close the page if you like: the run goes on without it."
+        job === null || ended
+          ? saidBelow(job, outcome?.verdict ?? "")
+          : "Close the page if you like: the run goes on without it."
       }
       footer={
         <Button fullWidth disabled={onward === null} onClick={goOn} rightSection={<Icon name="next" />}>
@@ -166,7 +168,12 @@ function Estimate({ run, looks, answer }: EstimateProps) {
   return (
     <>
       <Section title={answer !== null ? "Answer" : "Answer so far"}>
-        <ParameterTable parameters={parametersOf([...run.iterations, ...answerOf(answer)])} />
+        <ParameterTable
+          parameters={parametersOf([
+            ...run.iterations,
+            ...answerOf(answer, run.job?.settings.estimate_time_offset === false),
+          ])}
+        />
       </Section>
       <Section title="Cost">
         <CostPlot iterations={run.iterations} />

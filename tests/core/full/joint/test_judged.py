@@ -105,6 +105,9 @@ def test_a_choice_that_does_not_hold_the_motion_is_told_before_all_points_are_tr
             solve.settled(half.data, half.state, schedule)
         assert refused.value.code == "planes.doubtful"
         assert f"motion: {', '.join(f'{name} is not flat' for name in names)}, and the others" in str(refused.value)
+        assert str(refused.value).endswith(
+            "choose walls, floor and ceiling, or use the suggestion"
+        )  # as the button is called
         return
     after = solve.settled(half.data, half.state, schedule)
     assert [plane.name for plane in after.planes if plane.fault] == (names if marked else [])

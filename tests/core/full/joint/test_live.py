@@ -13,9 +13,11 @@ from calib_core.events import IterationEvent, ignore_event
 from calib_core.factors.lidar_plane import Gate
 from calib_core.full.joint import round as round_
 from calib_core.full.joint.settings import WATCHING
+from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
+from calib_core.solver.information import covariance
 from calib_core.types import Recording
 from tests.core.full.joint.conftest import Half
 
@@ -60,3 +62,34 @@ def test_a_step_that_nobody_hears_of_is_not_told(half: Half, monkeypatch: pytest
         data = replace(half.data, run=replace(half.data.run, on_event=listener))
         round_.descend(data, state, iterations=1, tolerance=0.0)
         assert len(asked) == times
+
+
+def test_what_a_round_holds_has_no_standard_deviation(half: Half) -> None:
+    """Mutations: the round-off of what holds it told as the best of all answers; all seven unknown where one is held; degrees
+    taken for radians.
+    """
+    state = round_.associate(half.data, half.state, Gate(extra_m=0.02), stride=7)
+
+    def told(also_frozen: tuple[int, ...]) -> IterationEvent:
+        steps: list[IterationEvent] = []
+        run = replace(half.data.run, on_event=lambda e: steps.append(e) if isinstance(e, IterationEvent) else None)
+        after, _ = round_.descend(
+            replace(half.data, run=run), state, iterations=1, tolerance=0.0, also_frozen=also_frozen
+        )
+        assert after.minimum is not None
+        assert after.minimum.solution is not None
+        std = np.sqrt(np.diag(covariance(after.minimum.solution.information).matrix))
+        for told_deg, end in zip(steps[0].rotation_std_deg, np.degrees(std[ROTATION]), strict=True):
+            # The end of the descent is another linearisation than its first step, but not by as much as a radian is to a degree.
+            assert told_deg is None or 0.1 * end < told_deg < 10.0 * end
+        return IterationEvent.model_validate_json(steps[0].model_dump_json())
+
+    free, part, none = told(()), told((4, TIME_OFFSET)), told(tuple(range(CALIBRATION)))
+    assert None not in [*free.rotation_std_deg, *free.translation_std_m, free.time_offset_std_s]
+    assert [std is None for std in part.translation_std_m] == [False, True, False]
+    assert (None in part.rotation_std_deg, part.time_offset_std_s) == (False, None)
+    for one, other in zip(free.rotation_std_deg, part.rotation_std_deg, strict=True):
+        assert one is not None
+        assert other is not None
+        assert 0.05 * one < other < 1.001 * one  # what is held tells the others something
+    assert [*none.rotation_std_deg, *none.translation_std_m, none.time_offset_std_s] == [None] * CALIBRATION

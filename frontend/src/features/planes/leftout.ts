@@ -1,0 +1,37 @@
+import type { CalibrationResult, Patch, Run } from "../../api/client";
+
+/** The newest run with a result that planes were given to, and its number as the list of runs counts. */
+export function lastSolve(runs: readonly Run[]): { run: Run; number: number } | null {
+  const at = runs.findIndex((run) => run.job.result?.kind === "solve" && (run.job.planes ?? []).length > 0);
+  const run = runs[at];
+  return run === undefined ? null : { run, number: runs.length - at };
+}
+
+const leftOut = /^(?:is )?(.*): left out$/;
+
+/** What the last solve left out, as a remark on each patch, by its index: "left out by run 2: not flat".
+ *
+ *  A plane is known by its colour and by what it is called today: one that was grown since is none of the run's. Only a remark:
+ *  who knows the place may keep it.
+ */
+export function remarksOf(
+  patches: readonly Patch[],
+  run: Run,
+  number: number,
+  result: Pick<CalibrationResult, "messages" | "quality">,
+): Map<number, string> {
+  const used = new Set(result.quality.planes.map((plane) => plane.name));
+  const remarks = new Map<number, string>();
+  for (const patch of patches) {
+    const look = run.job.planes?.find((plane) => plane.title === patch.name && plane.color === patch.color);
+    if (look === undefined || used.has(look.name)) continue;
+    const why = result.messages
+      .filter(({ code, text }) => code.startsWith("planes.") && text.startsWith(`${look.name} `))
+      .map(({ text }) => leftOut.exec(text.slice(look.name.length + 1))?.[1])
+      .find((words) => words !== undefined);
+    if (why !== undefined) remarks.set(patch.index, `left out by run ${number}: ${why}`);
+    // A run that was refused on the way may list no planes at all: that says nothing of any of them.
+    else if (used.size > 0) remarks.set(patch.index, `left out by run ${number}`);
+  }
+  return remarks;
+}
