@@ -158,11 +158,12 @@ def test_a_command_is_broken_before_its_options_only():
     assert [line.strip().split(" ")[0] for line in shown.splitlines()] == ["unsweep", "--lidar-topic", "--output"]
 
 
-def test_the_turning_is_said_to_agree_or_not():
-    """Mutation: the same sentence for a peak three steps away."""
+def test_what_the_turning_says_is_the_profiles_own_sentence():
+    """Mutation: an old document's highest value, three steps away in a curve that may be flat, is a disagreement."""
     profile = world.make_evidence().time_offset_profile
-    assert "agrees with the answer" in captions.offset_profile(profile)
-    assert "disagree" in captions.offset_profile(profile.model_copy(update={"best_s": -0.03}))
+    assert captions.offset_profile(profile).endswith(f"one clear peak at zero. {profile.text}")
+    old = captions.offset_profile(profile.model_copy(update={"best_s": -0.03, "text": ""}))
+    assert old.endswith("one clear peak at zero. The highest is at -30.0 ms.")
 
 
 def test_the_same_run_gives_the_same_pictures(beside):
