@@ -26,6 +26,7 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 from calib_core.types import (
     Float32Array,
     FloatArray,
+    ImuData,
     InitialGuess,
     Plane,
     PlanePatch,
@@ -58,6 +59,7 @@ __all__ = [
     "export_names",
     "get_ready",
     "grow_plane",
+    "ideal_readings",
     "initial_guess",
     "inspect",
     "load",
@@ -339,6 +341,13 @@ def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     from calib_core import deskew
 
     return deskew.map_points(scan, trajectory)
+
+
+def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
+    """The IMU's readings without what the result's solve took out of them: its own scales, axes and delay, the clocks' rate."""
+    from calib_core.full.assess import own_errors
+
+    return own_errors.ideal_readings(recording, result)
 
 
 def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) -> Recording:

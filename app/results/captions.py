@@ -8,6 +8,7 @@ import numpy as np
 
 from app.schemas.evidence import Binned, ImuComparison, Picture, Step
 from app.schemas.results import ScanQuality, Thickness
+from calib_core.intrinsics import KINDS, Block
 from calib_core.result import CalibrationResult, OffsetProfile, OwnAnswer, PlaneAnswer, RangeAnswer, TimeBlock
 
 #: A mean beyond this, in millimetres, is more than chance and more than a good lidar's own bias.
@@ -123,14 +124,25 @@ def offset_profile(profile: OffsetProfile) -> str:
     return f"{seen} {profile.text}" if profile.text else f"{seen} The highest is at {1e3 * profile.best_s:+.1f} ms."
 
 
-def imu(compared: ImuComparison) -> str:
+def imu(compared: ImuComparison, result: CalibrationResult) -> str:
     """Of the readings."""
+    own = any(KINDS[block].owner in {"imu", "clock"} for block in _estimated(result))
+    measured = "what the IMU measured"
+    if compared.corrected:
+        measured += ", without its own errors that this answer found and took out"
+    elif own:
+        measured += " as it was sent, with its own errors, though this answer found them and took them out"
     return (
-        "Coloured: what the IMU measured. Black dashes: what the solved motion predicts, which should lie on the coloured lines. "
+        f"Coloured: {measured}. Black dashes: what the solved motion predicts, which should lie on the coloured lines. "
         "The differences below should look like noise, without the motion's shape. The motion was fitted to both sensors, so "
         f"they show where the lidar disagrees with the IMU: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and "
         f"{compared.accel_rms_m_s2:.3g} m/s² (rms) over the whole recording."
     )
+
+
+def _estimated(result: CalibrationResult) -> set[Block]:
+    """The blocks of the sensors' own parameters that the solve took out of what they read."""
+    return {block for block in KINDS if any(p.block == block and p.state == "estimated" for p in result.intrinsics)}
 
 
 def convergence(steps: Sequence[Step]) -> str:

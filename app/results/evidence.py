@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,10 @@ def measure_evidence(
         return evidence
     seen = _look(recording, trajectory, result)
     motion = imu_motion(trajectory, np.array(result.T_imu_lidar.matrix))
-    imu, up = compare_imu(recording, motion, result.time_offset_ns or 0)
+    ideal = api.ideal_readings(recording, result)
+    imu, up = compare_imu(replace(recording, imu=ideal), motion, result.time_offset_ns or 0)
+    if imu is not None:
+        imu = imu.model_copy(update={"corrected": ideal is not recording.imu})
     if seen is None:
         return evidence.model_copy(update={"imu": imu})
     normals = np.array([plane.normal for plane in result.quality.planes], dtype=np.float64).reshape(-1, 3)

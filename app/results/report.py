@@ -155,7 +155,9 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
             Figure("Spread of the points scan by scan", plots.over_time(beside.scans), captions.over_time(beside.scans))
         )
     if evidence.imu is not None:
-        found.append(Figure("The IMU, measured and predicted", plots.imu(evidence.imu), captions.imu(evidence.imu)))
+        found.append(
+            Figure("The IMU, measured and predicted", plots.imu(evidence.imu), captions.imu(evidence.imu, result))
+        )
     if len(evidence.steps) > 1:
         found.append(
             Figure("How the solve converged", plots.convergence(evidence.steps), captions.convergence(evidence.steps))

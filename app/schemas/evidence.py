@@ -38,6 +38,9 @@ class ImuComparison(WireModel):
     accel_predicted_m_s2: list[list[float]]
     gyro_rms_rad_s: float = Field(description="of the differences over the whole recording, a bias taken out")
     accel_rms_m_s2: float
+    corrected: bool = Field(
+        default=False, description="whether what the solve took out of the readings is out of these, too"
+    )
 
 
 class Step(WireModel):

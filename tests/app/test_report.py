@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.results import captions, plot_parts, plots
 from app.results.evidence import StepListener, measure_evidence
@@ -21,7 +22,8 @@ from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import Beside, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
-from calib_core.result import Crispness, Message, RoomCrispness
+from calib_core.intrinsics import NAMES, UNITS
+from calib_core.result import Crispness, Intrinsic, Message, RoomCrispness
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate
 from calib_core.types import Trajectory
@@ -269,6 +271,87 @@ def test_readings_are_foretold_by_the_true_motion_and_not_by_one_that_is_late():
     assert late is not None
     assert late.gyro_rms_rad_s > 10 * compared.gyro_rms_rad_s
     assert late.accel_rms_m_s2 > 5 * compared.accel_rms_m_s2
+
+
+#: Of an IMU that is worse than a cheap one; the clocks apart by 0.3 ms a second.
+OWN = {
+    "gyroscope_scale": [0.03, -0.02, 0.04],
+    "gyroscope_axes": [0.02, 0.0, -0.03],
+    "gyroscope_rotation": [0.01, -0.04, 0.03],
+    "accelerometer_scale": [0.02, 0.03, -0.02],
+    "accelerometer_axes": [0.01, -0.02, 0.02],
+    "accelerometer_delay": [0.02],  # two of its steps: nothing is lost between stamps
+    "g_sensitivity": [0.004, 0.0, -0.003, 0.002, 0.001, 0.0, 0.0, 0.005, 0.002],
+    "clock_rate": [300.0],
+}
+
+
+def _read_by_such_an_imu(recording):
+    """The recording as an IMU with these errors gives it. Oracle: the equations of calib_core/intrinsics.py, written anew."""
+    imu, at_s = recording.imu, (recording.imu.stamps_ns - recording.imu.stamps_ns[0]) * 1e-9
+    late = np.stack([np.interp(at_s - OWN["accelerometer_delay"][0], at_s, a) for a in imu.accel_m_s2.T], axis=1)
+    matrices = []
+    for kind in ("gyroscope", "accelerometer"):
+        M = np.diag(1.0 + np.array(OWN[f"{kind}_scale"]))
+        M[1, 0], M[2, 0], M[2, 1] = OWN[f"{kind}_axes"]
+        matrices.append(M)
+    turn = Rotation.from_rotvec(OWN["gyroscope_rotation"]).as_matrix()
+    felt = imu.accel_m_s2 @ np.reshape(OWN["g_sensitivity"], (3, 3)).T
+    return replace(
+        recording,
+        imu=replace(
+            imu,
+            stamps_ns=imu.stamps_ns - np.rint(300e-6 * 1e9 * (at_s - 3.0)).astype(np.int64),
+            gyro_rad_s=imu.gyro_rad_s @ (matrices[0] @ turn).T + felt,
+            accel_m_s2=late @ matrices[1].T,
+        ),
+    )
+
+
+def test_the_readings_are_compared_without_what_the_answer_took_out():
+    """Oracle: an IMU without errors. Mutations: readings as sent; any block, the delay or the clocks' rate left in or put in
+    twice; what was only considered taken out."""
+    recording, truth = generate("paper-fast", noise=False, duration_s=6.0)
+    times_s = 0.01 * np.arange(10, 580)  # nothing is known of readings later than the last by the delay
+    trajectory = Trajectory(truth.epoch_ns, times_s, *truth.map_lidar(times_s), np.ones(len(times_s), bool))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = truth.R_imu_lidar, truth.p_imu_lidar
+    plain = world.make_result()
+    plain = plain.model_copy(
+        update={
+            "T_imu_lidar": plain.T_imu_lidar.model_copy(update={"matrix": T.tolist()}),
+            "time_offset_ns": truth.time_offset_ns,
+            "time_offset_at_s": 3.0
+            + (recording.imu.stamps_ns[0] + truth.time_offset_ns - recording.scans[0].stamp_ns) * 1e-9,
+            "clock_rate_ppm": OWN["clock_rate"][0],
+        }
+    )
+
+    def compared(result, seen):
+        imu = measure_evidence(seen, result, trajectory, []).imu
+        assert imu is not None
+        return imu
+
+    def with_own(state):
+        own = [
+            Intrinsic(block=b, name=n, unit=UNITS[b], value=v, std=0.0, prior_std=0.0, state=state, significant=True)
+            for b, values in OWN.items()
+            for n, v in zip(NAMES[b], values, strict=True)
+        ]
+        return plain.model_copy(update={"intrinsics": own})
+
+    ideal, bad = compared(plain, recording), _read_by_such_an_imu(recording)
+    mended = compared(with_own("estimated"), bad)
+    assert mended.gyro_rms_rad_s < 1.3 * ideal.gyro_rms_rad_s
+    assert mended.accel_rms_m_s2 < 1.5 * ideal.accel_rms_m_s2
+    assert (ideal.corrected, mended.corrected) == (False, True)
+    assert "its own errors that this answer found and took out" in captions.imu(mended, with_own("estimated"))
+    left = compared(with_own("considered"), bad)
+    assert left.gyro_rms_rad_s > 10 * ideal.gyro_rms_rad_s
+    assert left.accel_rms_m_s2 > 5 * ideal.accel_rms_m_s2
+    assert "what the IMU measured. Black" in captions.imu(left, with_own("considered"))
+    # Kept by an older program, which took nothing out.
+    assert "as it was sent, with its own errors" in captions.imu(left, with_own("estimated"))
 
 
 def test_units_are_printed_as_people_print_them():
