@@ -45,13 +45,22 @@ def thickness(walls: Thickness) -> str:
     )
 
 
-def by_value(binned: Binned, name: str, unit: str = "") -> str:
-    """Of distances over range or ring.   unit: of what they are over, with a space before it."""
+def by_value(binned: Binned, name: str, unit: str = "", *, ranges: str = "") -> str:
+    """Of distances over range or ring.   unit: of what they are over, with a space before it.   ranges: as in Evidence."""
     worst = int(np.abs(binned.mean_m).argmax())
     off_mm = 1e3 * binned.mean_m[worst]
+    # Kept by an older program, signs are those of the planes' normals, which say nothing of long and short.
+    sign = (
+        ""
+        if ranges == ""
+        else ", positive where points lie beyond them and so the lidar reads long, negative where short"
+    )
+    corrected = (
+        " Ranges and angles were corrected by what this answer found of the lidar." if ranges == "corrected" else ""
+    )
     what = (
-        f"Mean distance of the points from their planes, with bars of two standard errors. It should stay near zero: the "
-        f"largest is {off_mm:+.1f} mm at {name} {binned.at[worst]:.3g}{unit}"
+        f"Mean distance of the points from their planes, with bars of two standard errors{sign}.{corrected} It should stay near "
+        f"zero: the largest is {off_mm:+.1f} mm at {name} {binned.at[worst]:.3g}{unit}"
     )
     if abs(off_mm) > STRIKING_MM:
         return f"{what}, more than the error of a good lidar. A slope points to an error of the lidar, not of the mounting."

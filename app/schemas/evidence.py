@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from app.schemas.common import WireModel
@@ -61,4 +63,8 @@ class Evidence(WireModel):
     corner: Picture | None = None
     by_range: Binned | None = None
     by_ring: Binned | None = None
+    ranges: Literal["", "as-published", "corrected"] = Field(
+        default="",
+        description="whether by_range and by_ring are without what the solve took out; empty: as the planes' normals",
+    )
     imu: ImuComparison | None = None

@@ -22,6 +22,7 @@ from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import Beside, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
+from calib_core import api
 from calib_core.intrinsics import NAMES, UNITS
 from calib_core.result import Crispness, Intrinsic, Message, RoomCrispness
 from calib_core.settings import CalibrateSettings
@@ -198,7 +199,7 @@ def test_reports_hold_no_more_files_the_more_threads_ask_for_them(beside):
 
 def test_distances_are_binned_by_range_and_ring():
     """Ring 3 reads two per cent too far. Oracle: walls stand 2 to 4 m away, so that is 40 to 80 mm. Mutations: mean for
-    rms; unsigned distances."""
+    rms; unsigned distances; signs of the planes' normals."""
     recording, trajectory = world.make_recording(), world.make_trajectory()
     scans = []
     for scan in recording.scans:
@@ -210,12 +211,60 @@ def test_distances_are_binned_by_range_and_ring():
     rings = evidence.by_ring
     assert rings is not None
     assert rings.at == [0.0, 1.0, 2.0, 3.0, 4.0]
-    # Normals look inwards: farther is negative.
-    assert -0.10 < rings.mean_m[3] < -0.03
+    # Normals look inwards: farther is against them, and reads long.
+    assert 0.03 < rings.mean_m[3] < 0.10
     assert np.abs(np.delete(rings.mean_m, 3)).max() < 0.002
     assert all(rms >= abs(mean) for rms, mean in zip(rings.rms_m, rings.mean_m, strict=True))
     assert evidence.by_range is not None
     assert evidence.by_range.at == sorted(evidence.by_range.at)
+
+
+def _own(block, name, value, state="estimated"):
+    """A parameter of a sensor, as a result has it."""
+    unit = UNITS[block]
+    return Intrinsic(block=block, name=name, unit=unit, value=value, std=0, prior_std=0, state=state, significant=True)
+
+
+def test_distances_are_without_what_the_answer_took_out_of_the_ranges():
+    """Ring 3 reads 60 mm long, all read what a slant makes (incidence 40 mm, grazing 10 mrad). Oracle: the equation of
+    calib_core/intrinsics.py over the walls' own geometry. Mutations: ranges as sent; only the lasers', or only the slant's,
+    taken out; the latter with its other sign; what was only considered taken out; the caption silent."""
+    recording, trajectory = world.make_recording(), world.make_trajectory()
+    planes = world.make_result().quality.planes
+    normals = np.array([plane.normal for plane in planes])
+    offsets_m = np.array([plane.offset_m for plane in planes])
+    scans = []
+    for scan in recording.scans:
+        points = scan.points.copy()
+        points["ring"] = np.arange(len(points)) % 5
+        here = points.copy()
+        here["xyz"] = 0.0
+        place = api.map_points(scan, trajectory)
+        ray = place - api.map_points(replace(scan, points=here), trajectory)
+        range_m = np.linalg.norm(ray, axis=1)
+        owner = np.abs(place @ normals.T + offsets_m).argmin(axis=1)
+        cosine = np.abs(np.sum(ray * normals[owner], axis=1)) / range_m
+        off_m = 0.06 * (points["ring"] == 3) + 0.04 * (1 / cosine - 1) - 0.01 * range_m * np.tan(np.arccos(cosine))
+        points["xyz"] *= (1.0 + off_m / range_m)[:, None].astype(np.float32)
+        scans.append(replace(scan, points=points))
+    seen = replace(recording, scans=scans)
+
+    def of(*own):
+        return measure_evidence(seen, world.make_result().model_copy(update={"intrinsics": list(own)}), trajectory, [])
+
+    slant = [_own("incidence", "all", 0.04), _own("grazing", "all", 0.01)]
+    laser = _own("laser_range_offset", "3", 0.06)
+    sent, mended = of(laser.model_copy(update={"state": "considered"})), of(laser, *slant)
+    assert (sent.ranges, mended.ranges) == ("as-published", "corrected")
+    assert sent.by_ring.mean_m[3] - sent.by_ring.mean_m[2] > 0.03
+    for binned in (mended.by_ring, mended.by_range):
+        assert np.abs(binned.mean_m).max() < 0.002
+    for part in ([laser], slant):
+        assert np.abs(of(*part).by_range.mean_m).max() > 0.004
+    said = captions.by_value(mended.by_ring, "ring", ranges=mended.ranges)
+    assert "beyond them and so the lidar reads long, negative where short. Ranges and angles were corrected" in said
+    assert "corrected" not in captions.by_value(sent.by_ring, "ring", ranges=sent.ranges)
+    assert "long" not in captions.by_value(sent.by_ring, "ring")
 
 
 def test_bins_of_range_do_not_choose_points_by_their_noise():
@@ -333,11 +382,7 @@ def test_the_readings_are_compared_without_what_the_answer_took_out():
         return imu
 
     def with_own(state):
-        own = [
-            Intrinsic(block=b, name=n, unit=UNITS[b], value=v, std=0.0, prior_std=0.0, state=state, significant=True)
-            for b, values in OWN.items()
-            for n, v in zip(NAMES[b], values, strict=True)
-        ]
+        own = [_own(b, n, v, state) for b, values in OWN.items() for n, v in zip(NAMES[b], values, strict=True)]
         return plain.model_copy(update={"intrinsics": own})
 
     ideal, bad = compared(plain, recording), _read_by_such_an_imu(recording)
