@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from app.results.scans import GATE_M as SCAN_GATE_M
 from app.schemas.evidence import Binned, ImuComparison, Picture, Step
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.intrinsics import KINDS, Block
@@ -82,7 +83,8 @@ def over_time(scans: ScanQuality) -> str:
     known = np.array([rms for rms in scans.rms_m if rms is not None])
     middle_mm, worst_mm = 1e3 * float(np.median(known)), 1e3 * float(known.max())
     return (
-        f"Each dot is one scan: the spread of its points about the planes. It should be even; the median is {middle_mm:.1f} mm, "
+        f"Each dot is one scan: the spread about the planes of its points within {SCAN_GATE_M:.1f} m of one. Furniture and persons "
+        f"so near count, which makes it wider than a wall is thick. It should be even; the median is {middle_mm:.1f} mm, "
         f"the worst scan has {worst_mm:.1f} mm. Where it rises for a while, the answer does not explain the motion. Scans with "
         "few points on planes count little in the solve."
     )

@@ -144,7 +144,7 @@ def _sentence(before: RoomCrispness, after: RoomCrispness, moved_rms_m: float) -
     if gained > 0.0:
         return f"Without regard to any plane, the room is crisper de-skewed: {thick} lower."
     return (
-        f"Without regard to any plane, the room is no crisper de-skewed: {thick} higher. Cubes of {CUBE_M:.1f} m do not see a smear "
-        "wider than they are, nor one that is little beside noise and clutter, and de-skewing moves the points by "
+        f"Without regard to any plane, the room is no crisper de-skewed: {thick} higher. Cubes of {CUBE_M:.1f} m do not see a "
+        "smear wider than they are, nor one that is little beside noise and clutter, and de-skewing moves the points by "
         f"{1e3 * moved_rms_m:.0f} mm (rms): this measure alone does not tell whether the answer fits."
     )

@@ -169,6 +169,16 @@ def test_what_the_turning_says_is_the_profiles_own_sentence():
     assert old.endswith("one clear peak at zero. The highest is at -30.0 ms.")
 
 
+def test_the_scans_spread_says_what_it_is_of(beside):
+    """A chair 0.2 m from a wall counts. Mutations: the gate of what is measured, or of what is said, is another."""
+    assert "of its points within 0.3 m of one. Furniture and persons so near count" in captions.over_time(beside.scans)
+    scan, planes = world.make_recording().scans[0], world.plane_quality()
+    points = scan.points.copy()
+    points["xyz"] *= np.float32(0.94)  # walls are 2 to 4 m away
+    seen = replace(world.make_recording(), scans=[replace(scan, points=points)])
+    assert measure_scans(seen, world.make_trajectory(), planes).rms_m[0] > 0.1
+
+
 def test_the_same_run_gives_the_same_pictures(beside):
     """A page that was signed can be made again. Mutation: matplotlib's own names and date left in the pictures."""
     one, other = plots.drawn(lambda: (plots.thickness(beside.walls), plots.thickness(beside.walls)))
