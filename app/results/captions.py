@@ -83,10 +83,10 @@ def over_time(scans: ScanQuality) -> str:
     known = np.array([rms for rms in scans.rms_m if rms is not None])
     middle_mm, worst_mm = 1e3 * float(np.median(known)), 1e3 * float(known.max())
     return (
-        f"Each dot is one scan: the spread about the planes of its points within {SCAN_GATE_M:.1f} m of one. Furniture and persons "
-        f"so near count, which makes it wider than a wall is thick. It should be even; the median is {middle_mm:.1f} mm, "
-        f"the worst scan has {worst_mm:.1f} mm. Where it rises for a while, the answer does not explain the motion. Scans with "
-        "few points on planes count little in the solve."
+        f"Each dot is one scan: the spread about the planes of its points within {SCAN_GATE_M:.1f} m of one. Furniture and "
+        "persons so near count, which makes it wider than a wall is thick. It should be even; the median is "
+        f"{middle_mm:.1f} mm, the worst scan has {worst_mm:.1f} mm. Where it rises for a while, the answer does not explain the "
+        "motion. Scans with few points on planes count little in the solve."
     )
 
 

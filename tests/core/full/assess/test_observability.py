@@ -107,6 +107,26 @@ def test_what_nothing_determines_is_the_priors_and_said_to_be(label: str) -> Non
     assert np.delete(std / UNITS, column).max() < 1.1 * GOOD
 
 
+def test_a_parameter_that_is_named_has_the_size_that_the_tables_have() -> None:
+    """A lever arm's x of 24.5 mm, 24.1 of them along the direction that has its name, and an offset that the clocks widen.
+
+    Mutations: the direction's own size; the offset's before the clocks are counted.
+    """
+    way = np.zeros(7)
+    way[[3, 4]] = [0.98, np.sqrt(1 - 0.98**2)]
+    rest = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 4, 5, 6]]]))[0]
+    across = int(np.argmax(np.abs(rest[4])))
+    spread = np.full(7, GOOD)
+    spread[[0, across]] = 2.46, 2.2
+    known = _assess(spread, rest)
+    (x,) = [d for d in known.weak if d.label == "tx"]
+    assert known.data_std[3] == pytest.approx(0.02451, abs=1e-5)
+    assert "x axis only to 25 mm (1 sigma)" in x.text
+    priors = _priors()
+    (late,) = assess(_information(_all(GOOD, dt=2.5), np.eye(7), priors), priors, offset_std_s=6e-3).weak
+    assert "determines time offset only to 6.5 ms" in late.text
+
+
 def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
     """Fails when the vector is not in the contract's units, or a mixture is given the label of its largest part."""
     way = np.zeros(7)
