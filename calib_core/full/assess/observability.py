@@ -20,7 +20,7 @@ from calib_core.sigmas import std_text
 from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
-_SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
+_SHORT = (*(f"turn {a}" for a in "xyz"), *(f"translation {a}" for a in "xyz"), "time offset")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def _mixture(vector: FloatArray) -> str:
     if np.linalg.norm(vector[ROTATION]) > WORDING.one_kind:
         return f"the rotation about ({rotation}) of the lidar's axes"
     parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > WORDING.named)
-    return f"the combination {parts} (in units of 1 deg, 10 mm, 1 ms)"
+    return f"the combination {parts} (in units of 1 deg, 10 mm and 1 ms)"
 
 
 def _amount(std: float, largest: int) -> str:

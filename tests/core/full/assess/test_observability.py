@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.assess.observability import Knowledge, advice, assess, named_direction
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.geometry import exp
@@ -128,7 +128,10 @@ def test_a_parameter_that_is_named_has_the_size_that_the_tables_have() -> None:
 
 
 def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
-    """Fails when the vector is not in the contract's units, or a mixture is given the label of its largest part."""
+    """Fails when the vector is not in the contract's units, or a mixture is given the label of its largest part.
+
+    Mutation: parts named by letters that leave open what they are of.
+    """
     way = np.zeros(7)
     way[[3, 4, 6]] = [0.8, -0.5, np.sqrt(1 - 0.89)]
     rest = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 3, 4, 5]]]))[0]
@@ -137,8 +140,12 @@ def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
     assert len(known.weak) == 1
     assert known.weak[0].label is None
     assert abs(np.array(known.weak[0].vector) @ way) == pytest.approx(1.0, abs=1e-4)
-    assert "+0.80 x" in known.weak[0].text
-    assert "-0.50 y" in known.weak[0].text
+    said = "the combination +0.80 translation x, -0.50 translation y, +0.33 time offset (in units of 1 deg, 10 mm and 1 ms)"
+    assert said in known.weak[0].text
+    # Of what parts disagree about it is said with the same words.
+    turned = np.zeros(7)
+    turned[[1, 3]] = 0.7, 0.71
+    assert named_direction(np.outer(turned, turned)).startswith("the combination +0.70 turn y, +0.71 translation x (")
 
 
 def test_a_direction_of_one_kind_is_named_as_such() -> None:
