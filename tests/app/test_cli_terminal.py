@@ -17,6 +17,7 @@ from app.cli.terminal import LiveProgress, Manner, PlainProgress, error_bar, ite
 from calib_core.doctor.kinds import kind_of
 from calib_core.doctor.report import (
     DoctorReport,
+    EvidenceReport,
     ExcitationReport,
     FindingReport,
     Forecast,
@@ -174,6 +175,14 @@ def test_planes_to_expect_are_listed() -> None:
     text = shown(report_block(report(planes=planes)))
     for words in ("wall 1", "9.9 m²", "1.2 m", "89°", "16 mm", "They fix it.", "plane 2"):
         assert words in text
+
+
+def test_evidence_is_written_as_people_write_numbers() -> None:
+    """Mutations: what was rounded to nothing from below as -0; digits in one row; words taken for a number."""
+    found = (EvidenceReport(name="drift", value=-0.0), EvidenceReport(name="points", value=13107200))
+    found += (EvidenceReport(name="field", value="t"), EvidenceReport(name="rate", value=-0.25, unit="s"))
+    finding = FindingReport(code="a.b", level="info", text="A quiet one.", evidence=found)
+    assert "drift 0, points 13,107,200, field t, rate -0.25 s" in shown(report_block(report(findings=(finding,))), 200)
 
 
 def test_a_tilt_is_rounded_once() -> None:
