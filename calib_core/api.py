@@ -26,6 +26,7 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 from calib_core.types import (
     Float32Array,
     FloatArray,
+    ImuData,
     InitialGuess,
     Plane,
     PlanePatch,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from calib_core.audit.report import AuditReport
     from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport, OnReport
+    from calib_core.full.assess.own_errors import Lasers
     from calib_core.maps.files import StructArray
     from calib_core.maps.room import Room
     from calib_core.maps.surface import Mesh
@@ -58,6 +60,8 @@ __all__ = [
     "export_names",
     "get_ready",
     "grow_plane",
+    "ideal_lasers",
+    "ideal_readings",
     "initial_guess",
     "inspect",
     "load",
@@ -339,6 +343,20 @@ def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     from calib_core import deskew
 
     return deskew.map_points(scan, trajectory)
+
+
+def ideal_lasers(result: CalibrationResult) -> Lasers | None:
+    """What the result's solve took out of the lidar's points, to take it out again; None where it took nothing."""
+    from calib_core.full.assess import own_errors
+
+    return own_errors.ideal_lasers(result)
+
+
+def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
+    """The IMU's readings without what the result's solve took out of them: its own scales, axes and delay, the clocks' rate."""
+    from calib_core.full.assess import own_errors
+
+    return own_errors.ideal_readings(recording, result)
 
 
 def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) -> Recording:

@@ -147,6 +147,7 @@ class OffsetProfile(_Model):
         description="1 where a turn of the axes explains all of both, null where too little is in common"
     )
     best_s: float = Field(description="where it is highest, from the answer's time offset")
+    text: str = Field(default="", description="what that says of the answer; empty in older documents")
 
 
 class Evidence(_Model):

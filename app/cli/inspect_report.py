@@ -109,7 +109,10 @@ def _sentence(words: str) -> str:
 
 
 def _value(value: float | str) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    if isinstance(value, str):
+        return value
+    # What was rounded to nothing from below is no less than nothing.
+    return f"{value:,}" if isinstance(value, int) else f"{value + 0.0:.4g}"
 
 
 def _size(size_bytes: int) -> str:

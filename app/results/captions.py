@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from app.results.scans import GATE_M as SCAN_GATE_M
 from app.schemas.evidence import Binned, ImuComparison, Picture, Step
 from app.schemas.results import ScanQuality, Thickness
+from calib_core.intrinsics import KINDS, Block
 from calib_core.result import CalibrationResult, OffsetProfile, OwnAnswer, PlaneAnswer, RangeAnswer, TimeBlock
 
 #: A mean beyond this, in millimetres, is more than chance and more than a good lidar's own bias.
@@ -44,13 +46,22 @@ def thickness(walls: Thickness) -> str:
     )
 
 
-def by_value(binned: Binned, name: str, unit: str = "") -> str:
-    """Of distances over range or ring.   unit: of what they are over, with a space before it."""
+def by_value(binned: Binned, name: str, unit: str = "", *, ranges: str = "") -> str:
+    """Of distances over range or ring.   unit: of what they are over, with a space before it.   ranges: as in Evidence."""
     worst = int(np.abs(binned.mean_m).argmax())
     off_mm = 1e3 * binned.mean_m[worst]
+    # Kept by an older program, signs are those of the planes' normals, which say nothing of long and short.
+    sign = (
+        ""
+        if ranges == ""
+        else ", positive where points lie beyond them and so the lidar reads long, negative where short"
+    )
+    corrected = (
+        " Ranges and angles were corrected by what this answer found of the lidar." if ranges == "corrected" else ""
+    )
     what = (
-        f"Mean distance of the points from their planes, with bars of two standard errors. It should stay near zero: the "
-        f"largest is {off_mm:+.1f} mm at {name} {binned.at[worst]:.3g}{unit}"
+        f"Mean distance of the points from their planes, with bars of two standard errors{sign}.{corrected} It should stay near "
+        f"zero: the largest is {off_mm:+.1f} mm at {name} {binned.at[worst]:.3g}{unit}"
     )
     if abs(off_mm) > STRIKING_MM:
         return f"{what}, more than the error of a good lidar. A slope points to an error of the lidar, not of the mounting."
@@ -72,9 +83,10 @@ def over_time(scans: ScanQuality) -> str:
     known = np.array([rms for rms in scans.rms_m if rms is not None])
     middle_mm, worst_mm = 1e3 * float(np.median(known)), 1e3 * float(known.max())
     return (
-        f"Each dot is one scan: the spread of its points about the planes. It should be even; the median is {middle_mm:.1f} mm, "
-        f"the worst scan has {worst_mm:.1f} mm. Where it rises for a while, the answer does not explain the motion. Scans with "
-        "few points on planes count little in the solve."
+        f"Each dot is one scan: the spread about the planes of its points within {SCAN_GATE_M:.1f} m of one. Furniture and "
+        "persons so near count, which makes it wider than a wall is thick. It should be even; the median is "
+        f"{middle_mm:.1f} mm, the worst scan has {worst_mm:.1f} mm. Where it rises for a while, the answer does not explain the "
+        "motion. Scans with few points on planes count little in the solve."
     )
 
 
@@ -115,26 +127,33 @@ def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:
 
 def offset_profile(profile: OffsetProfile) -> str:
     """Of the turning over the time offset."""
-    best_ms, step_ms = 1e3 * profile.best_s, 1e3 * profile.step_s
-    top = max(value for value in profile.likeness if value is not None)
     seen = (
         "How well the rates of turn of the lidar and of the gyroscope match (1: perfectly) if the clocks are shifted against the "
-        "answer by so much; planes and mounting have no part in it. There should be one clear peak at zero: the highest, "
-        f"{top:.3f}, is at {best_ms:+.1f} ms"
+        "answer by so much; planes and mounting have no part in it. There should be one clear peak at zero."
     )
-    if abs(profile.best_s) > profile.step_s:
-        return f"{seen}, more than its step of {step_ms:.0f} ms away: the answer and the turning disagree."
-    return f"{seen}, which agrees with the answer."
+    # Without the sentence of its making nothing is concluded: a flat curve's highest value may lie anywhere.
+    return f"{seen} {profile.text}" if profile.text else f"{seen} The highest is at {1e3 * profile.best_s:+.1f} ms."
 
 
-def imu(compared: ImuComparison) -> str:
+def imu(compared: ImuComparison, result: CalibrationResult) -> str:
     """Of the readings."""
+    own = any(KINDS[block].owner in {"imu", "clock"} for block in _estimated(result))
+    measured = "what the IMU measured"
+    if compared.corrected:
+        measured += ", without its own errors that this answer found and took out"
+    elif own:
+        measured += " as it was sent, with its own errors, though this answer found them and took them out"
     return (
-        "Coloured: what the IMU measured. Black dashes: what the solved motion predicts, which should lie on the coloured lines. "
+        f"Coloured: {measured}. Black dashes: what the solved motion predicts, which should lie on the coloured lines. "
         "The differences below should look like noise, without the motion's shape. The motion was fitted to both sensors, so "
         f"they show where the lidar disagrees with the IMU: {np.degrees(compared.gyro_rms_rad_s):.3g} deg/s and "
         f"{compared.accel_rms_m_s2:.3g} m/s² (rms) over the whole recording."
     )
+
+
+def _estimated(result: CalibrationResult) -> set[Block]:
+    """The blocks of the sensors' own parameters that the solve took out of what they read."""
+    return {block for block in KINDS if any(p.block == block and p.state == "estimated" for p in result.intrinsics)}
 
 
 def convergence(steps: Sequence[Step]) -> str:

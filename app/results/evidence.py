@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,12 +50,15 @@ class StepListener:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Points of some scans. before_m, after_m: (N, 3) map frame.   label: (N,) plane, -1 none.   dist_m: (N,) from it."""
+    """Points of some scans. before_m, after_m: (N, 3) map frame.   label: (N,) plane, -1 none.
+
+    beyond_m: (N,) from it, positive where the lidar reads long, without what the solve took out of its points.
+    """
 
     before_m: NDArray[np.float32]
     after_m: NDArray[np.float32]
     label: NDArray[np.int16]
-    dist_m: NDArray[np.float32]
+    beyond_m: FloatArray
     range_m: FloatArray
     ring: FloatArray
 
@@ -69,7 +72,10 @@ def measure_evidence(
         return evidence
     seen = _look(recording, trajectory, result)
     motion = imu_motion(trajectory, np.array(result.T_imu_lidar.matrix))
-    imu, up = compare_imu(recording, motion, result.time_offset_ns or 0)
+    ideal = api.ideal_readings(recording, result)
+    imu, up = compare_imu(replace(recording, imu=ideal), motion, result.time_offset_ns or 0)
+    if imu is not None:
+        imu = imu.model_copy(update={"corrected": ideal is not recording.imu})
     if seen is None:
         return evidence.model_copy(update={"imu": imu})
     normals = np.array([plane.normal for plane in result.quality.planes], dtype=np.float64).reshape(-1, 3)
@@ -81,7 +87,7 @@ def measure_evidence(
     corner = None if room is None else _picture(before, after, _densest(after), CORNER_CELLS)
     on = seen.label >= 0
     ranged = np.isfinite(seen.range_m)
-    by_range = _by(seen.range_m[ranged], seen.dist_m[ranged], _range_edges(seen.range_m[ranged]))
+    by_range = _by(seen.range_m[ranged], seen.beyond_m[ranged], _range_edges(seen.range_m[ranged]))
     rings = np.unique(seen.ring[on])
     edges = np.append(rings, rings[-1] + 1) - 0.5 if len(rings) > 1 else np.zeros(0)
     return Evidence(
@@ -89,8 +95,9 @@ def measure_evidence(
         room=room,
         corner=corner,
         by_range=by_range,
-        by_ring=_by(seen.ring[on], seen.dist_m[on], edges),
+        by_ring=_by(seen.ring[on], seen.beyond_m[on], edges),
         imu=imu,
+        ranges="as-published" if api.ideal_lasers(result) is None else "corrected",
     )
 
 
@@ -98,50 +105,51 @@ def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResul
     planes = result.quality.planes
     normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
+    lasers = api.ideal_lasers(result)
     parts: list[_Seen] = []
     for place in spread(len(recording.scans), SCANS):
         scan = _thinned(recording.scans[place])
         if not len(scan.points) or not _covered(scan, trajectory):
             continue
         after = api.map_points(scan, trajectory)
-        label, dist_m = nearest_plane(after, normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_of(planes))
-        range_m = _range_to_planes_m(scan, trajectory, after, label, dist_m, normals)
+        # The pictures show what motion does to points as they came; distances are those that the solve saw.
+        ideal = scan if lasers is None else lasers.corrected(scan)
+        there = after if lasers is None else api.map_points(ideal, trajectory)
+        label, dist_m = nearest_plane(there, normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_of(planes))
+        measured_m, cosine = _rays(ideal, trajectory, there, label, normals)
+        beyond_m = dist_m.astype(np.float64) * np.sign(cosine)
+        if lasers is not None:
+            beyond_m = lasers.straightened(beyond_m, cosine, ideal.points["xyz"].astype(np.float64))
+        clear = (label >= 0) & (np.abs(cosine) > GRAZING_COSINE)
+        # Not the range that was measured: bins of that would choose points by their noise, and the nearest bin would hold those
+        # measured too near.
+        range_m = np.where(clear, measured_m - beyond_m / np.where(clear, np.abs(cosine), 1.0), np.nan)
         ring = scan.points["ring"].astype(np.float64)
-        parts.append(_Seen(rigid_map_points(scan, trajectory), after, label, dist_m, range_m, ring))
+        parts.append(_Seen(rigid_map_points(scan, trajectory), after, label, beyond_m, range_m, ring))
     if not parts:
         return None
     return _Seen(
         np.concatenate([part.before_m for part in parts]),
         np.concatenate([part.after_m for part in parts]),
         np.concatenate([part.label for part in parts]),
-        np.concatenate([part.dist_m for part in parts]),
+        np.concatenate([part.beyond_m for part in parts]),
         np.concatenate([part.range_m for part in parts]),
         np.concatenate([part.ring for part in parts]),
     )
 
 
-def _range_to_planes_m(
-    scan: Scan,
-    trajectory: Trajectory,
-    after_m: NDArray[np.float32],
-    label: NDArray[np.int16],
-    dist_m: NDArray[np.float32],
-    normals: FloatArray,
-) -> FloatArray:
-    """(N,) [m]: how far along its ray each point's plane is; NaN without a plane, or where the ray grazes it.
-
-    Not the range that was measured: bins of that would choose points by their noise, and the nearest bin would hold those
-    measured too near.
-    """
+def _rays(
+    scan: Scan, trajectory: Trajectory, there_m: NDArray[np.float32], label: NDArray[np.int16], normals: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(N,) [m]: how long each point's ray is, and (N,) the cosine between it and its plane's normal; NaN without a plane."""
     here: PointArray = scan.points.copy()
     here["xyz"] = 0.0
-    ray = after_m.astype(np.float64) - api.map_points(Scan(scan.index, scan.stamp_ns, here), trajectory)
+    ray = there_m.astype(np.float64) - api.map_points(Scan(scan.index, scan.stamp_ns, here), trajectory)
     measured_m = np.linalg.norm(ray, axis=1)
     if not len(normals):
-        return np.full(len(ray), np.nan)
+        return measured_m, np.full(len(ray), np.nan)
     cosine = np.sum(ray * normals[label], axis=1) / np.maximum(measured_m, 1e-6)
-    seen = (label >= 0) & (np.abs(cosine) > GRAZING_COSINE)
-    return np.where(seen, measured_m - dist_m / np.where(seen, cosine, 1.0), np.nan)
+    return measured_m, np.where(label >= 0, cosine, np.nan)
 
 
 def _thinned(scan: Scan) -> Scan:
@@ -207,14 +215,14 @@ def _range_edges(range_m: FloatArray) -> FloatArray:
     return np.unique(np.quantile(range_m, np.linspace(0, 1, RANGE_BINS + 1)))
 
 
-def _by(value: FloatArray, dist_m: NDArray[np.float32], edges: FloatArray) -> Binned | None:
+def _by(value: FloatArray, dist_m: FloatArray, edges: FloatArray) -> Binned | None:
     if len(edges) < 2:
         return None
     place = np.clip(np.searchsorted(edges, value, side="right") - 1, 0, len(edges) - 2)
     count = np.bincount(place, minlength=len(edges) - 1)
     enough: BoolArray = count >= FEWEST
     total = np.bincount(place, dist_m, len(edges) - 1)[enough] / count[enough]
-    squares = np.bincount(place, dist_m.astype(np.float64) ** 2, len(edges) - 1)[enough] / count[enough]
+    squares = np.bincount(place, dist_m**2, len(edges) - 1)[enough] / count[enough]
     middle = 0.5 * (edges[1:] + edges[:-1])
     return Binned(
         at=middle[enough].tolist(),

@@ -139,11 +139,11 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
         picture = plots.thickness(beside.walls)
         found.append(Figure("How thick the walls are", picture, captions.thickness(beside.walls), half=True))
     if evidence.by_range is not None:
-        caption = captions.by_value(evidence.by_range, "range", " m")
+        caption = captions.by_value(evidence.by_range, "range", " m", ranges=evidence.ranges)
         picture = plots.by_value(evidence.by_range, "range [m]")
         found.append(Figure("Distance from planes by range", picture, caption, half=True))
     if evidence.by_ring is not None:
-        caption = captions.by_value(evidence.by_ring, "ring")
+        caption = captions.by_value(evidence.by_ring, "ring", ranges=evidence.ranges)
         picture = plots.by_value(evidence.by_ring, "ring (laser) number")
         found.append(Figure("Distance from planes by ring", picture, caption, half=True))
     found += _of_parts(result)
@@ -155,7 +155,9 @@ def _figures(result: CalibrationResult, beside: Beside) -> list[Figure]:
             Figure("Spread of the points scan by scan", plots.over_time(beside.scans), captions.over_time(beside.scans))
         )
     if evidence.imu is not None:
-        found.append(Figure("The IMU, measured and predicted", plots.imu(evidence.imu), captions.imu(evidence.imu)))
+        found.append(
+            Figure("The IMU, measured and predicted", plots.imu(evidence.imu), captions.imu(evidence.imu, result))
+        )
     if len(evidence.steps) > 1:
         found.append(
             Figure("How the solve converged", plots.convergence(evidence.steps), captions.convergence(evidence.steps))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from app.schemas.common import WireModel
@@ -38,6 +40,9 @@ class ImuComparison(WireModel):
     accel_predicted_m_s2: list[list[float]]
     gyro_rms_rad_s: float = Field(description="of the differences over the whole recording, a bias taken out")
     accel_rms_m_s2: float
+    corrected: bool = Field(
+        default=False, description="whether what the solve took out of the readings is out of these, too"
+    )
 
 
 class Step(WireModel):
@@ -58,4 +63,8 @@ class Evidence(WireModel):
     corner: Picture | None = None
     by_range: Binned | None = None
     by_ring: Binned | None = None
+    ranges: Literal["", "as-published", "corrected"] = Field(
+        default="",
+        description="whether by_range and by_ring are without what the solve took out; empty: as the planes' normals",
+    )
     imu: ImuComparison | None = None

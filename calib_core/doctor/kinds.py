@@ -18,14 +18,17 @@ _UPRIGHT_DEG = 65.0
 
 
 def kind_of(normal: FloatArray, up: FloatArray | None) -> tuple[Kind, float | None]:
-    """The kind, and the tilt [deg] against the horizontal. normal: (3,) towards the lidar.   up: (3,) unit; None: unknown."""
+    """The kind, and the tilt [deg] against the horizontal. normal: (3,) towards the lidar.   up: (3,) unit; None: unknown.
+
+    The tilt is rounded where it is shown: what is rounded twice is not what the page shows, which knows it as it is.
+    """
     if up is None:
         return "plane", None
     upward = float(normal @ up)
     tilt = float(np.degrees(np.arccos(min(abs(upward), 1.0))))
     if tilt < _LEVEL_DEG:
-        return ("floor" if upward > 0 else "ceiling"), round(tilt, 1)
-    return ("wall" if tilt > _UPRIGHT_DEG else "slanted"), round(tilt, 1)
+        return ("floor" if upward > 0 else "ceiling"), tilt
+    return ("wall" if tilt > _UPRIGHT_DEG else "slanted"), tilt
 
 
 def names_of(kinds: Sequence[Kind]) -> list[str]:

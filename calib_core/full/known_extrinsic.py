@@ -9,14 +9,14 @@ turning is what smears a cloud most. What the calibration found of single lasers
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
-from calib_core.factors.laser_features import LaserErrors
+from calib_core.full.assess.own_errors import lasers_of
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.imu.turned import turned_since
@@ -74,28 +74,13 @@ def held_motion(
 def laser_corrector(result: CalibrationResult) -> Callable[[Scan], Scan]:
     """A function that takes the lasers' errors out of a scan's points. Raises SettingsError where none are known."""
     found = {(each.block, each.name): each.value for each in result.intrinsics}
-    blocks = ("laser_range_offset", "laser_range_scale", "laser_elevation", "laser_azimuth")
-    rings = [int(name) for block, name in found if block in blocks and name.isdecimal()]
-    every = found.get(("range_offset", "all"), 0.0)
-    if not rings and not every:
+    lasers = lasers_of(found)
+    if lasers is None:
         raise SettingsError(
             f"Expected parameters of lasers to correct points by, but the result of {result.provenance.recording.name} holds "
             "none; calibrate again with `--intrinsics auto`, or leave --correct-lasers out."
         )
-    # Where lasers are not told apart, one stands for all.
-    lasers = max(rings, default=0) + 1
-    offset, scale, elevation, azimuth = (
-        np.array([found.get((block, str(laser)), 0.0) for laser in range(lasers)]) for block in blocks
-    )
-    errors = LaserErrors(offset + every, scale, elevation, azimuth, 0.0)
-
-    def correct(scan: Scan) -> Scan:
-        points = scan.points.copy()
-        laser = points["ring"] if rings else np.zeros_like(points["ring"])
-        points["xyz"] = errors.corrected(np.ascontiguousarray(points["xyz"]), np.ascontiguousarray(laser))
-        return replace(scan, points=points)
-
-    return correct
+    return lasers.corrected
 
 
 def _as_published(scan: Scan) -> Scan:

@@ -58,11 +58,13 @@ def sampled(scans: Sequence[Scan], trajectory: Trajectory) -> list[Scan]:
 def crispness_of(scans: Sequence[Scan], trajectory: Trajectory) -> Crispness | None:
     """Of the raw scans and with the motion taken out; None where too little of the room was seen."""
     chosen = sampled(scans, trajectory)
-    measured = compare_rooms([laid(chosen, trajectory, raw_map_points), laid(chosen, trajectory)])
+    maps_m = [laid(chosen, trajectory, raw_map_points), laid(chosen, trajectory)]
+    measured = compare_rooms(maps_m)
     if measured is None:
         return None
     before, after = measured
-    return Crispness(before=before, after=after, text=_sentence(before, after))
+    moved_rms_m = float(np.sqrt(np.mean(np.sum((maps_m[1] - maps_m[0]) ** 2, axis=1))))
+    return Crispness(before=before, after=after, text=_sentence(before, after, moved_rms_m))
 
 
 def laid(chosen: Sequence[Scan], trajectory: Trajectory, laying: Laying = map_points) -> FloatArray:
@@ -132,7 +134,8 @@ def _covariances(xyz_m: FloatArray, cube: IntArray) -> tuple[FloatArray, IntArra
     return spread / np.maximum(count - 1, 1)[:, None, None], count
 
 
-def _sentence(before: RoomCrispness, after: RoomCrispness) -> str:
+def _sentence(before: RoomCrispness, after: RoomCrispness, moved_rms_m: float) -> str:
+    """In words. moved_rms_m: by how much de-skewing moves the points, which the cubes do not know."""
     gained = before.mean_entropy_nat - after.mean_entropy_nat
     thick = (
         f"in cubes of {CUBE_M:.1f} m, corners and clutter included, points lie {1e3 * after.thickness_std_m:.1f} mm (rms) off "
@@ -141,6 +144,7 @@ def _sentence(before: RoomCrispness, after: RoomCrispness) -> str:
     if gained > 0.0:
         return f"Without regard to any plane, the room is crisper de-skewed: {thick} lower."
     return (
-        f"Without regard to any plane, the room is no crisper de-skewed: {thick} higher. The lidar hardly moved during its "
-        "sweeps, or the answer does not fit."
+        f"Without regard to any plane, the room is no crisper de-skewed: {thick} higher. Cubes of {CUBE_M:.1f} m do not see a "
+        "smear wider than they are, nor one that is little beside noise and clutter, and de-skewing moves the points by "
+        f"{1e3 * moved_rms_m:.0f} mm (rms): this measure alone does not tell whether the answer fits."
     )

@@ -251,7 +251,7 @@ class Reading:
                 Finding(
                     "points.out_of_sweep",
                     "warning" if out_of_time > 0.001 * sent else "info",
-                    f"{out_of_time} of {sent} points on {topic} carry a time outside their sweep and were left out.",
+                    f"{out_of_time:,} of {sent:,} points on {topic} had a time outside of their sweep and were left out.",
                     (Evidence("points outside the sweep", out_of_time), Evidence("points", sent)),
                 )
             )
@@ -260,7 +260,7 @@ class Reading:
                 Finding(
                     "points.no_return",
                     "info",
-                    f"{no_return} of {sent} points on {topic} are no return, or outside"
+                    f"{no_return:,} of {sent:,} points on {topic} had no return, or one outside of"
                     f" {self.settings.range_min_m:g} to {self.settings.range_max_m:g} m, and were left out.",
                     (Evidence("points left out", no_return), Evidence("points", sent)),
                 )

@@ -32,6 +32,7 @@ describe("answers of parts", () => {
   });
 
   it("have offsets in milliseconds from the answer", () => {
-    expect(offsetsOf({ first_s: -0.02, step_s: 0.01, likeness: [0.5, null, 1], best_s: 0 })).toEqual([-20, -10, 0]);
+    const profile = { first_s: -0.02, step_s: 0.01, likeness: [0.5, null, 1], best_s: 0, text: "" };
+    expect(offsetsOf(profile)).toEqual([-20, -10, 0]);
   });
 });

@@ -14,8 +14,10 @@ from app.cli.inspect_report import report_block
 from app.cli.inspect_sensors import sparkline, still_strip
 from app.cli.summary import refusal, result_summary, verdict
 from app.cli.terminal import LiveProgress, Manner, PlainProgress, error_bar, iteration_table, listener
+from calib_core.doctor.kinds import kind_of
 from calib_core.doctor.report import (
     DoctorReport,
+    EvidenceReport,
     ExcitationReport,
     FindingReport,
     Forecast,
@@ -175,6 +177,23 @@ def test_planes_to_expect_are_listed() -> None:
     text = shown(report_block(report(planes=planes)))
     for words in ("wall 1", "9.9 m²", "1.2 m", "89°", "16 mm", "They fix it.", "plane 2"):
         assert words in text
+
+
+def test_evidence_is_written_as_people_write_numbers() -> None:
+    """Mutations: what was rounded to nothing from below as -0; digits in one row; words taken for a number."""
+    found = (EvidenceReport(name="drift", value=-0.0), EvidenceReport(name="points", value=13107200))
+    found += (EvidenceReport(name="field", value="t"), EvidenceReport(name="rate", value=-0.25, unit="s"))
+    finding = FindingReport(code="a.b", level="info", text="A quiet one.", evidence=found)
+    assert "drift 0, points 13,107,200, field t, rate -0.25 s" in shown(report_block(report(findings=(finding,))), 200)
+
+
+def test_a_tilt_is_rounded_once() -> None:
+    """88.531 deg is 89 on the page. Mutation: rounded to 88.5 where it is found, which Python shows as 88."""
+    lean = np.radians(88.531)
+    kind, tilt_deg = kind_of(np.array([np.sin(lean), 0.0, np.cos(lean)]), np.array([0.0, 0.0, 1.0]))
+    wall = PlaneReport(name="w", kind=kind, tilt_deg=tilt_deg, area_m2=9.9, distance_m=1.2, points=900, rms_m=0.02)
+    planes = PlanesReport(planes=(wall,), determinacy=0.9, determined=True, text="They fix it.")
+    assert "89°" in shown(report_block(report(planes=planes)))
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.results import captions, plot_parts, plots
 from app.results.evidence import StepListener, measure_evidence
@@ -21,7 +22,9 @@ from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import Beside, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
-from calib_core.result import Crispness, Message, RoomCrispness
+from calib_core import api
+from calib_core.intrinsics import NAMES, UNITS
+from calib_core.result import Crispness, Intrinsic, Message, RoomCrispness
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate
 from calib_core.types import Trajectory
@@ -158,11 +161,22 @@ def test_a_command_is_broken_before_its_options_only():
     assert [line.strip().split(" ")[0] for line in shown.splitlines()] == ["unsweep", "--lidar-topic", "--output"]
 
 
-def test_the_turning_is_said_to_agree_or_not():
-    """Mutation: the same sentence for a peak three steps away."""
+def test_what_the_turning_says_is_the_profiles_own_sentence():
+    """Mutation: an old document's highest value, three steps away in a curve that may be flat, is a disagreement."""
     profile = world.make_evidence().time_offset_profile
-    assert "agrees with the answer" in captions.offset_profile(profile)
-    assert "disagree" in captions.offset_profile(profile.model_copy(update={"best_s": -0.03}))
+    assert captions.offset_profile(profile).endswith(f"one clear peak at zero. {profile.text}")
+    old = captions.offset_profile(profile.model_copy(update={"best_s": -0.03, "text": ""}))
+    assert old.endswith("one clear peak at zero. The highest is at -30.0 ms.")
+
+
+def test_the_scans_spread_says_what_it_is_of(beside):
+    """A chair 0.2 m from a wall counts. Mutations: the gate of what is measured, or of what is said, is another."""
+    assert "of its points within 0.3 m of one. Furniture and persons so near count" in captions.over_time(beside.scans)
+    scan, planes = world.make_recording().scans[0], world.plane_quality()
+    points = scan.points.copy()
+    points["xyz"] *= np.float32(0.94)  # walls are 2 to 4 m away
+    seen = replace(world.make_recording(), scans=[replace(scan, points=points)])
+    assert measure_scans(seen, world.make_trajectory(), planes).rms_m[0] > 0.1
 
 
 def test_the_same_run_gives_the_same_pictures(beside):
@@ -195,7 +209,7 @@ def test_reports_hold_no_more_files_the_more_threads_ask_for_them(beside):
 
 def test_distances_are_binned_by_range_and_ring():
     """Ring 3 reads two per cent too far. Oracle: walls stand 2 to 4 m away, so that is 40 to 80 mm. Mutations: mean for
-    rms; unsigned distances."""
+    rms; unsigned distances; signs of the planes' normals."""
     recording, trajectory = world.make_recording(), world.make_trajectory()
     scans = []
     for scan in recording.scans:
@@ -207,12 +221,60 @@ def test_distances_are_binned_by_range_and_ring():
     rings = evidence.by_ring
     assert rings is not None
     assert rings.at == [0.0, 1.0, 2.0, 3.0, 4.0]
-    # Normals look inwards: farther is negative.
-    assert -0.10 < rings.mean_m[3] < -0.03
+    # Normals look inwards: farther is against them, and reads long.
+    assert 0.03 < rings.mean_m[3] < 0.10
     assert np.abs(np.delete(rings.mean_m, 3)).max() < 0.002
     assert all(rms >= abs(mean) for rms, mean in zip(rings.rms_m, rings.mean_m, strict=True))
     assert evidence.by_range is not None
     assert evidence.by_range.at == sorted(evidence.by_range.at)
+
+
+def _own(block, name, value, state="estimated"):
+    """A parameter of a sensor, as a result has it."""
+    unit = UNITS[block]
+    return Intrinsic(block=block, name=name, unit=unit, value=value, std=0, prior_std=0, state=state, significant=True)
+
+
+def test_distances_are_without_what_the_answer_took_out_of_the_ranges():
+    """Ring 3 reads 60 mm long, all read what a slant makes (incidence 40 mm, grazing 10 mrad). Oracle: the equation of
+    calib_core/intrinsics.py over the walls' own geometry. Mutations: ranges as sent; only the lasers', or only the slant's,
+    taken out; the latter with its other sign; what was only considered taken out; the caption silent."""
+    recording, trajectory = world.make_recording(), world.make_trajectory()
+    planes = world.make_result().quality.planes
+    normals = np.array([plane.normal for plane in planes])
+    offsets_m = np.array([plane.offset_m for plane in planes])
+    scans = []
+    for scan in recording.scans:
+        points = scan.points.copy()
+        points["ring"] = np.arange(len(points)) % 5
+        here = points.copy()
+        here["xyz"] = 0.0
+        place = api.map_points(scan, trajectory)
+        ray = place - api.map_points(replace(scan, points=here), trajectory)
+        range_m = np.linalg.norm(ray, axis=1)
+        owner = np.abs(place @ normals.T + offsets_m).argmin(axis=1)
+        cosine = np.abs(np.sum(ray * normals[owner], axis=1)) / range_m
+        off_m = 0.06 * (points["ring"] == 3) + 0.04 * (1 / cosine - 1) - 0.01 * range_m * np.tan(np.arccos(cosine))
+        points["xyz"] *= (1.0 + off_m / range_m)[:, None].astype(np.float32)
+        scans.append(replace(scan, points=points))
+    seen = replace(recording, scans=scans)
+
+    def of(*own):
+        return measure_evidence(seen, world.make_result().model_copy(update={"intrinsics": list(own)}), trajectory, [])
+
+    slant = [_own("incidence", "all", 0.04), _own("grazing", "all", 0.01)]
+    laser = _own("laser_range_offset", "3", 0.06)
+    sent, mended = of(laser.model_copy(update={"state": "considered"})), of(laser, *slant)
+    assert (sent.ranges, mended.ranges) == ("as-published", "corrected")
+    assert sent.by_ring.mean_m[3] - sent.by_ring.mean_m[2] > 0.03
+    for binned in (mended.by_ring, mended.by_range):
+        assert np.abs(binned.mean_m).max() < 0.002
+    for part in ([laser], slant):
+        assert np.abs(of(*part).by_range.mean_m).max() > 0.004
+    said = captions.by_value(mended.by_ring, "ring", ranges=mended.ranges)
+    assert "beyond them and so the lidar reads long, negative where short. Ranges and angles were corrected" in said
+    assert "corrected" not in captions.by_value(sent.by_ring, "ring", ranges=sent.ranges)
+    assert "long" not in captions.by_value(sent.by_ring, "ring")
 
 
 def test_bins_of_range_do_not_choose_points_by_their_noise():
@@ -268,6 +330,83 @@ def test_readings_are_foretold_by_the_true_motion_and_not_by_one_that_is_late():
     assert late is not None
     assert late.gyro_rms_rad_s > 10 * compared.gyro_rms_rad_s
     assert late.accel_rms_m_s2 > 5 * compared.accel_rms_m_s2
+
+
+#: Of an IMU that is worse than a cheap one; the clocks apart by 0.3 ms a second.
+OWN = {
+    "gyroscope_scale": [0.03, -0.02, 0.04],
+    "gyroscope_axes": [0.02, 0.0, -0.03],
+    "gyroscope_rotation": [0.01, -0.04, 0.03],
+    "accelerometer_scale": [0.02, 0.03, -0.02],
+    "accelerometer_axes": [0.01, -0.02, 0.02],
+    "accelerometer_delay": [0.02],  # two of its steps: nothing is lost between stamps
+    "g_sensitivity": [0.004, 0.0, -0.003, 0.002, 0.001, 0.0, 0.0, 0.005, 0.002],
+    "clock_rate": [300.0],
+}
+
+
+def _read_by_such_an_imu(recording):
+    """The recording as an IMU with these errors gives it. Oracle: the equations of calib_core/intrinsics.py, written anew."""
+    imu, at_s = recording.imu, (recording.imu.stamps_ns - recording.imu.stamps_ns[0]) * 1e-9
+    late = np.stack([np.interp(at_s - OWN["accelerometer_delay"][0], at_s, a) for a in imu.accel_m_s2.T], axis=1)
+    matrices = []
+    for kind in ("gyroscope", "accelerometer"):
+        M = np.diag(1.0 + np.array(OWN[f"{kind}_scale"]))
+        M[1, 0], M[2, 0], M[2, 1] = OWN[f"{kind}_axes"]
+        matrices.append(M)
+    turn = Rotation.from_rotvec(OWN["gyroscope_rotation"]).as_matrix()
+    felt = imu.accel_m_s2 @ np.reshape(OWN["g_sensitivity"], (3, 3)).T
+    return replace(
+        recording,
+        imu=replace(
+            imu,
+            stamps_ns=imu.stamps_ns - np.rint(300e-6 * 1e9 * (at_s - 3.0)).astype(np.int64),
+            gyro_rad_s=imu.gyro_rad_s @ (matrices[0] @ turn).T + felt,
+            accel_m_s2=late @ matrices[1].T,
+        ),
+    )
+
+
+def test_the_readings_are_compared_without_what_the_answer_took_out():
+    """Oracle: an IMU without errors. Mutations: readings as sent; any block, the delay or the clocks' rate left in or put in
+    twice; what was only considered taken out."""
+    recording, truth = generate("paper-fast", noise=False, duration_s=6.0)
+    times_s = 0.01 * np.arange(10, 580)  # nothing is known of readings later than the last by the delay
+    trajectory = Trajectory(truth.epoch_ns, times_s, *truth.map_lidar(times_s), np.ones(len(times_s), bool))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = truth.R_imu_lidar, truth.p_imu_lidar
+    plain = world.make_result()
+    plain = plain.model_copy(
+        update={
+            "T_imu_lidar": plain.T_imu_lidar.model_copy(update={"matrix": T.tolist()}),
+            "time_offset_ns": truth.time_offset_ns,
+            "time_offset_at_s": 3.0
+            + (recording.imu.stamps_ns[0] + truth.time_offset_ns - recording.scans[0].stamp_ns) * 1e-9,
+            "clock_rate_ppm": OWN["clock_rate"][0],
+        }
+    )
+
+    def compared(result, seen):
+        imu = measure_evidence(seen, result, trajectory, []).imu
+        assert imu is not None
+        return imu
+
+    def with_own(state):
+        own = [_own(b, n, v, state) for b, values in OWN.items() for n, v in zip(NAMES[b], values, strict=True)]
+        return plain.model_copy(update={"intrinsics": own})
+
+    ideal, bad = compared(plain, recording), _read_by_such_an_imu(recording)
+    mended = compared(with_own("estimated"), bad)
+    assert mended.gyro_rms_rad_s < 1.3 * ideal.gyro_rms_rad_s
+    assert mended.accel_rms_m_s2 < 1.5 * ideal.accel_rms_m_s2
+    assert (ideal.corrected, mended.corrected) == (False, True)
+    assert "its own errors that this answer found and took out" in captions.imu(mended, with_own("estimated"))
+    left = compared(with_own("considered"), bad)
+    assert left.gyro_rms_rad_s > 10 * ideal.gyro_rms_rad_s
+    assert left.accel_rms_m_s2 > 5 * ideal.accel_rms_m_s2
+    assert "what the IMU measured. Black" in captions.imu(left, with_own("considered"))
+    # Kept by an older program, which took nothing out.
+    assert "as it was sent, with its own errors" in captions.imu(left, with_own("estimated"))
 
 
 def test_units_are_printed_as_people_print_them():

@@ -118,5 +118,5 @@ def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
         "warning",
         DISAGREEMENT,
         f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
-        f"gives, or a fault that nothing models; the error bars are widened, most along {named_direction(beyond)}{torn}",
+        f"gives, or a fault that nothing models; the error bars are widened, most for {named_direction(beyond)}{torn}",
     )

@@ -20,7 +20,7 @@ from calib_core.sigmas import std_text
 from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
 
-_SHORT = ("rot x", "rot y", "rot z", "x", "y", "z", "time")
+_SHORT = (*(f"turn {a}" for a in "xyz"), *(f"translation {a}" for a in "xyz"), "time offset")
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,14 @@ def assess(
     longest = 1.0 / np.sqrt(np.sum((vectors / STANDING[:, None]) ** 2, axis=0))
     spread = np.minimum(spread, longest)
     data_std = np.sqrt((vectors**2) @ spread**2) * UNITS
+    if not frozen_offset:
+        data_std[TIME_OFFSET] = np.hypot(data_std[TIME_OFFSET], offset_std_s)
     weak: list[WeakDirection] = []
     opened = is_open(vectors, spread)
     for k in range(CALIBRATION):
         along = np.abs(vectors[:, k]) * spread[k]
         if (along > LIMITS).any():
-            weak.append(_describe(vectors[:, k], float(spread[k]), undetermined=bool(opened[k])))
+            weak.append(_describe(vectors[:, k], float(spread[k]), data_std, undetermined=bool(opened[k])))
     rows = np.zeros(CALIBRATION)
     for row in priors.rows:
         rows[row.column] += 1.0 / row.std**2
@@ -84,13 +86,12 @@ def assess(
     covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
     if not frozen_offset:
         covariance[TIME_OFFSET, TIME_OFFSET] += offset_std_s**2
-        data_std[TIME_OFFSET] = np.hypot(data_std[TIME_OFFSET], offset_std_s)
     rotation = np.linalg.eigvalsh(data[ROTATION, ROTATION])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / WORDING.known_deg**2))
 
 
-def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakDirection:
-    """One weak direction in words."""
+def _describe(vector: FloatArray, spread: float, data_std: FloatArray, *, undetermined: bool) -> WeakDirection:
+    """One weak direction in words. data_std: (7,) of each parameter, SI, as Knowledge has it."""
     largest = int(np.argmax(np.abs(vector)))
     vector = vector * np.sign(vector[largest])
     alone = bool(abs(vector[largest]) > WORDING.one_parameter)
@@ -98,7 +99,9 @@ def _describe(vector: FloatArray, spread: float, *, undetermined: bool) -> WeakD
     if undetermined:
         text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
     else:
-        amount = _amount(vector, spread, largest)
+        # By a parameter's name it is that parameter's own, as every table has it, to which other directions add their part.
+        along = abs(float(vector[largest])) * spread * float(UNITS[largest])
+        amount = _amount(float(data_std[largest]) if alone else along, largest)
         text = f"The recording determines {what} only to {amount} (1 sigma)."
     return WeakDirection(
         label=COVARIANCE_ORDER[largest] if alone else None,
@@ -118,12 +121,10 @@ def _mixture(vector: FloatArray) -> str:
     if np.linalg.norm(vector[ROTATION]) > WORDING.one_kind:
         return f"the rotation about ({rotation}) of the lidar's axes"
     parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > WORDING.named)
-    return f"the combination {parts} (in units of 1 deg, 10 mm, 1 ms)"
+    return f"the combination {parts} (in units of 1 deg, 10 mm and 1 ms)"
 
 
-def _amount(vector: FloatArray, spread: float, largest: int) -> str:
-    size = abs(float(vector[largest])) * spread
-    std = size * float(UNITS[largest])
+def _amount(std: float, largest: int) -> str:
     if largest < 3:
         return std_text(float(np.degrees(std)), "deg")
     return std_text(std, "m" if largest < CALIBRATION - 1 else "s")

@@ -32,12 +32,30 @@ def offset_profile(
     top = int(np.argmax(best))
     if not np.isfinite(best[top]):
         return None
+    best_s = float(away_s[top] + PROFILE.step_s * _between(best, top))
+    sweep = max(1, round(float(np.median(lidar.sweep_s)) / PROFILE.step_s))
     return OffsetProfile(
         first_s=-PROFILE.reach_s,
         step_s=PROFILE.step_s,
         likeness=[round(float(value), 4) if np.isfinite(value) else None for value in best],
-        best_s=round(float(away_s[top] + PROFILE.step_s * _between(best, top)), 5),
+        best_s=round(best_s, 5),
+        text=f"The highest, {best[top]:.3f}, is at {1e3 * best_s:+.1f} ms{_meaning(best, top, best_s, sweep)}.",
     )
+
+
+def _meaning(curve: FloatArray, top: int, best_s: float, sweep: int) -> str:
+    """What a highest value there says of the answer, which is in the curve's middle. sweep: of the lidar, in steps."""
+    # Noise alone keeps the highest value from 1, so that a fall of no more is no fall.
+    fallen = curve < curve[top] - max(1.0 - float(curve[top]), PROFILE.least_fall)
+    if abs(best_s) > PROFILE.step_s and fallen[len(curve) // 2]:
+        return f", more than its step of {1e3 * PROFILE.step_s:.0f} ms away: the answer and the turning disagree"
+    beside = [at for at in (top - sweep, top + sweep) if 0 <= at < len(curve) and np.isfinite(curve[at])]
+    if not all(fallen[at] for at in beside):
+        return (
+            f", but {1e3 * PROFILE.step_s * sweep:.0f} ms beside it the match is as good but for noise: the motion is too smooth "
+            "for the turning alone to tell"
+        )
+    return ", which agrees with the answer"
 
 
 def _between(curve: FloatArray, top: int) -> float:

@@ -72,6 +72,8 @@ class Profile:
     #: them. A picture alone depends on it.
     reach_s: float = 0.5
     step_s: float = 0.01
+    #: derived: from the three digits that are said of a likeness: what falls by less has not fallen, whatever the noise.
+    least_fall: float = 0.001
 
 
 @dataclass(frozen=True, slots=True)

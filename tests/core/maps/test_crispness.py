@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
-from calib_core.deskew import lidar_poses
+from calib_core.deskew import deskew_points, lidar_poses
 from calib_core.geometry import exp
 from calib_core.maps.carry import Mounting, carried
 from calib_core.maps.crispness import CUBE_M, compare_rooms, crispness_of, laid, sampled
 from calib_core.simulate import Truth, generate
-from calib_core.types import Recording, Trajectory
+from calib_core.types import Recording, Scan, Trajectory
 
 
 def wall(noise_m: float, n: int = 200_000) -> np.ndarray:
@@ -94,6 +94,26 @@ def test_carried_with_the_true_mounting_the_motion_is_the_true_one(
     R, p = lidar_poses(motion, alone.times_s)
     assert np.sqrt(np.mean(np.sum((alone.p_map_lidar - p) ** 2, axis=1))) < 0.003
     assert np.abs(alone.R_map_lidar - R).max() < 0.003
+
+
+def test_where_the_room_is_no_crisper_the_answer_is_not_blamed(simulated: tuple[Recording, Truth, Trajectory]) -> None:
+    """Scans without motion in them, from which it is taken out all the same. Oracle: how far that moves their points.
+
+    Mutations: the lidar is said to have stood still; the points' places for their shifts; a mean of the axes.
+    """
+    recording, _, motion = simulated
+    scans = []
+    for scan in sampled(recording.scans, motion):
+        points = scan.points.copy()
+        points["xyz"] = deskew_points(scan, motion)
+        scans.append(Scan(scan.index, scan.stamp_ns, points))
+    crispness = crispness_of(scans, motion)
+    assert crispness is not None
+    assert "no crisper" in crispness.text
+    far_m = np.concatenate([np.linalg.norm(deskew_points(s, motion) - s.points["xyz"], axis=1) for s in scans])
+    assert "hardly moved" not in crispness.text
+    assert f"moves the points by {1e3 * np.sqrt(np.mean(far_m**2)):.0f} mm (rms)" in crispness.text
+    assert crispness.text.endswith("this measure alone does not tell whether the answer fits.")
 
 
 def test_the_right_mounting_makes_a_crisper_room_than_wrong_ones(

@@ -2216,6 +2216,12 @@ export interface components {
             likeness: (number | null)[];
             /** Step S */
             step_s: number;
+            /**
+             * Text
+             * @description what that says of the answer; empty in older documents
+             * @default
+             */
+            text: string;
         };
         /**
          * OldExtrinsic

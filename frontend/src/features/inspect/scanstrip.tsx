@@ -69,10 +69,12 @@ function Strip({
   return (
     <figure
       className={css.strip}
-      aria-label={`Spread of each scan about its planes, millimetres over seconds; ${bad.length} of ${times.length} scans stand out`}
+      aria-label={`Spread of each scan’s points within 30 cm of its planes, furniture too, millimetres over seconds; ${bad.length} of ${times.length} scans stand out`}
     >
       <figcaption>
-        <span className={css.stripTitle}>Spread of each scan</span>
+        <span className={css.stripTitle}>
+          Spread of each scan<span className={css.stripWords}>: all within 30 cm of a plane, furniture too</span>
+        </span>
         <span className="num">
           {rms === null || rms === undefined ? "no motion here" : `${fixed(rms * 1000, 1)} mm`}
         </span>

@@ -40,7 +40,6 @@ export function PartsSection({ result }: { result: CalibrationResult }) {
 }
 
 function OffsetProfile({ profile }: { profile: Profile }) {
-  const away = Math.abs(profile.best_s) > profile.step_s;
   return (
     <div>
       <LinePlot
@@ -54,8 +53,7 @@ function OffsetProfile({ profile }: { profile: Profile }) {
       />
       <p className={css.seen}>
         The lidar’s turning against the gyroscope’s, were the clocks so much farther apart than found: one clear peak at
-        zero is good, here it is at {fixed(profile.best_s * 1000, 1)} ms
-        {away ? ", so the turning disagrees with the answer." : "."}
+        zero is good. {profile.text || `The highest is at ${fixed(profile.best_s * 1000, 1)} ms.`}
       </p>
     </div>
   );

@@ -29,6 +29,12 @@ export function readableIntrinsic({
   };
 }
 
+/** A parameter in words, without saying twice what its block says, or that there is one for all. */
+export function parameterName({ block, name }: Pick<Intrinsic, "block" | "name">) {
+  const of = block.replaceAll("_", " ");
+  return name === "all" || of.endsWith(` ${name}`) ? of : `${of} ${name}`;
+}
+
 /** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks. */
 export function OwnErrors({ result }: { result: CalibrationResult }) {
   const sentences = result.messages.filter((message) => message.code.startsWith("sensor."));
@@ -61,9 +67,7 @@ export function OwnErrors({ result }: { result: CalibrationResult }) {
                 const { value, sigma, prior, unit } = readableIntrinsic(one);
                 return (
                   <tr key={`${one.block}/${one.name}`}>
-                    <th scope="row">
-                      {one.block.replaceAll("_", " ")} {one.name}
-                    </th>
+                    <th scope="row">{parameterName(one)}</th>
                     <td className="num">
                       {value} ± {sigma} {unit}
                     </td>

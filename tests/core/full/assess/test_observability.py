@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.assess.observability import Knowledge, advice, assess
+from calib_core.full.assess.observability import Knowledge, advice, assess, named_direction
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.geometry import exp
@@ -107,8 +107,31 @@ def test_what_nothing_determines_is_the_priors_and_said_to_be(label: str) -> Non
     assert np.delete(std / UNITS, column).max() < 1.1 * GOOD
 
 
+def test_a_parameter_that_is_named_has_the_size_that_the_tables_have() -> None:
+    """A lever arm's x of 24.5 mm, 24.1 of them along the direction that has its name, and an offset that the clocks widen.
+
+    Mutations: the direction's own size; the offset's before the clocks are counted.
+    """
+    way = np.zeros(7)
+    way[[3, 4]] = [0.98, np.sqrt(1 - 0.98**2)]
+    rest = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 4, 5, 6]]]))[0]
+    across = int(np.argmax(np.abs(rest[4])))
+    spread = np.full(7, GOOD)
+    spread[[0, across]] = 2.46, 2.2
+    known = _assess(spread, rest)
+    (x,) = [d for d in known.weak if d.label == "tx"]
+    assert known.data_std[3] == pytest.approx(0.02451, abs=1e-5)
+    assert "x axis only to 25 mm (1 sigma)" in x.text
+    priors = _priors()
+    (late,) = assess(_information(_all(GOOD, dt=2.5), np.eye(7), priors), priors, offset_std_s=6e-3).weak
+    assert "determines time offset only to 6.5 ms" in late.text
+
+
 def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
-    """Fails when the vector is not in the contract's units, or a mixture is given the label of its largest part."""
+    """Fails when the vector is not in the contract's units, or a mixture is given the label of its largest part.
+
+    Mutation: parts named by letters that leave open what they are of.
+    """
     way = np.zeros(7)
     way[[3, 4, 6]] = [0.8, -0.5, np.sqrt(1 - 0.89)]
     rest = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 3, 4, 5]]]))[0]
@@ -117,8 +140,12 @@ def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
     assert len(known.weak) == 1
     assert known.weak[0].label is None
     assert abs(np.array(known.weak[0].vector) @ way) == pytest.approx(1.0, abs=1e-4)
-    assert "+0.80 x" in known.weak[0].text
-    assert "-0.50 y" in known.weak[0].text
+    said = "the combination +0.80 translation x, -0.50 translation y, +0.33 time offset (in units of 1 deg, 10 mm and 1 ms)"
+    assert said in known.weak[0].text
+    # Of what parts disagree about it is said with the same words.
+    turned = np.zeros(7)
+    turned[[1, 3]] = 0.7, 0.71
+    assert named_direction(np.outer(turned, turned)).startswith("the combination +0.70 turn y, +0.71 translation x (")
 
 
 def test_a_direction_of_one_kind_is_named_as_such() -> None:

@@ -46,6 +46,26 @@ def test_it_is_highest_at_the_true_offset_wherever_the_answer_is() -> None:
         assert np.nanmin(values) < 0.8
 
 
+def _meant(answer_s: float, tempo: float = 1.0, noise: float = 0.0) -> str:
+    rate = _rate(START_S + 0.05, tempo) + noise * np.random.default_rng(4).normal(size=(len(START_S), 3))
+    found = offset_profile(_track(rate), *_gyro(tempo), answer_s)
+    assert found is not None
+    return found.text.split("ms", maxsplit=1)[1]
+
+
+def test_a_clear_peak_agrees_or_disagrees_and_a_flat_one_says_nothing() -> None:
+    """The same swings at their tempo and nine times slower, when 0.1 s change the likeness by less than 0.001.
+
+    Mutations: any peak beyond a step disagrees; a flat one at zero agrees; noise does not count.
+    """
+    assert _meant(LAG_S) == ", which agrees with the answer."
+    assert "the answer and the turning disagree" in _meant(LAG_S + 0.08)
+    for away_s in (0.0, 0.03, -0.08):
+        assert "too smooth for the turning alone to tell" in _meant(LAG_S + away_s, 0.11)
+    # 80 ms are within what this noise makes: the same curve, but that its highest value is no longer 1.
+    assert "disagree" not in _meant(LAG_S + 0.08, noise=0.4)
+
+
 def test_a_body_that_hardly_turned_has_none() -> None:
     """Mutation: noise compared with noise."""
     rng = np.random.default_rng(0)
