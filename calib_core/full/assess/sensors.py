@@ -37,8 +37,8 @@ class SensorFindings:
 def sensor_findings(solved: Solved, considered: Considered | None, *, wider: float = 1.0) -> SensorFindings:
     """Of a solved recording. considered: where the parameters were held.
 
-    wider: by how many times what noise allows parts of the recording disagree. What is no plane bends the sensors as it does the
-    calibration: with a bent wall that somebody kept, an ideal lidar's beams read long by 13 of their own sigmas.
+    wider: by how many times what noise allows parts of the recording disagree. What is no plane bends the sensors, too. With
+    a bent wall that somebody kept, an ideal lidar's beams read long by 13 of their own sigmas.
     """
     sensors = solved.nuisance.sensors
     if not sensors.blocks:
