@@ -13,6 +13,7 @@ from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, Sh
 from calib_core.full.assess.clock_step import Sides, clock_step, misfit
 from calib_core.full.assess.confidence import DISAGREEMENT
 from calib_core.full.assess.imu_silence import imu_silence
+from calib_core.full.assess.plausibility import borne_out
 from calib_core.full.assess.settings import CLOCK_STEP
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.planes.propose import find_reference
@@ -78,8 +79,14 @@ def calibrate(
     except Refused as refusal:
         said = [*heard.messages, Message(code=refusal.code, level="error", text=str(refusal))]
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
-    result = document(recording, settings, answer, heard.messages, time.monotonic() - started)
+    said = with_unit_proven(heard.messages) if not answer.is_weak else heard.messages
+    result = document(recording, settings, answer, said, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)
+
+
+def with_unit_proven(messages: Sequence[Message]) -> list[Message]:
+    """The messages of an answer that is none in another unit of the gyroscope than the one it was read in."""
+    return [m.model_copy(update={"text": borne_out(m.text)}) if m.code == "imu.gyroscope_unit" else m for m in messages]
 
 
 class Heard:

@@ -13,6 +13,7 @@ from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, P
 from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.observability import Knowledge
+from calib_core.full.assess.plausibility import borne_out
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
 from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.planes.segment import determinacy
@@ -100,10 +101,7 @@ def unit_proven(findings: Sequence[Finding], forecast: Forecast | None) -> list[
     if forecast is None or not forecast.parameters or any(p.weak for p in forecast.parameters if p.name in _TURNS):
         return list(findings)
     return [
-        replace(f, text=f"{f.text.split(' (')[0].rstrip('.')}: the lidar turns just as fast.", confidence=1.0)
-        if f.code == "imu.gyroscope_unit"
-        else f
-        for f in findings
+        replace(f, text=borne_out(f.text), confidence=1.0) if f.code == "imu.gyroscope_unit" else f for f in findings
     ]
 
 

@@ -56,6 +56,11 @@ def _beyond_gravity(solved: Solved, away: float, prior_std_m_s2: float) -> bool:
     return away > PLAUSIBLE.gravity_sigmas * max(allowed, wider * gravity_std(solved))
 
 
+def borne_out(unit_text: str) -> str:
+    """What is said of the gyroscope's unit, where the lidar's own turning agrees: in the other unit it would be 57 times off."""
+    return f"{unit_text.split(' (', maxsplit=1)[0].rstrip('.')}: the lidar turns just as fast."
+
+
 def gravity_std(solved: Solved) -> float:
     """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
     assert solved.minimum.solution is not None

@@ -246,7 +246,7 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int)
                 f"{topic} has {statistics.n_gaps} gaps, the longest {statistics.longest_gap_s:.3f} s,"
                 f" where a reading comes every {period_ms:.2f} ms.",
                 (Evidence("gaps", statistics.n_gaps), Evidence("longest", statistics.longest_gap_s, "s")),
-                consequence="scans that reach into a gap cannot be used",
+                consequence="scans are not used where readings are lost for 60 ms or for six; a late stamp only looks so",
             )
         )
     return found + _pace_findings(statistics, topic)
@@ -266,7 +266,7 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
                     Evidence("spread of the steps", statistics.jitter_s, "s"),
                     Evidence("period", statistics.period_s, "s"),
                 ),
-                consequence="the time offset cannot be better than the jitter's mean",
+                consequence="readings that were sampled evenly are put on an even row; the mean of it is part of the time offset",
             )
         )
     if statistics.bundled_share > 0.5:

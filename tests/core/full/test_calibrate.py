@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.calibrate import Calibration, calibrate
+from calib_core.calibrate import Calibration, calibrate, with_unit_proven
 from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
 from calib_core.geometry import log
-from calib_core.result import CalibrationResult
+from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import STILL
@@ -246,3 +246,20 @@ def test_what_two_attempts_say_is_said_once(clean: tuple[Recording, Truth], monk
     result = calibrate(clean[0], CalibrateSettings()).result
     names = [message.text.split(" did")[0] for message in result.messages if message.code == "planes.moving"]
     assert names == ["plane 2", "plane 3"]
+
+
+def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
+    """Seen: `inspect` said that the lidar turns just as fast, the result of the same recording that only plausibility speaks.
+    Mutation: messages as they came.
+    """
+    said = [
+        Message(
+            code="imu.gyroscope_unit",
+            level="info",
+            text="Angular rates on /imu are in rad/s (gravity hardly turns, so only plausibility speaks).",
+        ),
+        Message(code="imu.noise", level="info", text="IMU noise (of a standstill)"),
+    ]
+    unit, noise = with_unit_proven(said)
+    assert unit.text == "Angular rates on /imu are in rad/s: the lidar turns just as fast."
+    assert noise == said[1]
