@@ -66,7 +66,8 @@ def test_it_is_answered_by_that_side_where_the_two_do_not_go_together(
         asked.append(len(recording.scans))
         if len(asked) <= disagree:
             question.on_event(LogEvent(level="warning", code="solve.disagreement", text="they disagree"))
-        found: Any = type("Found", (), {"time_offset_ns": OFFSET_NS, "evidence": None, "trajectory": None})()
+        known = {"time_offset_ns": OFFSET_NS, "evidence": None, "trajectory": None, "is_weak": False}
+        found: Any = type("Found", (), known)()
         return found
 
     def agreed(kept: Recording, _recording: Recording, question: Question) -> Any:
