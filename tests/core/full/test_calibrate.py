@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core import calibrate as page
 from calib_core.calibrate import Calibration, calibrate, with_unit_proven
 from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
@@ -263,3 +264,20 @@ def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
     unit, noise = with_unit_proven(said)
     assert unit.text == "Angular rates on /imu are in rad/s: the lidar turns just as fast."
     assert noise == said[1]
+
+
+@pytest.mark.parametrize("is_weak", [False, True])
+def test_a_weak_answer_bears_no_unit_out(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, is_weak: bool
+) -> None:
+    """Mutations: messages as they came; borne out whatever the answer."""
+
+    def answer(_recording: Recording, question: Question) -> Any:
+        question.on_event(LogEvent(level="info", code="imu.gyroscope_unit", text="Rates are in rad/s (who knows)."))
+        return type("Found", (), {"time_offset_ns": 0, "evidence": None, "trajectory": None, "is_weak": is_weak})()
+
+    monkeypatch.setattr(page, "_answer", answer)
+    monkeypatch.setattr(page, "document", lambda _recording, _settings, _answer, messages, _s: messages)
+    told: Any = page.calibrate(noisy[0], CalibrateSettings(crispness=False)).result
+    said = [m.text for m in told if m.code == "imu.gyroscope_unit"]
+    assert ("Rates are in rad/s: the lidar turns just as fast." in said) is not is_weak

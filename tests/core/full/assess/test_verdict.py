@@ -28,3 +28,19 @@ def test_an_end_that_determines_nothing_is_refused(monkeypatch: pytest.MonkeyPat
     with pytest.raises(Refused) as refused:
         verdict.weigh(run, solved)
     assert refused.value.code == "solve.diverged"
+
+
+def test_sensors_are_less_sure_by_what_parts_disagree_about(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: the model's own sigmas handed on."""
+
+    class Asked(Exception):
+        pass
+
+    def asked(_solved: object, _considered: object, *, wider: float) -> None:
+        raise Asked(wider)
+
+    monkeypatch.setattr(verdict, "sensor_findings", asked)
+    nothing: Any = SimpleNamespace(estimate=None)
+    trust: Any = SimpleNamespace(knowledge=None, considered=None, apart_times=2.4)
+    with pytest.raises(Asked, match=r"2\.4"):
+        verdict.answer(nothing, nothing, trust, nothing)

@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 import pytest
 
-from calib_core.errors import Cancelled
+from calib_core.errors import Cancelled, Refused
 from calib_core.events import StageEvent
 from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, find_hits, select
 from calib_core.full.joint.policies import Sampling
@@ -134,10 +134,20 @@ def test_what_the_settings_hold_does_not_move(half: Half, settings: CalibrateSet
         offsets_m=half.state.estimate.offsets_m + 1e-3,
         gravity=half.state.estimate.gravity + 0.01,
     )
-    state = associate(data, replace(half.state, estimate=off), Gate(extra_m=0.05), stride=4)
+    state = associate(data, replace(half.state, estimate=off), Gate(), stride=4)
     after, problem = descend(data, state, iterations=2, tolerance=1e-6)
     assert len(problem.frozen) == len(problem_of(data, state).frozen)
     assert (after.estimate.time_offset_s == off.time_offset_s) == ("offset" in held)
     assert (after.estimate.offsets_m == off.offsets_m).all() == ("planes" in held)
     assert not (after.estimate.offsets_m == off.offsets_m).any() or "planes" in held
     assert (after.estimate.gravity != off.gravity).any()
+
+
+def test_a_descent_without_a_point_is_refused(half: Half) -> None:
+    """Seen: a ship that rolls ended in an IndexError. Mutation: not asked."""
+    state = associate(half.data, half.state, Gate(), stride=8)
+    points = state.observations
+    assert points is not None
+    none = replace(state, observations=points.part(np.zeros(len(points.count), np.bool_)))
+    with pytest.raises(Refused, match="no point lies on a plane any more"):
+        descend(half.data, none, iterations=1, tolerance=0.0)

@@ -9,12 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates
-from calib_core.full.joint.priors import Priors
+from calib_core.full.assess.influence import factor_influences
+from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.state import BiasNodes, Bins, Estimate
+from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate
+from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.joint.unseen import Unseen
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.solver.arrow import ArrowSystem, solve_arrow
+from calib_core.solver.arrow import ArrowSystem, solve_arrow, unit_responses
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
@@ -122,3 +124,20 @@ def test_nothing_is_held_where_planes_face_three_ways() -> None:
     problem, e = _corridor(3)
     assert problem.unseen(e).everywhere.shape == (3, 0)
     assert replace(problem, hold_velocity=True).unseen(e).runs == ()
+
+
+def test_influences_are_those_of_all_knots_as_they_follow() -> None:
+    """Where gravity's step lets the knots fall, links feel none of it. Oracle: with what priors and holds have, they sum
+    up to the covariance. Mutation: knots that do not fall along.
+    """
+    problem, e = _corridor(2)
+    of, system = factor_influences(problem, e), problem.linearise(e)
+    layout = problem.layout(e)
+    stated = covariance(solve_arrow(system).information).matrix[:CALIBRATION, :CALIBRATION] / UNITS / UNITS[:, None]
+    along, border = (each / UNITS for each in unit_responses(system, CALIBRATION))
+    prior = prior_rows(problem.priors, problem.nodes, e, layout)[1] @ border
+    planes, drift = border[layout.every_plane()], e.normals[2] @ along[problem.gauge_knot, 6:]
+    held = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes + 1e4 * np.outer(drift, drift)
+    allowed = of.links.allowed.sum(axis=0) + of.bins.allowed.sum(axis=0) + prior.T @ prior + held
+    unit = 1.0 / np.sqrt(np.diag(stated))
+    np.testing.assert_allclose(unit[:, None] * allowed * unit, unit[:, None] * stated * unit, atol=5e-3)
