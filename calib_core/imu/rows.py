@@ -1,8 +1,9 @@
 """Even rows of samples behind stamps that jitter: which sample of its row each reading is, and the line of their times.
 
 A row is counted by a loop that follows phase and period, then put right by its own line (`clock_line.py`); it ends where
-readings were lost for long. Stamps that wander more slowly than they jitter are no jitter about that line: such a row is
-halved until its parts do not, and a part that still does has no line.
+readings were lost for long. Stamps that jitter by more than half a period have no nearest sample: they are counted by their
+order. Stamps that wander more slowly than they jitter are no jitter about that line: such a row is halved until its parts do
+not, and a part that still does has no line; a reading that was lost where they are counted by their order is such a part.
 """
 
 from __future__ import annotations
@@ -31,6 +32,11 @@ _PHASE_GAIN, _PERIOD_GAIN = 0.05, 0.05**2 / 4.0
 _LATE_SIGMAS = 6.0
 #: A row may have this share of late stamps, and the others an rms of so much of a period (evenly spread: 0.29).
 LATE_SHARE, _SPREAD = 0.05, 0.25
+#: Stamps that are in time are off by at most so much of a period where the nearest sample is theirs.
+_NEAREST = 0.5
+#: Counted by their order, a row has to show a reading that was lost: the difference of its halves' means is known to a sixth of
+#: a period, by so many readings per squared spread.
+_SHOWS_A_LOSS = 144.0
 #: Periods that differ by less lead to the same count: the loop that counts follows the period.
 _SAME_PERIOD = 1e-3
 #: Means of blocks longer than this against those of blocks as long tell wandering from jitter that lasts: so far the
@@ -52,6 +58,7 @@ class Row:
 
     index: (N,) which of the recording's readings.   number: (N,) which sample each is, increasing.   even_s: (N,) the
     samples' times on the line.   used: (N,) whether the line was fitted to it.   cells: of the line, 1 where it is straight.
+    reach: how many periods a stamp that is in time may be off, infinite where readings are counted by their order.
     """
 
     index: IntArray
@@ -59,6 +66,7 @@ class Row:
     even_s: FloatArray
     used: BoolArray
     cells: int
+    reach: float
 
     @property
     def period_s(self) -> float:
@@ -73,14 +81,19 @@ class Row:
         return float(goal @ scipy.linalg.solveh_banded(normal, goal))
 
 
-def even_rows(t: FloatArray) -> list[Row]:
-    """The rows behind stamps t (Q,) [s], strictly increasing; readings that follow none are in no row."""
+def even_rows(t: FloatArray, *, by_order: bool) -> list[Row]:
+    """The rows behind stamps t (Q,) [s], strictly increasing; readings that follow none are in no row.
+
+    by_order: whether readings without a nearest sample are counted by their order, for those that can be asked after it.
+    """
     period = float(np.median(np.diff(t)))
     rows: list[Row] = []
-    for stretch in _stretches(t, period):
+    for stretch in _stretches(t, _GAP_PERIODS * period):
         numbered = _numbered(t[stretch], period)
         if numbered is not None:
-            rows.append(_fitted(np.arange(stretch.start, stretch.stop), *numbered, t))
+            rows.append(_fitted(np.arange(stretch.start, stretch.stop), *numbered, t, reach=_NEAREST))
+    if by_order and not rows:
+        rows = _in_their_order(t, period)
     if len(rows) > 1:
         # The sensor's clock goes on through a gap, unless it was started anew.
         whole = _joined(rows, t)
@@ -106,9 +119,9 @@ def lasting(rows: Sequence[Row], t: FloatArray) -> float:
     return math.sqrt(worst)
 
 
-def _stretches(t: FloatArray, period: float) -> Iterator[slice]:
-    """Between gaps, where they are long enough."""
-    ends = np.concatenate([np.flatnonzero(np.diff(t) > _GAP_PERIODS * period) + 1, [len(t)]])
+def _stretches(t: FloatArray, gap: float) -> Iterator[slice]:
+    """Between gaps of more than so many seconds, where they are long enough."""
+    ends = np.concatenate([np.flatnonzero(np.diff(t) > gap) + 1, [len(t)]])
     start = 0
     for end in ends.tolist():
         if end - start >= LEAST:
@@ -139,17 +152,32 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
             if not slipped.any():
                 break
             before, number = number, _each_its_own(number + slipped)
-            used = np.abs(t - line - step * (number - before)) <= 0.5 * step
+            used = np.abs(t - line - step * (number - before)) <= _NEAREST * step
         number = _each_its_own(number)
         if np.count_nonzero(used) < _LEAST_ON_TIME:
             continue
-        row = _fitted(np.arange(len(t)), number, used, t)
+        row = _fitted(np.arange(len(t)), number, used, t, reach=_NEAREST)
         off = (t - row.even_s) / row.period_s
-        near = np.abs(off) < 0.5
+        near = np.abs(off) < _NEAREST
         spread = float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else np.inf
         if np.mean(~near) < LATE_SHARE and spread < least:
             best, least = (number, used), spread
     return best
+
+
+def _in_their_order(t: FloatArray, period: float) -> list[Row]:
+    """Rows of stamps that jitter by more than half a period, where none was lost: a step in them shows against their spread."""
+    steps = np.diff(t)
+    # Far steps are jitter here, not losses, as long as they are of its size.
+    usual = 1.4826 * float(np.median(np.abs(steps - period)))
+    rows = []
+    for stretch in _stretches(t, _GAP_PERIODS * period + _LATE_SIGMAS * usual):
+        index = np.arange(stretch.start, stretch.stop)
+        row = _fitted(index, index - stretch.start, np.ones(len(index), dtype=np.bool_), t, reach=math.inf)
+        off = (t[row.index] - row.even_s)[row.used] / row.period_s
+        if _SHOWS_A_LOSS * float(np.mean(off**2)) < len(index) and np.mean(~row.used) < LATE_SHARE:
+            rows.append(row)
+    return rows
 
 
 def _each_its_own(number: IntArray) -> IntArray:
@@ -184,7 +212,7 @@ def _track(t: FloatArray, period: float, number: IntArray) -> None:
                 number[len(t) - 1 - k] = count
 
 
-def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -> Row:
+def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray, *, reach: float) -> Row:
     """The row with its line, late stamps left out. used: (N,) those to begin with.   t: (Q,) of the whole recording."""
     here = t[index]
     even, cells = line_of(number, here, used)
@@ -193,12 +221,12 @@ def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray) -
         centre = float(np.median(off[used]))
         period = (even[-1] - even[0]) / max(int(number[-1] - number[0]), 1)
         robust = 1.4826 * float(np.median(np.abs(off[used] - centre)))
-        near = np.abs(off - centre) <= min(0.5 * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
+        near = np.abs(off - centre) <= min(reach * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
         if np.count_nonzero(near) < _LEAST_ON_TIME:
             break
         used = near
         even, cells = line_of(number, here, used)
-    return Row(index, number, even, used, cells)
+    return Row(index, number, even, used, cells, reach)
 
 
 def _joined(rows: Sequence[Row], t: FloatArray) -> Row:
@@ -208,7 +236,7 @@ def _joined(rows: Sequence[Row], t: FloatArray) -> Row:
         passed = round((after.even_s[0] - before.even_s[-1]) / before.period_s)
         numbers.append(after.number - after.number[0] + numbers[-1][-1] + max(passed, 1))
     index, used = np.concatenate([row.index for row in rows]), np.concatenate([row.used for row in rows])
-    return _fitted(index, np.concatenate(numbers), used, t)
+    return _fitted(index, np.concatenate(numbers), used, t, reach=max(row.reach for row in rows))
 
 
 def _completed(row: Row, t: FloatArray) -> Row:
@@ -229,8 +257,8 @@ def _completed(row: Row, t: FloatArray) -> Row:
     if np.any(number[row.index] != row.number):
         return row
     line = (number[new] - off) * row.period_s
-    used[new] = np.abs(t[new] - line) <= 0.5 * row.period_s
-    return _fitted(np.arange(len(t)), number, used, t)
+    used[new] = np.abs(t[new] - line) <= row.reach * row.period_s
+    return _fitted(np.arange(len(t)), number, used, t, reach=row.reach)
 
 
 def _steady(row: Row, t: FloatArray) -> Iterator[Row]:
@@ -241,10 +269,10 @@ def _steady(row: Row, t: FloatArray) -> Iterator[Row]:
     half = len(row.index) // 2
     if half < LEAST or half * row.period_s < _SHORTEST_S:
         return
-    near = np.abs(t[row.index] - row.even_s) <= 0.5 * row.period_s
+    near = np.abs(t[row.index] - row.even_s) <= row.reach * row.period_s
     for part in (slice(0, half), slice(half, None)):
         if np.count_nonzero(near[part]) >= LEAST:
-            yield from _steady(_fitted(row.index[part], row.number[part], near[part], t), t)
+            yield from _steady(_fitted(row.index[part], row.number[part], near[part], t, reach=row.reach), t)
 
 
 def _wanders(row: Row, t: FloatArray) -> bool:
@@ -255,7 +283,7 @@ def _wanders(row: Row, t: FloatArray) -> bool:
     here = t[row.index]
     # Stamps that are late for seconds are a clock that was set; a host that stood still stamps all it missed in no time.
     time = np.minimum(np.gradient(here) / row.period_s, 1.0)
-    off = np.clip(here - row.even_s, -0.5 * row.period_s, 0.5 * row.period_s)
+    off = np.clip(here - row.even_s, -row.reach * row.period_s, row.reach * row.period_s)
     # Where most are in time and some are late, the line is that of the former: their mean lateness is none that wanders.
     error = time * (off - np.mean(time * off) / np.mean(time))
     variance = float(np.mean(error**2))

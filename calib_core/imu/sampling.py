@@ -106,7 +106,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     if n < LEAST:
         return None
     t = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9, dtype=np.float64)
-    rows = even_rows(t)
+    rows = even_rows(t, by_order=True)
     number, even, used = np.zeros(n, dtype=np.int64), t.copy(), np.zeros(n, dtype=np.bool_)
     in_row = used.copy()
     for row in rows:

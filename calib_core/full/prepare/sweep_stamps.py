@@ -94,7 +94,7 @@ def study_sweeps(seen: FirstLook) -> SweepTimes | None:
     t = passing_s[known]
     if not np.all(np.diff(t) > 0.0):
         return None
-    rows = even_rows(t)
+    rows = even_rows(t, by_order=False)
     even, in_row = t.copy(), np.zeros(len(t), dtype=np.bool_)
     for row in rows:
         even[row.index], in_row[row.index] = row.even_s, True

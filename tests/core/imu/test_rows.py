@@ -135,17 +135,17 @@ def test_a_host_that_is_late_at_times_only_has_the_line_of_when_it_is_not() -> N
 
 
 def test_stamps_in_no_even_row_are_no_case_for_a_line() -> None:
-    """Bundles of three with one stamp each but for nanoseconds; jitter that swaps readings; and too few.
+    """Bundles of three with one stamp each but for nanoseconds; steps that nothing evens out; and too few.
 
-    Mutation: let two readings be the same sample.
+    Mutations: let two readings be the same sample; count by their order what wanders.
     """
     rng = np.random.default_rng(7)
     t = even_instants(rng)
     bundled = np.asarray(t[2::3].repeat(3)[: len(t)] + 1e-6 * (np.arange(len(t) // 3 * 3) % 3)[: len(t)])
     values = readings_at(t[: len(bundled)], rng)
     assert study_sampling(in_ns(bundled), values) is None
-    swapped = np.sort(t + rng.uniform(-8e-3, 8e-3, len(t)))
-    assert study_sampling(in_ns(swapped), readings_at(t, rng)) is None
+    uneven = np.cumsum(rng.uniform(2e-3, 18e-3, len(t)))
+    assert study_sampling(in_ns(uneven), readings_at(t, rng)) is None
     assert study_sampling(in_ns(t[:60]), values[:60]) is None
 
 
@@ -221,3 +221,42 @@ def test_readings_between_a_stalling_host_s_gaps_are_on_the_line_too() -> None:
         wrong_s = (sampling.even_ns - true_ns) * 1e-9
         assert np.abs(wrong_s).max() < 1e-4
         assert abs(wrong_s.mean()) < 3.0 * sampling.mean_std_s < 1e-4
+
+
+@pytest.mark.parametrize("jitter_s", [0.006, 0.008, 0.012])
+@pytest.mark.parametrize("seed", [3, 7, 11])
+def test_stamps_without_a_nearest_sample_are_counted_by_their_order(jitter_s: float, seed: int) -> None:
+    """Jitter to both sides by more than half a period of 10 ms, so that stamps change places.
+
+    Mutations: no row at all; the nearest sample for each (jitter 2.9 ms, the line's pace off by readings that took another's).
+    """
+    rng = np.random.default_rng(seed)
+    t = even_instants(rng, 4000)
+    stamps = np.sort(t + jitter_s * rng.standard_normal(len(t)))
+    sampling = studied(in_ns(stamps), readings_at(t, rng))
+    assert sampling.is_even
+    assert sampling.in_rows == 1.0
+    off = off_line_s(sampling, t)
+    # Stamps that changed places are like their neighbours: the mean of 4000 is known as if there were fewer.
+    assert sampling.mean_std_s > jitter_s / np.sqrt(len(t)) / 2.0
+    assert abs(float(np.mean(off))) < 3.0 * sampling.mean_std_s
+    assert float(np.std(off)) < 4.0 * sampling.mean_std_s
+
+
+def test_readings_taken_when_stamped_stay_there_however_uneven() -> None:
+    """A host that polls, by more than half a period off. Mutation: even stamps for all that are counted by their order."""
+    rng = np.random.default_rng(5)
+    t = np.sort(even_instants(rng, 4000) + 0.007 * rng.standard_normal(4000))
+    sampling = studied(in_ns(t), readings_at(t, rng))
+    assert sampling.is_as_stamped
+
+
+def test_a_reading_that_was_lost_is_not_counted_over() -> None:
+    """One of 12000, where stamps have no nearest sample. Mutation: one line through both sides (5 ms off, slowly changing)."""
+    rng = np.random.default_rng(9)
+    t = np.delete(even_instants(rng, 12001), 4000)
+    stamps = np.sort(t + 0.006 * rng.standard_normal(len(t)))
+    sampling = studied(in_ns(stamps), readings_at(t, rng))
+    even = np.flatnonzero(sampling.even_ns != in_ns(stamps))
+    assert 0.6 < len(even) / len(t) < 1.0
+    assert np.abs(off_line_s(sampling, t)[even]).max() < 1.5e-3
