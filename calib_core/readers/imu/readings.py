@@ -11,6 +11,7 @@ from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.pace import GAP_PERIODS, usual_step_ns
 from calib_core.readers.imu.bundles import Bundles, spread, told_apart
 from calib_core.readers.imu.messages import RawImu
+from calib_core.readers.imu.order import Came, as_they_came
 from calib_core.readers.imu.repeats import first_of_each
 from calib_core.readers.imu.spikes import spikes
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
@@ -89,6 +90,9 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     stamps_ns, readings = stamps_ns[good], np.hstack([raw.gyro, raw.accel])[good]
     kept, taken_ns = told_apart(stamps_ns, readings)
     n_sent_twice = len(stamps_ns) - len(kept)
+    came = as_they_came(kept, readings)
+    if came is not None:
+        kept = came.kept
     fresh = first_of_each(readings[kept, :3]) if settings.imu_bundles == "spread" else None
     if fresh is not None:
         kept, taken_ns = kept[fresh], taken_ns[fresh]
@@ -96,7 +100,7 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if bundles is not None:
         taken_ns = bundles.stamps_ns
     statistics = stamp_statistics(stamps_ns, raw.receive_ns[good], taken_ns=taken_ns)
-    findings = list(_stamp_findings(statistics, topic, n_repeated=n_sent_twice))
+    findings = list(_stamp_findings(statistics, topic, n_repeated=n_sent_twice, came=came))
     if fresh is not None:
         findings.append(_repeats_finding(fresh, statistics, topic))
     if bundles is not None:
@@ -207,7 +211,7 @@ def _repeats_finding(fresh: BoolArray, statistics: StampStatistics, topic: str) 
     )
 
 
-def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int) -> list[Finding]:
+def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int, came: Came | None) -> list[Finding]:
     period_ms = statistics.period_s * 1e3
     found: list[Finding] = []
     if n_repeated:
@@ -229,12 +233,27 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int)
                 (Evidence("shared stamps", shared), Evidence("readings", statistics.count)),
             )
         )
-    if statistics.n_rewinds:
+    backwards = f"Stamps on {topic} step backwards {statistics.n_rewinds} times"
+    if came is not None:
         found.append(
             Finding(
                 "imu.out_of_order",
                 "warning",
-                f"Stamps on {topic} step backwards {statistics.n_rewinds} times; readings were sorted by stamp.",
+                f"{backwards}: readings keep the order in which they came, in which the motion is smoother, and each has the"
+                " stamp of its place.",
+                (
+                    Evidence("backward steps", statistics.n_rewinds),
+                    Evidence("readings with another's stamp", came.moved),
+                    Evidence("times as rough by stamp", round(came.rougher, 2)),
+                ),
+            )
+        )
+    elif statistics.n_rewinds:
+        found.append(
+            Finding(
+                "imu.out_of_order",
+                "warning",
+                f"{backwards}; readings were sorted by stamp.",
                 (Evidence("backward steps", statistics.n_rewinds),),
             )
         )
