@@ -4,7 +4,8 @@
     python -m bench.subsets --report                 subsets.md from the rows
 
 Of each recording: no choice, all that is suggested, the building's own planes, and seeded subsets of the suggestion that fix
-three directions. A choice says what counts, so that a bad one may cost accuracy and never truth.
+three directions: the others dropped, what is left as it was suggested. A choice says what counts, so that a bad one may
+cost accuracy and never truth.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ def choices(made: Made, count: int) -> list[tuple[str, list[Plane] | None]]:
     rng = np.random.default_rng(1)
     seen: set[str] = set()
     for _ in range(50 * count):
-        some = [plane for plane in suggested if rng.uniform() < _SHARE]
+        some = [plane for plane in untouched if rng.uniform() < _SHARE]
         normals = np.array([plane.normal for plane in some]).reshape(-1, 3)
         name = "-".join(plane.name.split()[-1] for plane in some)
         if len(some) >= 3 and name not in seen and np.linalg.svd(normals)[1][-1] > _FIXES and len(seen) < count:
@@ -107,7 +108,7 @@ def report(folder: Path = RESULTS) -> str:
         "# Choices of planes",
         "",
         "Made by `python -m bench.subsets --report`. Recordings of 8 s with a quarter of the lidar's shots or less; of each:",
-        "no choice (any), all that is suggested (all), the building's own planes (true), and seeded subsets of it that",
+        "no choice (any), all that is suggested (all), the building's own planes (true), and seeded subsets that",
         (
             f"fix three directions. Every choice has to be answered within {WORST_SIGMAS:.0f} of its sigmas or refused in truth,"
             f" in at most {WORST_TIMES:.0f} times the time of all."

@@ -73,8 +73,8 @@ def read_planes(path: Path) -> tuple[Plane, ...]:
     """The planes in `path`, map frame, normals made unit length.
 
     An entry is {"name", "normal", "offset_m"}, and may have "outline_m": the corners [x, y, z] in metres, map frame, of a
-    convex polygon in the plane, in order. Only what lies within it is then used of the plane. "suggested": true on every entry
-    says that nobody chose them: the doubtful are left out of the answer.
+    convex polygon in the plane, in order. Only what lies within it is then used of the plane. "suggested": true says of an
+    entry that nobody chose it: it is left out of the answer where it turns out to be doubtful.
     """
     entries = _read(path, _PlanesFile, 'planes ({"schema": "unsweep.planes/1", "planes": [...]})').planes
     return tuple(_plane(entry, path) for entry in entries)

@@ -148,8 +148,8 @@ class Plane:
     """A plane n . x + w = 0 in the map frame. normal: (3,) unit.
 
     outline_m: (K, 3) corners of a convex polygon in the plane, map frame, in order: only what lies within it counts.
-    None: the plane counts as far as it is seen to reach.   suggested: it was proposed, and nobody has chosen it: where all
-    are, those that turn out to be doubtful are left out of the answer.
+    None: the plane counts as far as it is seen to reach.   suggested: it was proposed, and nobody has chosen it: it
+    is left out of the answer where it turns out to be doubtful.
     """
 
     name: str

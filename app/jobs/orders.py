@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from app.limits import JobLimits
 from app.schemas.audits import NewAudit
@@ -22,7 +22,8 @@ class _Parcel(BaseModel):
 class OrderedPlane(_Parcel):
     """A confirmed plane, map frame: n . x + offset_m = 0. color: its place in the palette, by which it is known.
 
-    outline_m: corners of the convex part that boxes leave of it, in order, map frame; None for all of it.
+    outline_m: corners of the convex part that boxes leave of it, in order, map frame; None for all of it.   suggested: it is as
+    it was proposed: nobody chose it.
     """
 
     name: str
@@ -30,6 +31,7 @@ class OrderedPlane(_Parcel):
     offset_m: float
     color: int | None = None
     outline_m: tuple[tuple[float, float, float], ...] | None = None
+    suggested: bool = False
 
 
 class StoredRequest(_Parcel):
@@ -38,10 +40,20 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
-    suggested: bool = Field(default=False, description="the planes are as they were proposed: nobody chose them")
     audit: NewAudit | None = None
     surface_of: RecordId | None = Field(default=None, description="the solve whose room a surface is laid through")
     client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _suggested_as_a_whole(cls, kept: object) -> object:
+        """Jobs of version 0.1 say of all planes at once whether they are as they were proposed."""
+        if not isinstance(kept, dict) or "suggested" not in kept:
+            return kept
+        planes = [plane | {"suggested": kept["suggested"]} for plane in kept.get("planes") or ()]
+        return {name: value for name, value in kept.items() if name != "suggested"} | (
+            {"planes": planes} if planes else {}
+        )
 
 
 class Order(_Parcel):

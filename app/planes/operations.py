@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from app.errors import BadRequest
 from app.planes.geometry import FittedPlane, fit_plane, labels, within_region
 from app.planes.state import EditedPatch, PlaneSet, Side, Triple, suggested
-from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Restrict, Toggle, UseSuggestion
+from app.schemas.planes import Confirm, Drop, Grow, Insist, Merge, Rename, Restrict, Toggle, UseSuggestion
 from app.schemas.planes import Side as WireSide
 from calib_core.types import FloatArray, PlanePatch, PlaneProposals
 
-Editing = Confirm | Drop | Toggle | Rename | Merge | Grow | Restrict | UseSuggestion
+Editing = Confirm | Drop | Toggle | Insist | Rename | Merge | Grow | Restrict | UseSuggestion
 GrowPlane = Callable[[PlaneProposals, FloatArray], PlanePatch | None]
 
 #: Patches are one plane only if their common plane leaves no more than this beside what each alone leaves.
@@ -33,8 +33,8 @@ MOST_SIDES = 48
 def apply(planes: PlaneSet, operation: Editing, *, proposals: PlaneProposals, grow: GrowPlane) -> PlaneSet:
     """The set after the operation."""
     match operation:
-        case Confirm(index=index):
-            return _with(planes, index, confirmed=True)
+        case Confirm(index=index) | Insist(index=index):
+            return _with(planes, index, confirmed=True, insisted=isinstance(operation, Insist))
         case Drop(index=index):
             return _with(planes, index, confirmed=False)
         case Toggle(index=index):
@@ -63,8 +63,11 @@ def _replaced(planes: PlaneSet, index: int, patch: EditedPatch) -> PlaneSet:
     return planes.model_copy(update={"patches": (*planes.patches[:index], patch, *planes.patches[index + 1 :])})
 
 
-def _with(planes: PlaneSet, index: int, *, confirmed: bool) -> PlaneSet:
-    return _replaced(planes, index, _patch(planes, index).model_copy(update={"confirmed": confirmed}))
+def _with(planes: PlaneSet, index: int, *, confirmed: bool, insisted: bool = False) -> PlaneSet:
+    patch = _patch(planes, index)
+    if confirmed and patch.confirmed:
+        insisted = insisted or patch.insisted
+    return _replaced(planes, index, patch.model_copy(update={"confirmed": confirmed, "insisted": insisted}))
 
 
 def _renamed(planes: PlaneSet, index: int, name: str) -> PlaneSet:

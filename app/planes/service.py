@@ -99,21 +99,23 @@ class PlaneService:
         _, history = self.current(recording_id)
         self._bus.publish(PlanesEdited(recording_id, history.revision))
 
-    def confirmed(self, recording_id: str) -> tuple[tuple[OrderedPlane, ...] | None, bool]:
-        """The planes a solve uses, and whether they are as they were proposed.
+    def confirmed(self, recording_id: str) -> tuple[OrderedPlane, ...] | None:
+        """The planes a solve uses, each with whether it is as it was proposed: who drops one has chosen none of the others.
 
         None, which lets the solve find its own, where none have been proposed.
         """
         try:
             proposals, history = self.current(recording_id)
         except Conflict:
-            return None, False
-        chosen = tuple(ordered(patch, history.current) for patch in history.current.patches if patch.confirmed)
+            return None
+        planes = history.current
+        proposed = frozenset(_unnamed(patch) for patch in suggested(proposals).patches)
+        chosen = tuple(ordered(patch, planes, proposed=proposed) for patch in planes.patches if patch.confirmed)
         if not chosen:
             raise Conflict(
                 "planes.none_confirmed", "No plane is confirmed; confirm at least three that face different ways."
             )
-        return chosen, _bare(history.current) == _bare(suggested(proposals))
+        return chosen
 
     def looks(self, recording_id: str, planes: Sequence[OrderedPlane]) -> list[PlaneLook]:
         """How a run's planes are shown: in their colours, and by the names they have today."""
@@ -220,15 +222,20 @@ class PlaneService:
         return key, proposals, self._room(record, proposals)
 
 
-def _bare(planes: PlaneSet) -> PlaneSet:
-    """The set without its names, which the doctor's report and a person's taste change."""
-    return planes.model_copy(update={"patches": tuple(p.model_copy(update={"name": ""}) for p in planes.patches)})
-
-
-def ordered(patch: EditedPatch, planes: PlaneSet) -> OrderedPlane:
-    """A patch of a set as a solve takes it."""
+def ordered(patch: EditedPatch, planes: PlaneSet, *, proposed: frozenset[EditedPatch] = frozenset()) -> OrderedPlane:
+    """A patch of a set as a solve takes it. proposed: the patches as they were found, without names."""
     corners_m = solved_outline(patch, planes.region)
     outline_m = None if corners_m is None else tuple((x, y, z) for x, y, z in corners_m.tolist())
     return OrderedPlane(
-        name=patch.name, normal=patch.normal, offset_m=patch.offset_m, color=patch.color, outline_m=outline_m
+        name=patch.name,
+        normal=patch.normal,
+        offset_m=patch.offset_m,
+        color=patch.color,
+        outline_m=outline_m,
+        suggested=not planes.region and _unnamed(patch) in proposed,
     )
+
+
+def _unnamed(patch: EditedPatch) -> EditedPatch:
+    """Without its name, which the doctor's report and a person's taste change."""
+    return patch.model_copy(update={"name": ""})

@@ -27,7 +27,8 @@ class EditedPatch(_Frozen):
 
     members: patches of the proposals whose points are this one's; empty for one that was grown by hand.
     color: place in the palette, the patch's own for its life: who wants to find a renamed patch again goes by it.
-    region: the half-spaces it is restricted to, besides those of the whole set.
+    region: the half-spaces it is restricted to, besides those of the whole set.   insisted: it counts even where it turns out
+    to be doubtful.
     """
 
     name: str
@@ -41,6 +42,7 @@ class EditedPatch(_Frozen):
     members: tuple[int, ...]
     color: int
     region: tuple[Side, ...] = ()
+    insisted: bool = False
 
 
 class PlaneSet(_Frozen):

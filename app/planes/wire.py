@@ -31,6 +31,7 @@ def wire_planes(
                 tilt_deg=math.degrees(math.acos(min(1.0, abs(float(np.array(patch.normal) @ vertical))))),
                 confirmed=patch.confirmed,
                 restricted=bool(patch.region),
+                insisted=patch.insisted,
                 color=plane_hex(patch.color),
             )
             for index, patch in enumerate(history.current.patches)

@@ -37,7 +37,7 @@ def command_of(result: CalibrationResult, reading: ReadSettings, request: Stored
     words += _reading_words(reading)
     words += _solving_words(settings)
     if request.planes is not None:
-        files.append(CommandFile(name=PLANES_FILE, text=_planes_text(request.planes, suggested=request.suggested)))
+        files.append(CommandFile(name=PLANES_FILE, text=_planes_text(request.planes)))
         words += ["--planes", PLANES_FILE]
     if request.initial_guess is not None:
         files.append(CommandFile(name=GUESS_FILE, text=_guess_text(request.initial_guess)))
@@ -126,9 +126,8 @@ def _latitude_deg(magnitude_m_s2: float) -> float | None:
     return low
 
 
-def _planes_text(planes: tuple[OrderedPlane, ...], *, suggested: bool) -> str:
-    said = {"suggested": True} if suggested else {}
-    entries = [plane.model_dump(mode="json", exclude={"color"}, exclude_none=True) | said for plane in planes]
+def _planes_text(planes: tuple[OrderedPlane, ...]) -> str:
+    entries = [plane.model_dump(mode="json", exclude={"color"}, exclude_defaults=True) for plane in planes]
     return json.dumps({"schema": "unsweep.planes/1", "planes": entries}, indent=2) + "\n"
 
 

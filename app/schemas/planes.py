@@ -25,6 +25,7 @@ class Patch(WireModel):
     tilt_deg: float = Field(description="angle between the normal and the vertical, 0..90; see `upright`")
     confirmed: bool
     restricted: bool = Field(description="whether a box of its own leaves part of it out")
+    insisted: bool = Field(default=False, description="whether it counts even where it turns out to be doubtful")
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
 
 
@@ -92,6 +93,13 @@ class Toggle(_Operation):
     index: PatchIndex
 
 
+class Insist(_Operation):
+    """Use the patch in the solve even where it turns out to be doubtful, until it is dropped."""
+
+    op: Literal["insist"]
+    index: PatchIndex
+
+
 class Rename(_Operation):
     """Give the patch a name no other has."""
 
@@ -154,5 +162,6 @@ class Redo(_Operation):
 
 
 Operation = Annotated[
-    Confirm | Drop | Toggle | Rename | Merge | Grow | Restrict | UseSuggestion | Undo | Redo, Field(discriminator="op")
+    Confirm | Drop | Toggle | Insist | Rename | Merge | Grow | Restrict | UseSuggestion | Undo | Redo,
+    Field(discriminator="op"),
 ]

@@ -112,8 +112,7 @@ class Workflow:
         self._jobs.check_room()
         request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
         if wish.kind == "solve":
-            planes, suggested = self._planes.confirmed(record.id)
-            request = request.model_copy(update={"planes": planes, "suggested": suggested})
+            request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
         return self._jobs.submit(record.id, wish.kind, request)
 
     def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:

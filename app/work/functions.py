@@ -132,7 +132,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     recording = decoded(order, on_event, should_cancel)
     steps = StepListener(on_event)
     wish = order.request
-    planes = None if wish.planes is None else [_plane(plane, suggested=wish.suggested) for plane in wish.planes]
+    planes = None if wish.planes is None else [_plane(plane) for plane in wish.planes]
     calibration = api.calibrate(
         recording,
         wish.settings,
@@ -220,12 +220,12 @@ def kept_proposals(folder: Path) -> PlaneProposals | None:
         return None
 
 
-def _plane(plane: OrderedPlane, *, suggested: bool) -> Plane:
+def _plane(plane: OrderedPlane) -> Plane:
     """The plane as it is read from a file of planes, to the last digit: the shown command repeats the run exactly."""
     normal = np.array(plane.normal, dtype=np.float64)
     length = float(np.linalg.norm(normal))
     outline_m = None if plane.outline_m is None else np.array(plane.outline_m, dtype=np.float64)
-    return Plane(plane.name, normal / length, plane.offset_m / length, outline_m, suggested)
+    return Plane(plane.name, normal / length, plane.offset_m / length, outline_m, plane.suggested)
 
 
 def _guess(wire: WireGuess | None) -> InitialGuess | None:

@@ -16,13 +16,14 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
+from calib_core.full.initialise.begin import joined
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.estimation import Solved
-from calib_core.full.joint.schedule import CHOSEN, FULL, SUGGESTED, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, SUGGESTED, Schedule
 from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
@@ -35,6 +36,7 @@ def calibrate_full(
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
+    some_dropped = planes is not None and len(joined(planes, followed.planes)) > len(planes)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
 
     def answered(schedule: Schedule, planes: Sequence[Plane]) -> Answer:
@@ -47,19 +49,23 @@ def calibrate_full(
 
         return with_sensors_held(run, solved, judged)
 
+    found = [replace(plane, suggested=True) for plane in followed.planes]
     if planes is None:
-        return answered(FULL, followed.planes)
-    if not all(plane.suggested for plane in planes):
-        return answered(CHOSEN, planes)
+        return answered(FULL, found)
+    by_hand = [replace(plane, suggested=False) for plane in planes]
+    untouched = [plane.suggested for plane in planes]
+    if not any(untouched):
+        return answered(CHOSEN, by_hand)
     try:
-        return answered(SUGGESTED, planes)
+        return answered(SUGGESTED if all(untouched) else PARTLY, planes)
     except Refused as refused:
-        run.say(
-            "info",
-            "planes.open",
-            f"by the planes that were proposed there is no answer, and all found count: {refused}",
-        )
-        return answered(FULL, followed.planes)
+        if all(untouched) and not some_dropped:
+            text = "by the planes that were proposed there is no answer, and all found count"
+            run.say("info", "planes.open", f"{text}: {refused}")
+            return answered(FULL, found)
+        text = "without the doubtful among these planes there is no answer, and all of them count"
+        run.say("info", "planes.open", f"{text}: {refused}")
+        return answered(CHOSEN, by_hand)
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:

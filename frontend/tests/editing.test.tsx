@@ -22,6 +22,7 @@ const planesAt = (revision: number, ...confirmed: boolean[]): Planes => ({
     tilt_deg: 65,
     confirmed: used,
     restricted: false,
+    insisted: false,
     color: "#0072b2",
   })),
   determinacy: { ok: true, text: "", smallest_eigenvalue: 0.3 },

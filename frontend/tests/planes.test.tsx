@@ -23,6 +23,7 @@ const patch = (index: number, normal: number[], offset_m: number, confirmed = tr
   tilt_deg: 65,
   confirmed,
   restricted: false,
+  insisted: false,
   color: "#0072b2",
 });
 
@@ -61,6 +62,14 @@ describe("the list of planes", () => {
     expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "confirm", index: 3 });
     await user.click(screen.getByRole("checkbox", { name: "Use plane 1" }));
     expect(apply).toHaveBeenLastCalledWith({ op: "drop", index: 0 });
+  });
+
+  // Fails when another row's index is sent, or insisting is a tick as any other.
+  it("counts a plane even if doubtful where somebody insists", async () => {
+    const { apply, user } = show();
+    await user.click(screen.getByRole("button", { name: "More for plane 2" }));
+    await user.click(await screen.findByRole("menuitem", { name: "Count it even if doubtful" }));
+    expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "insist", index: 1 });
   });
 
   // Fails when leaving the field with Escape renames all the same.

@@ -24,7 +24,7 @@ from tests.app.support import world
 @pytest.mark.parametrize("then", ["bent", ""])
 def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(monkeypatch, then: str) -> None:
     """A box before a wall, of which narrow gates see what looks like the wall. Mutations: the end alone; a wall's own fault
-    lost; refused for what is no fault at the end.
+    lost; said of a plane that nobody chose; refused for what is no fault at the end.
     """
     heard: list[str] = []
     monkeypatch.setattr(doubt, "standings", lambda *_: [None] * 3)
@@ -32,28 +32,26 @@ def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(mo
     monkeypatch.setattr(doubt, "fault_of", lambda _: "")
     monkeypatch.setattr(doubt, "widening", lambda _: 1.0)
     run = SimpleNamespace(say=lambda level, code, text: heard.append(code))
-    planes = [MapPlane("floor"), MapPlane("wall 1"), MapPlane("wall 2", fault=then)]
+    planes = [MapPlane("floor", fault=then), MapPlane("wall 1"), MapPlane("wall 2", fault=then, chosen=True)]
     estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3))
     wider = doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=planes))  # type: ignore[arg-type]
     assert wider == 1.0
     assert heard == (["planes.bent"] if then else [])
 
 
-def test_the_command_says_whether_anybody_chose(tmp_path: Path) -> None:
-    """All that was proposed, as that: the doubtful are left out again. Mutations: said of a choice; not said; planes missing."""
-    ordered = tuple(OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0) for name in ("floor", "person"))
-    for suggested in (True, False):
-        command = command_of(world.make_result(), ReadSettings(), StoredRequest(planes=ordered, suggested=suggested))
-        path = tmp_path / "planes.json"
-        path.write_text(command.files[0].text, encoding="utf-8")
-        assert [(plane.name, plane.suggested) for plane in api.read_planes(path)] == [
-            ("floor", suggested),
-            ("person", suggested),
-        ]
+def test_the_command_says_of_each_plane_whether_anybody_chose_it(tmp_path: Path) -> None:
+    """So that the same are left out again. Mutations: said of all where one is; not said; planes missing."""
+    ordered = tuple(
+        OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0, suggested=name == "person")
+        for name in ("floor", "person")
+    )
+    command = command_of(world.make_result(), ReadSettings(), StoredRequest(planes=ordered))
+    path = tmp_path / "planes.json"
+    path.write_text(command.files[0].text, encoding="utf-8")
+    assert [(plane.name, plane.suggested) for plane in api.read_planes(path)] == [("floor", False), ("person", True)]
 
 
-@pytest.mark.parametrize("suggested", [True, False])
-def test_a_solve_is_told_whether_anybody_chose(monkeypatch, tmp_path: Path, suggested: bool) -> None:
+def test_a_solve_is_told_of_each_plane_whether_anybody_chose_it(monkeypatch, tmp_path: Path) -> None:
     """Mutations: always; never."""
     asked: list[bool] = []
 
@@ -63,7 +61,9 @@ def test_a_solve_is_told_whether_anybody_chose(monkeypatch, tmp_path: Path, sugg
 
     monkeypatch.setattr(functions, "decoded", lambda *_: None)
     monkeypatch.setattr(functions.api, "calibrate", calibrate)
-    planes = tuple(OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0) for name in ("floor", "wall"))
+    planes = tuple(
+        OrderedPlane(name=name, normal=(0, 0, 1), offset_m=1.0, suggested=name == "wall") for name in ("floor", "wall")
+    )
     order = Order(
         job_id="one",
         kind="solve",
@@ -71,24 +71,44 @@ def test_a_solve_is_told_whether_anybody_chose(monkeypatch, tmp_path: Path, sugg
         source=tmp_path / "room.bag",
         cache=tmp_path,
         folder=tmp_path,
-        request=StoredRequest(planes=planes, suggested=suggested),
+        request=StoredRequest(planes=planes),
     )
     with pytest.raises(Cancelled):
         functions.run_solve(order, lambda _: None, lambda: False)
-    assert asked == [suggested] * 2
+    assert asked == [False, True]
 
 
-def test_who_changed_nothing_chose_nothing(shared_live) -> None:
-    """Names are no choice, a plane dropped is, and dropped and taken again is none. Mutations: always; never; by name."""
+@pytest.mark.parametrize("suggested", [True, False])
+def test_jobs_of_before_said_it_of_all_planes_at_once(suggested: bool) -> None:
+    """A record that lies in the store. Mutations: the key is refused; it is forgotten; no planes become some."""
+    plane = {"name": "floor", "normal": [0.0, 0.0, 1.0], "offset_m": 1.0}
+    kept = StoredRequest.model_validate({"planes": [plane, plane], "suggested": suggested})
+    assert [one.suggested for one in kept.planes or ()] == [suggested] * 2
+    assert StoredRequest.model_validate({"suggested": suggested}) == StoredRequest()
+
+
+def test_who_drops_a_plane_has_chosen_none_of_the_others(shared_live) -> None:
+    """Names are no choice, and dropped and taken again is none; who insists on a plane has chosen that one.
+
+    Mutations: one plane dropped chooses all others; by name; insisting is a tick as any other; outlasts the plane's drop.
+    """
     recording_id = shared_live.ready()
     service = shared_live.services.planes
     url = f"/api/recordings/{recording_id}/planes/operations"
 
-    def edit(**operation) -> bool:
+    def edit(**operation) -> list[int]:
+        """The planes that are chosen by hand after it, by their place in the palette."""
         assert shared_live.http.post(url, json=operation).status_code == 200
-        return service.confirmed(recording_id)[1]
+        return [plane.color for plane in service.confirmed(recording_id) if not plane.suggested]
 
-    assert service.confirmed(recording_id)[1]
-    assert edit(op="rename", index=0, name="my wall")
-    assert not edit(op="drop", index=0)
-    assert edit(op="undo")
+    count = len(service.confirmed(recording_id))
+    assert edit(op="rename", index=0, name="my wall") == []
+    assert edit(op="drop", index=0) == []
+    assert len(service.confirmed(recording_id)) == count - 1
+    assert edit(op="confirm", index=0) == []
+    assert edit(op="insist", index=1) == [1]
+    assert shared_live.http.get(f"/api/recordings/{recording_id}/planes").json()["patches"][1]["insisted"]
+    assert edit(op="confirm", index=1) == [1]
+    assert edit(op="drop", index=1) == []
+    assert edit(op="confirm", index=1) == []
+    assert edit(op="use-suggestion") == []

@@ -97,7 +97,7 @@ def begin(
     state = Estimation(
         estimate=estimate,
         priors=standing_priors(run, estimate, guess),
-        planes=tuple(MapPlane(plane.name, plane.outline_m) for plane in followed.planes),
+        planes=tuple(MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested) for plane in followed.planes),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(
             BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m, run.sieve_m

@@ -105,8 +105,8 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
     faults = [fault_of(row) for row in doubt]
     seen = [fault or plane.fault for fault, plane in zip(faults, solved.planes, strict=True)]
     require_three_ways(names, faults, estimate.normals)
-    for name, fault in zip(names, seen, strict=True):
-        if fault:
+    for plane, name, fault in zip(solved.planes, names, seen, strict=True):
+        if fault and plane.chosen:
             ctx.say(
                 "warning",
                 f"planes.{fault}",

@@ -31,12 +31,13 @@ class MapPlane:
     """A plane of the map, but for where it is, which is estimated.
 
     outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
-    fault: what was wrong with it while gates were wide, "" where nothing was.
+    fault: what was wrong with it while gates were wide, "" where nothing was.   chosen: a person wants it, doubtful or not.
     """
 
     name: str
     outline_m: FloatArray | None = None
     fault: Fault = ""
+    chosen: bool = False
 
 
 @dataclass

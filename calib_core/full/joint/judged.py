@@ -23,11 +23,12 @@ def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> E
     Where no sensor is let go nothing lays points on planes anew, and all planes are judged next. Planes that were chosen stay,
     and what is wrong with them is noted, as narrow gates will see of a box before a wall what looks like the wall.
     """
-    if schedule.planes is not None:
-        if not data.sensors.blocks:
-            return state
-        return drop_planes(data, state, schedule.planes, most_share=schedule.planes.clutter_share)
-    return mark_planes(data, state, PlaneSet()) if schedule.chosen else state
+    rules = schedule.planes
+    if schedule.chosen:
+        state = mark_planes(data, state, rules or PlaneSet())
+    if rules is None or not data.sensors.blocks:
+        return state
+    return drop_planes(data, state, rules, most_share=rules.clutter_share)
 
 
 def without_doubtful(data: JointData, state: Estimation, schedule: Schedule, rules: PlaneSet) -> Estimation:

@@ -77,9 +77,9 @@ def drop_planes(
 ) -> Estimation:
     """Without the planes whose points do not agree with the motion that the others share: what moves, bends or was imagined.
 
-    The same state where there are none.   settled: the motion is as good as it gets. Then a plane's averages count too:
-    clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.   most_share: what holds a
-    greater part of the points is not judged yet.
+    Those that were chosen stay.   The same state where there are none.   settled: the motion is as good as it gets. Then a
+    plane's averages count too: clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
+    most_share: what holds a greater part of the points is not judged yet.
     """
     problem = gathered(data, state)
     chi2, points = plane_chi2(problem, state.estimate)
@@ -91,7 +91,8 @@ def drop_planes(
         badness = np.maximum(badness, wandering / rules.worst_wandering)
     doubt = plane_doubts(problem, state.estimate, None if settled else rules.rough_m)
     badness = np.maximum(badness, doubt.max(axis=1))
-    badness = np.where(points > most_share * points.sum(), 0.0, badness)
+    spared = np.array([plane.chosen for plane in state.planes]) | (points > most_share * points.sum())
+    badness = np.where(spared, 0.0, badness)
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:
         return state
@@ -101,11 +102,11 @@ def drop_planes(
 
 
 def mark_planes(data: JointData, state: Estimation, rules: PlaneSet) -> Estimation:
-    """The same planes, of those that hold few of the points each with what is wrong with it while gates are wide."""
+    """The same planes, of those that were chosen and hold few of the points each with what is wrong while gates are wide."""
     problem = gathered(data, state)
     doubt = plane_doubts(problem, state.estimate, rules.rough_m)
     _, points = plane_chi2(problem, state.estimate)
-    clutter = points <= rules.clutter_share * points.sum()
+    clutter = (points <= rules.clutter_share * points.sum()) & np.array([plane.chosen for plane in state.planes])
     faults = [fault_of(row) for row in doubt * clutter[:, None]]
     planes = tuple(replace(plane, fault=fault) for plane, fault in zip(state.planes, faults, strict=True))
     return replace(state, planes=planes)

@@ -26,7 +26,8 @@ from calib_core.full.joint.policies import (
 @dataclass(frozen=True, slots=True)
 class Schedule:
     """All rounds. propagation: None where the estimate stays within what was tracked.   planes: None where none joins and none
-    is dropped.   chosen: whether a person chose them, so that doubtful ones count, as far as the others hold the motion.
+    is dropped, but for those that a person chose.   chosen: whether there are such: doubtful ones of them count, as far as the
+    others hold the motion.
 
     joins: whether planes that come into view join those that were proposed.   instead: rounds where there is nothing to
     propagate to.   settling: None where the motion alone was asked for.
@@ -73,6 +74,9 @@ FULL = Schedule(
 
 #: With planes that were proposed and that nobody chose: none joins them, what turns out to be doubtful goes.
 SUGGESTED = replace(FULL, joins=False)
+
+#: With planes of which somebody chose some: those count, and of the others what turns out to be doubtful goes.
+PARTLY = replace(SUGGESTED, chosen=True)
 
 #: With planes that somebody chose: all of them count.
 CHOSEN = replace(FULL, planes=None, chosen=True)

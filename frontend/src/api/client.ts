@@ -36,6 +36,7 @@ export type Operation =
   | Schemas["Confirm"]
   | Schemas["Drop"]
   | Schemas["Toggle"]
+  | Schemas["Insist"]
   | Schemas["Rename"]
   | Schemas["Merge"]
   | Schemas["Grow"]

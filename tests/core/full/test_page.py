@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
-from calib_core.full.joint.schedule import CHOSEN, FULL, SUGGESTED, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, SUGGESTED, Schedule
 from calib_core.full.joint.solve import with_new_planes
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
@@ -145,12 +146,15 @@ class Track:
     motions: tuple[int, ...] = ()
 
 
-FOUND = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0)]
-GIVEN = [Plane(name, np.array([0.0, 0.0, 1.0]), 1.0) for name in ("floor", "wall")]
+GIVEN = [Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0), Plane("wall", np.array([1.0, 0.0, 0.0]), 3.0)]
+SEEN = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0), *GIVEN]
 
 
 def counted(
-    monkeypatch: pytest.MonkeyPatch, planes: list[Plane] | None, *outcomes: Refused | str
+    monkeypatch: pytest.MonkeyPatch,
+    planes: list[Plane] | None,
+    *outcomes: Refused | str,
+    found: Sequence[str] = ("found",),
 ) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
     """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it."""
     asked: list[tuple[Schedule, list[str]]] = []
@@ -164,7 +168,7 @@ def counted(
             raise one
         return one
 
-    monkeypatch.setattr(page, "follow_or_recall", lambda *_: Track(FOUND))
+    monkeypatch.setattr(page, "follow_or_recall", lambda *_: Track([plane for plane in SEEN if plane.name in found]))
     monkeypatch.setattr(page, "initialise", lambda *_: (None, None))
     monkeypatch.setattr(page, "solve", solve)
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
@@ -178,22 +182,27 @@ def counted(
 
 
 def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A choice counts as it is, and is weighed as one; a proposal is thinned out, and given up for what is found where that does
-    not do. One touched plane makes it a choice.
+    """A choice counts as it is, and is weighed as one; a proposal is thinned out, and given up where that does not do: for what
+    is found, or where a plane was dropped, for all that are left, so that none comes back. A touched plane chooses no other.
 
     Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; the refusal of a proposal told; tried again
-    for a choice.
+    for a choice; what was dropped comes back.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
     assert counted(monkeypatch, None, "right") == ([(FULL, ["found"])], [], ("right", 1.0))
     assert counted(monkeypatch, GIVEN, "right") == ([(CHOSEN, names)], [], ("right", 2.0))
-    assert counted(monkeypatch, [proposed[0], GIVEN[1]], "right") == ([(CHOSEN, names)], [], ("right", 2.0))
+    partly = [proposed[0], GIVEN[1]]
+    assert counted(monkeypatch, partly, "right") == ([(PARTLY, names)], [], ("right", 2.0))
+    both = [(PARTLY, names), (CHOSEN, names)]
+    assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", 2.0))
     assert counted(monkeypatch, proposed, "right") == ([(SUGGESTED, names)], [], ("right", 1.0))
     both = [(SUGGESTED, names), (FULL, ["found"])]
     assert counted(monkeypatch, proposed, lost, "right") == (both, ["planes.open"], ("right", 1.0))
     assert counted(monkeypatch, proposed, lost, lost) == (both, ["planes.open"], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
+    both = [(SUGGESTED, ["floor"]), (CHOSEN, ["floor"])]
+    assert counted(monkeypatch, proposed[:1], lost, "right", found=names) == (both, ["planes.open"], ("right", 2.0))
 
 
 def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,3 +217,4 @@ def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> Non
     assert with_new_planes(unused, state, SUGGESTED) is state
     assert replace(SUGGESTED, joins=True) == FULL
     assert replace(FULL, planes=None, chosen=True) == CHOSEN
+    assert replace(SUGGESTED, chosen=True) == PARTLY

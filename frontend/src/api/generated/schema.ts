@@ -1758,6 +1758,27 @@ export interface components {
             time_offset_s?: number | null;
         };
         /**
+         * Insist
+         * @description Use the patch in the solve even where it turns out to be doubtful, until it is dropped.
+         */
+        Insist: {
+            /**
+             * Expected Revision
+             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             */
+            expected_revision?: number | null;
+            /**
+             * Index
+             * @description position in the list of patches at `expected_revision`
+             */
+            index: number;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            op: "insist";
+        };
+        /**
          * InspectOutcome
          * @description A report was written; read it from the recording.
          */
@@ -2341,6 +2362,12 @@ export interface components {
             confirmed: boolean;
             /** Index */
             index: number;
+            /**
+             * Insisted
+             * @description whether it counts even where it turns out to be doubtful
+             * @default false
+             */
+            insisted: boolean;
             /** N Points */
             n_points: number;
             /** Name */
@@ -4475,7 +4502,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["Confirm"] | components["schemas"]["Drop"] | components["schemas"]["Toggle"] | components["schemas"]["Rename"] | components["schemas"]["Merge"] | components["schemas"]["Grow"] | components["schemas"]["Restrict"] | components["schemas"]["UseSuggestion"] | components["schemas"]["Undo"] | components["schemas"]["Redo"];
+                "application/json": components["schemas"]["Confirm"] | components["schemas"]["Drop"] | components["schemas"]["Toggle"] | components["schemas"]["Insist"] | components["schemas"]["Rename"] | components["schemas"]["Merge"] | components["schemas"]["Grow"] | components["schemas"]["Restrict"] | components["schemas"]["UseSuggestion"] | components["schemas"]["Undo"] | components["schemas"]["Redo"];
             };
         };
         responses: {

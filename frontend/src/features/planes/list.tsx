@@ -125,6 +125,7 @@ function PatchRow({ patch, remark, all, apply, rename, onRestrict }: RowProps) {
           )}
         </div>
         {remark !== undefined && <p className={css.remark}>{remark}</p>}
+        {patch.insisted && <p className={css.remark}>counts even if doubtful</p>}
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>
@@ -145,6 +146,13 @@ function PatchRow({ patch, remark, all, apply, rename, onRestrict }: RowProps) {
             </Menu.Item>
             <Menu.Item leftSection={<Icon name="box" />} onClick={() => onRestrict(patch.index)}>
               Restrict to a box
+            </Menu.Item>
+            <Menu.Item
+              leftSection={<Icon name="check" />}
+              disabled={patch.insisted}
+              onClick={() => apply({ op: "insist", index: patch.index })}
+            >
+              Count it even if doubtful
             </Menu.Item>
             {candidates.map((other) => (
               <Menu.Item

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -118,7 +119,25 @@ def test_what_holds_many_points_is_judged_once_the_sensors_are_known(monkeypatch
     early = drop_planes(data, state, rules, most_share=rules.clutter_share)
     assert [plane.name for plane in early.planes] == ["floor", "wall", "ceiling", "other"]
     assert [plane.name for plane in drop_planes(data, state, rules).planes] == ["floor", "ceiling", "other"]
-    assert [plane.fault for plane in mark_planes(data, state, rules).planes] == ["", "", "", "", "bent"]
+    wanted = replace(state, planes=(*state.planes[:4], replace(state.planes[4], chosen=True)))
+    assert [plane.fault for plane in mark_planes(data, wanted, rules).planes] == ["", "", "", "", "bent"]
+    assert [plane.fault for plane in mark_planes(data, state, rules).planes] == [""] * 5
+
+
+def test_what_a_person_chose_stays_among_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two boxes, of which one is wanted. Mutations: the wanted one goes, too; both stay."""
+    planes = [MapPlane(name, chosen=name == "my box") for name in ("floor", "wall", "ceiling", "my box", "box")]
+    state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
+    doubt = np.zeros((5, 3))
+    doubt[[3, 4], 1] = 2.0
+    monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
+    monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.ones(5), np.full(5, 100.0)))
+    monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: doubt)
+    said: list[str] = []
+    data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what[-1])))
+    left = drop_planes(data, state, PlaneSet())
+    assert [plane.name for plane in left.planes] == ["floor", "wall", "ceiling", "my box"]
+    assert said == ["box is not flat: left out"]
 
 
 def test_a_wall_that_is_left_out_still_stands_in_its_edges() -> None:
