@@ -36,7 +36,8 @@ def calibrate_full(
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
-    some_dropped = planes is not None and len(joined(planes, followed.planes)) > len(planes)
+    # Of a suggestion that nobody touched enough are sound; what is left of one may be three boxes.
+    complete = planes is not None and len(joined(planes, followed.planes)) == len(planes)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
 
     def answered(schedule: Schedule, planes: Sequence[Plane]) -> Answer:
@@ -57,9 +58,11 @@ def calibrate_full(
     if not any(untouched):
         return answered(CHOSEN, by_hand)
     try:
-        return answered(SUGGESTED if all(untouched) else PARTLY, planes)
+        return answered(SUGGESTED if all(untouched) and complete else PARTLY, planes)
     except Refused as refused:
-        if all(untouched) and not some_dropped:
+        if refused.code == "planes.doubtful":
+            raise
+        if all(untouched) and complete:
             text = "by the planes that were proposed there is no answer, and all found count"
             run.say("info", "planes.open", f"{text}: {refused}")
             return answered(FULL, found)

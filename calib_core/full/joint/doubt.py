@@ -110,7 +110,7 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
             ctx.say(
                 "warning",
                 f"planes.{fault}",
-                f"{name} {WORDS[fault]}, and counts since the planes were chosen by hand: leave it out and solve again",
+                f"{name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
             )
     wider = widening(stand)
     if wider > 1.0:

@@ -186,7 +186,7 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     is found, or where a plane was dropped, for all that are left, so that none comes back. A touched plane chooses no other.
 
     Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; the refusal of a proposal told; tried again
-    for a choice; what was dropped comes back.
+    for a choice; what was dropped comes back; three boxes that are left of a suggestion answer; boxes are asked again.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
@@ -201,8 +201,10 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     assert counted(monkeypatch, proposed, lost, "right") == (both, ["planes.open"], ("right", 1.0))
     assert counted(monkeypatch, proposed, lost, lost) == (both, ["planes.open"], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
-    both = [(SUGGESTED, ["floor"]), (CHOSEN, ["floor"])]
+    both = [(PARTLY, ["floor"]), (CHOSEN, ["floor"])]
     assert counted(monkeypatch, proposed[:1], lost, "right", found=names) == (both, ["planes.open"], ("right", 2.0))
+    boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion")
+    assert counted(monkeypatch, proposed[:1], boxes, found=names) == (both[:1], [], "planes.doubtful")
 
 
 def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
