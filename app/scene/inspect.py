@@ -168,13 +168,13 @@ def _readout(
     offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
 
     def says(place: int) -> str:
-        scan, laser, range_m, ms = returns()[place]
+        scan, ring, range_m, ms = returns()[place]
         here = (drawn[place] - shifts[part_of[place]]).astype(np.float32)[None]
         owner, dist_m = nearest_plane(
             here, normals, offsets_m, gate_m=RESIDUAL_GATE_M, outlines_m=outlines_of(solved.planes)
         )
         on = "no plane near" if owner[0] < 0 else from_plane(solved.planes[owner[0]].name, float(dist_m[0]))
-        return f"{on}; laser {laser:.0f}, {range_m:.2f} m away, {ms:.1f} ms into scan {scan + 1:.0f}"
+        return f"{on}; ring {ring:.0f}, {range_m:.2f} m away, {ms:.1f} ms into scan {scan + 1:.0f}"
 
     return Readout(drawn, says)
 

@@ -420,10 +420,10 @@ def test_units_are_printed_as_people_print_them():
 
 def test_what_is_noticed_begins_as_a_sentence_does():
     """Mutations: a line that begins small; one that does after the word that says how grave it is."""
-    noticed = [("info", "laser 4 reads 9 mm short"), ("warning", "wall 3 did not stand still: left out")]
+    noticed = [("info", "ring 4 reads 9 mm short"), ("warning", "wall 3 did not stand still: left out")]
     messages = [Message(code="said", level=level, text=text) for level, text in noticed]
     told = report_page(world.make_result().model_copy(update={"messages": messages}))
-    assert "Laser 4 reads 9 mm short" in told
+    assert "Ring 4 reads 9 mm short" in told
     assert "wall 3 did not stand still: left out" in told
 
 

@@ -55,7 +55,7 @@ def test_a_point_of_a_scan_is_told_with_its_laser_and_range() -> None:
         point = points[place % half]
         told = content.readout.says(place)
         range_m = np.linalg.norm(point["xyz"])
-        assert f"laser {point['ring']}, {range_m:.2f} m away, {point['offset_ns'] * 1e-6:.1f} ms into scan 6" in told
+        assert f"ring {point['ring']}, {range_m:.2f} m away, {point['offset_ns'] * 1e-6:.1f} ms into scan 6" in told
     assert re.match(r"[+−]?\d+ mm from ", content.readout.says(half))
 
 

@@ -87,7 +87,7 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         told.append(("sensor.laser_range", f"{_lasers(lasers)}; {ranges}"))
     if lasers := by["laser_elevation"]:
         most_deg = np.degrees(max(abs(p.value) for p in lasers))
-        who = f"laser {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
+        who = f"ring {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
         text = f"{who} {most_deg:.2f} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
         told.append(("sensor.laser_elevation", text))
     if grazing := by["grazing"]:
@@ -120,10 +120,10 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
 
 
 def _lasers(lasers: Sequence[Intrinsic]) -> str:
-    """The two that are farthest off, and how many more."""
+    """The two that are farthest off, and how many more. By ring, as clouds have them: a maker may number its lasers otherwise."""
     ordered = sorted(lasers, key=lambda p: -abs(p.value))
     worst = " and ".join(
-        f"laser {p.name} reads {abs(p.value) * 1e3:.0f} mm {'long' if p.value > 0 else 'short'}" for p in ordered[:2]
+        f"ring {p.name} reads {abs(p.value) * 1e3:.0f} mm {'long' if p.value > 0 else 'short'}" for p in ordered[:2]
     )
     more = len(ordered) - 2
     return worst + (f" ({more} more {'is' if more == 1 else 'are'} off)" if more > 0 else "")

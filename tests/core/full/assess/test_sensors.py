@@ -37,7 +37,7 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             "sensor.grazing",
             "read long, by 2.0 mm a metre at 45 deg; ranges were not corrected",
         ),
-        ("laser_range_offset", -0.009, True, "sensor.laser_range", "laser 4 reads 9 mm short"),
+        ("laser_range_offset", -0.009, True, "sensor.laser_range", "ring 4 reads 9 mm short"),
         ("accelerometer_delay", 2e-3, True, "sensor.delay", "the accelerometer is 2.00 ms behind the gyroscope"),
         (
             "g_sensitivity",
