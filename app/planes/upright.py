@@ -8,15 +8,13 @@ reports of older versions, which looked at samples, a plane may be missing, or b
 
 from __future__ import annotations
 
-import itertools
-import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet
-from calib_core.doctor.kinds import kind_of, names_of
 from calib_core.doctor.report import Forecast, PlanesReport
+from calib_core.kinds import PLAIN_NAME, kind_of, names_of, next_name
 from calib_core.types import FloatArray, PlaneProposals
 
 #: A sample and the whole scans gave the same plane to about this: noise of 20 mm over a patch of half a metre.
@@ -24,8 +22,6 @@ SAME_COS = np.cos(np.radians(5.0))
 SAME_DISTANCE_M = 0.1
 #: One plane may agree by chance; two that face different ways do not.
 LEAST_MATCHED = 2
-#: What the search for planes calls its finds, which says nothing to a person.
-PLAIN_NAME = re.compile(r"plane \d+")
 
 
 @dataclass(frozen=True)
@@ -84,8 +80,4 @@ def _named(planes: PlaneSet, room: Room) -> PlaneSet:
 
 def _next_name(patch: EditedPatch, room: Room, taken: set[str]) -> str:
     """What a plane is called that was grown by hand: its kind, with the next number where there are some."""
-    kind, _ = kind_of(np.array(patch.normal), room.up)
-    (word,) = names_of([kind])
-    if word not in taken and f"{word} 1" not in taken:
-        return word
-    return next(name for number in itertools.count(2) if (name := f"{word} {number}") not in taken)
+    return next_name(kind_of(np.array(patch.normal), room.up)[0], taken)

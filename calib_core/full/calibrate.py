@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
@@ -27,6 +29,7 @@ from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, SUGGESTED, Sche
 from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
+from calib_core.kinds import called
 from calib_core.types import InitialGuess, Plane
 
 
@@ -50,7 +53,8 @@ def calibrate_full(
 
         return with_sensors_held(run, solved, judged)
 
-    found = [replace(plane, suggested=True) for plane in followed.planes]
+    up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
+    found = [replace(plane, suggested=True) for plane in called(followed.planes, up, followed.proposed)]
     if planes is None:
         return answered(FULL, found)
     by_hand = [replace(plane, suggested=False) for plane in planes]

@@ -14,7 +14,6 @@ from app.cli.inspect_report import report_block
 from app.cli.inspect_sensors import sparkline, still_strip
 from app.cli.summary import refusal, result_summary, verdict
 from app.cli.terminal import LiveProgress, Manner, PlainProgress, error_bar, iteration_table, listener
-from calib_core.doctor.kinds import kind_of
 from calib_core.doctor.report import (
     DoctorReport,
     EvidenceReport,
@@ -33,6 +32,7 @@ from calib_core.doctor.report import (
     TopicReport,
 )
 from calib_core.events import IterationEvent, LogEvent, PlaneResidual, StageEvent
+from calib_core.kinds import kind_of
 from calib_core.settings import ImuNoise
 from tests.core.exporters.results import make_result
 

@@ -79,7 +79,8 @@ def begin(
             f"the planes are those of the scan at {at_s:.1f} s, from which the lidar can be followed over {best.seen} of "
             f"{len(scans)} scans",
         )
-    return best
+        return best
+    return replace(best, proposed=len(found.patches))
 
 
 def _led_throughout(

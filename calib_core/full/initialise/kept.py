@@ -122,6 +122,7 @@ def write_kept(path: Path, key: str, kept: Kept) -> None:
         "key": key,
         "chosen": kept.chosen,
         "left": kept.left,
+        "proposed": kept.followed.proposed,
         "said": [event.model_dump() for event in kept.said],
         "names": [[plane.name for plane in some] for some in (planes, kept.found, kept.extra)],
     }
@@ -159,7 +160,7 @@ def read_kept(path: Path, key: str) -> Kept | None:
                 ScanMotion(int(at), R, p, omega, v, *(float(number) for number in numbers))
                 for at, R, (p, omega, v), numbers in columns
             ]
-            followed = Followed(int(stored["reference"]), planes, motions)
+            followed = Followed(int(stored["reference"]), planes, motions, proposed=int(words["proposed"]))
             said = tuple(LogEvent.model_validate(event) for event in words["said"])
             return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):

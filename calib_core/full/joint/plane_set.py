@@ -16,6 +16,7 @@ from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state import Estimate
 from calib_core.full.planes.standing import fault_of
+from calib_core.kinds import kind_of, next_name
 from calib_core.planes.same import same_place, same_surface
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.planes.settings import SegmentSettings
@@ -60,15 +61,18 @@ def new_ones(estimate: Estimate, fits: Sequence[PlaneFit], cloud_m: FloatArray, 
 
 
 def with_planes(state: Estimation, found: Sequence[PlaneFit]) -> Estimation:
-    """These planes after those there are, numbered on. Points are still given to the old ones only."""
+    """These planes after those there are, called what they are. Points are still given to the old ones only."""
     e = state.estimate
     estimate = replace(
         e,
         normals=np.vstack([e.normals, [f.normal for f in found]]),
         offsets_m=np.append(e.offsets_m, [f.offset_m for f in found]),
     )
-    first = len(state.planes) + 1
-    named = tuple(MapPlane(f"plane {first + k}") for k in range(len(found)))
+    up = -e.gravity / np.linalg.norm(e.gravity)
+    names = [plane.name for plane in state.planes]
+    for fit in found:
+        names.append(next_name(kind_of(fit.normal, up)[0], names))
+    named = tuple(MapPlane(name) for name in names[len(state.planes) :])
     return replace(state, estimate=estimate, planes=state.planes + named)
 
 

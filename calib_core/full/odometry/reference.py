@@ -33,13 +33,15 @@ Guided = Callable[[], Guide] | None
 class Followed:
     """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording.
 
-    led: whether its guide has led it somewhere.
+    led: whether its guide has led it somewhere.   proposed: so many of the planes, the first, are those of the proposals; 0 where
+    the planes are another scan's.
     """
 
     reference: int
     planes: list[Plane]
     motions: list[ScanMotion]
     led: bool = False
+    proposed: int = 0
 
     @property
     def seen(self) -> int:

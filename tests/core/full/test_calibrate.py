@@ -11,7 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core import calibrate as page
+from calib_core.api import propose_planes
 from calib_core.calibrate import Calibration, calibrate, with_unit_proven
+from calib_core.doctor.outlook import planes_report
 from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
@@ -247,6 +249,24 @@ def test_what_two_attempts_say_is_said_once(clean: tuple[Recording, Truth], monk
     result = calibrate(clean[0], CalibrateSettings()).result
     names = [message.text.split(" did")[0] for message in result.messages if message.code == "planes.moving"]
     assert names == ["plane 2", "plane 3"]
+
+
+def test_planes_are_called_in_an_answer_as_where_they_are_looked_at(
+    noisy: tuple[Recording, Truth], calibrated: Calibration
+) -> None:
+    """Floor and ceiling are the room's own; every plane that was proposed has the doctor's name for it.
+
+    Mutations: numbered plainly; up the other way; numbered in another order.
+    """
+    planes = {plane.name: np.array(plane.normal) for plane in calibrated.result.quality.planes}
+    built = {plane.name: np.array(plane.normal) for plane in noisy[1].planes}
+    for name in planes.keys() & {"floor", "ceiling"}:
+        assert planes[name] @ built[name] > 0.99
+    proposals = propose_planes(noisy[0], CalibrateSettings())
+    for patch, seen in zip(proposals.patches, planes_report(proposals, -built["floor"]).planes, strict=True):
+        if seen.name in planes:
+            assert planes[seen.name] @ patch.plane.normal > 0.99
+    assert len(planes.keys() & {seen.name for seen in planes_report(proposals, -built["floor"]).planes}) >= 4
 
 
 def test_an_answer_bears_the_gyroscopes_unit_out() -> None:

@@ -144,9 +144,12 @@ class Track:
 
     planes: list[Plane]
     motions: tuple[int, ...] = ()
+    proposed: int = 0
 
 
 GIVEN = [Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0), Plane("wall", np.array([1.0, 0.0, 0.0]), 3.0)]
+#: Gravity along a wall: nothing here is upright.
+START = SimpleNamespace(linear=SimpleNamespace(gravity=np.array([0.0, -9.8, 0.0])))
 SEEN = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0), *GIVEN]
 
 
@@ -169,7 +172,7 @@ def counted(
         return one
 
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: Track([plane for plane in SEEN if plane.name in found]))
-    monkeypatch.setattr(page, "initialise", lambda *_: (None, None))
+    monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
     monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)

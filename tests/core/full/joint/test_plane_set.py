@@ -179,10 +179,10 @@ def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
     )
 
 
-def test_planes_that_come_in_are_numbered_on() -> None:
-    """Mutation: number from the first again, or leave the offset out."""
-    state = state_of(np.eye(3)[:2], np.array([1.0, 2.0]), MapPlane("floor"), MapPlane("plane 2"))
+def test_planes_that_come_in_are_called_what_they_are() -> None:
+    """Mutations: number from the first again; leave the offset out; up the other way."""
+    state = state_of(np.eye(3)[:2], np.array([1.0, 2.0]), MapPlane("wall 1"), MapPlane("floor"))
     more = with_planes(state, [PlaneFit(np.eye(3)[2], 3.0, np.ones(1, bool), 0.0)])
-    assert [plane.name for plane in more.planes] == ["floor", "plane 2", "plane 3"]
+    assert [plane.name for plane in more.planes] == ["wall 1", "floor", "floor 2"]
     np.testing.assert_array_equal(more.estimate.offsets_m, [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(more.estimate.normals, np.eye(3))
