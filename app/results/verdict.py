@@ -9,6 +9,9 @@ from calib_core.sigmas import std_cell, std_text
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
 
+#: The message that says that a plane is doubtful and counts all the same.
+DOUBTED = "planes.doubted"
+
 #: The message that says that what a person gave contradicts the recording.
 CONTRADICTED = "prior.contradicted"
 
@@ -21,6 +24,14 @@ def disagrees(result: CalibrationResult) -> bool:
     return any(message.code == DISAGREEMENT for message in result.messages)
 
 
+def doubted(result: CalibrationResult) -> str:
+    """The sentence about planes that are doubtful and count all the same; "" where there are none."""
+    said = [message.text for message in result.messages if message.code == DOUBTED]
+    if len(said) > 1:
+        return f"{len(said)} planes are doubtful and count all the same: leave them out and solve again."
+    return _whole(said[0]) if said else ""
+
+
 def tone(result: CalibrationResult) -> Tone:
     """The colour of the verdict: green is for an answer that nothing speaks against."""
     match result.status:
@@ -29,7 +40,7 @@ def tone(result: CalibrationResult) -> Tone:
         case "weak":
             return "doubtful"
         case "calibrated":
-            return "doubtful" if disagrees(result) else "good"
+            return "doubtful" if disagrees(result) or doubted(result) else "good"
 
 
 def held_offset(result: CalibrationResult) -> bool:
@@ -83,7 +94,9 @@ def told(result: CalibrationResult) -> str:
         if disagrees(result) and not weak:
             parts = "Parts of the recording contradict each other, so that errors may be larger than stated."
         known = _whole(weak[0].text) if weak else known
-    return f"{parts} {known}" if disagrees(result) else known
+    if disagrees(result):
+        known = f"{parts} {known}"
+    return f"{doubted(result)} {known}".lstrip()
 
 
 def _whole(text: str) -> str:

@@ -43,6 +43,7 @@ describe("one truth", () => {
   it("is green only for what nothing speaks against", () => {
     expect(toneOf("calibrated", [])).toBe("good");
     expect(toneOf("calibrated", ["solve.disagreement"])).toBe("warning");
+    expect(toneOf("calibrated", ["planes.doubted"])).toBe("warning");
     expect(toneOf("refused", [])).toBe("error");
   });
 
@@ -155,6 +156,7 @@ describe("the next step of a refusal", () => {
     ["refused", ["prior.contradicted"], null, "settings"],
     ["calibrated", ["solve.disagreement"], null, "planes"],
     ["calibrated", ["map.none"], null, null],
+    ["calibrated", ["planes.bent", "planes.doubted"], null, null],
   ] as const)("of %s with %j puts first what helps", (status, codes, doubted, step) => {
     expect(firstStep(status, codes, doubted)).toBe(step);
   });

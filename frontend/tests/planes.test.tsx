@@ -10,6 +10,7 @@ import { lastSolve, remarksOf } from "../src/features/planes/leftout";
 import { PatchList } from "../src/features/planes/list";
 import { NoneConfirmed } from "../src/features/planes/screen";
 import { mergeCandidates } from "../src/features/planes/similar";
+import { culpritsOf } from "../src/features/result/culprits";
 import { usual } from "./usual";
 
 const patch = (index: number, normal: number[], offset_m: number, confirmed = true): Patch => ({
@@ -219,6 +220,18 @@ describe("what the last solve left out", () => {
       [0, "left out by run 2: not flat"],
       [2, "left out by run 2: does not fit the motion that the others share"],
     ]);
+  });
+
+  // Fails when what was left out, was dropped since, or belongs to another colour is offered to be left out.
+  it("offers to leave out what is doubtful and counted", () => {
+    const counts = (name: string) =>
+      message("planes.doubted", `${name} is not flat, and counts all the same, as the choice has it: leave it out`);
+    const said = [counts("plane 9"), counts("plane 4"), message("planes.bent", "plane 2 is not flat: left out")];
+    const { job } = solved as unknown as { job: Parameters<typeof culpritsOf>[1] };
+    const found = culpritsOf(planes.patches, job, said as never);
+    expect(found.map(({ name }) => name)).toEqual(["plane 1"]);
+    const dropped = planes.patches.map((one) => ({ ...one, confirmed: false }));
+    expect(culpritsOf(dropped, job, said as never)).toEqual([]);
   });
 
   // Fails when a refused run that lists no planes marks all of them.

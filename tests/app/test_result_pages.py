@@ -9,7 +9,7 @@ from rich.console import Console
 
 from app.cli.summary import result_summary
 from app.results.report import report_page
-from app.results.verdict import verdict
+from app.results.verdict import tone, verdict
 from calib_core.result import Message, WeakDirection
 from tests.app.support import world
 
@@ -39,6 +39,22 @@ def test_an_answer_that_contradicts_itself_is_weak_in_its_first_words():
         WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=4.0, text="Turn more.")
     )
     assert verdict(torn).endswith("Turn more.")
+
+
+def test_an_answer_that_rests_on_what_is_doubtful_says_so_first_and_is_not_green():
+    """Where a person insists on a plane. Mutations: green; said after the sigmas; two planes told as one; said of one left out."""
+    result = world.make_result()
+    left_out = Message(code="planes.bent", level="warning", text="wall 5 is not flat: left out")
+    result.messages.append(left_out)
+    assert (tone(result), verdict(result)[:30]) == ("good", "Calibrated. One standard devia")
+    text = "wall 6 is not flat, and counts all the same, as the choice has it: leave it out and solve again"
+    result.messages.append(Message(code="planes.doubted", level="warning", text=text))
+    assert tone(result) == "doubtful"
+    assert verdict(result).startswith(f"Calibrated. W{text[1:]}. One standard deviation is")
+    result.messages.append(Message(code="planes.doubted", level="warning", text=text.replace("6", "7")))
+    assert verdict(result).startswith(
+        "Calibrated. 2 planes are doubtful and count all the same: leave them out and solve again. One standard deviation is"
+    )
 
 
 def test_an_offset_that_was_held_has_no_sigma():

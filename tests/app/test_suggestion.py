@@ -36,7 +36,7 @@ def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(mo
     estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3))
     wider = doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=planes))  # type: ignore[arg-type]
     assert wider == 1.0
-    assert heard == (["planes.bent"] if then else [])
+    assert heard == (["planes.doubted"] if then else [])
 
 
 def test_the_command_says_of_each_plane_whether_anybody_chose_it(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
         if fault and plane.chosen:
             ctx.say(
                 "warning",
-                f"planes.{fault}",
+                "planes.doubted",
                 f"{name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
             )
     wider = widening(stand)

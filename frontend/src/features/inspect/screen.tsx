@@ -16,7 +16,7 @@ import { NudgeSection } from "./nudge";
 import { OldSection } from "./old";
 import { nameOfOld } from "./oldtext";
 import { ScanStrip } from "./scanstrip";
-import { badScans, joined, type TimeSpan } from "./spans";
+import { badScans, joined, spansOf, type TimeSpan } from "./spans";
 import { ThicknessSection } from "./thickness";
 import { Transport } from "./transport";
 import { ViewBar } from "./viewbar";
@@ -152,10 +152,6 @@ function Inspection({ run, recording, returns }: Workspace & { run: Run }) {
       </Panel>
     </>
   );
-}
-
-function spansOf(run: Run): TimeSpan[] {
-  return run.job.settings.excluded_spans_s.map((span): TimeSpan => [Number(span[0]), Number(span[1])]);
 }
 
 function worstOf(rms: readonly (number | null)[]): number | null {

@@ -1,5 +1,12 @@
+import type { Run } from "../../api/client";
+
 /** Start and end in seconds after the first scan. */
 export type TimeSpan = readonly [number, number];
+
+/** What a run left out. */
+export function spansOf(run: Run): [number, number][] {
+  return run.job.settings.excluded_spans_s.map((span): [number, number] => [Number(span[0]), Number(span[1])]);
+}
 
 /** `3.1-4.25,7-8`: spans in a URL. */
 export function writeSpans(spans: readonly TimeSpan[]): string {

@@ -3,6 +3,7 @@ import { Fragment, type ReactNode } from "react";
 import { Link, useNavigate } from "react-router";
 import type { CalibrationResult, ChangeRecording, Recording, Run } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
+import { LeaveOut } from "./culprits";
 import { GuideButton } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
@@ -51,6 +52,7 @@ export function firstStep(
   if (about("imu.axis_signs", "points.")) return "reading";
   if (about("prior.")) return "settings"; // what was given has to be corrected, and all else was bent to fit it
   if (status === "weak" || about("motion.", "start.too_short")) return "record";
+  if (about("planes.doubted")) return null; // it has a button of its own
   if (about("planes.", "solve.", "start.", "paper.")) return "planes";
   return null;
 }
@@ -136,6 +138,7 @@ export function NextSteps({ recording, run, result }: NextStepsProps) {
     <section aria-label="Next step" className={css.next}>
       <h2>What to do now</h2>
       <div className={css.nextButtons}>
+        <LeaveOut recording={recording} run={run} result={result} />
         {order.map((step) => (
           <Fragment key={step}>{steps[step]}</Fragment>
         ))}

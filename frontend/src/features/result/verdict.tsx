@@ -7,7 +7,8 @@ const words: Record<CalibrationResult["status"], string> = {
   weak: "Weak",
   refused: "Refused",
 };
-const disagreement = "solve.disagreement";
+/** What speaks against an answer that is calibrated: parts that disagree, planes that are doubtful and count. */
+const against = ["solve.disagreement", "planes.doubted"];
 
 /** The colour of a result: green is for an answer that nothing speaks against. */
 export function toneOf(status: CalibrationResult["status"], codes: readonly string[]): Tone {
@@ -17,7 +18,7 @@ export function toneOf(status: CalibrationResult["status"], codes: readonly stri
     case "weak":
       return "warning";
     case "calibrated":
-      return codes.includes(disagreement) ? "warning" : "good";
+      return against.some((code) => codes.includes(code)) ? "warning" : "good";
   }
 }
 
