@@ -42,7 +42,7 @@ def test_an_answer_that_contradicts_itself_is_weak_in_its_first_words():
 
 
 def test_an_answer_that_rests_on_what_is_doubtful_says_so_first_and_is_not_green():
-    """Where a person insists on a plane. Mutations: green; said after the sigmas; two planes told as one; said of one left out."""
+    """Where a person insists on a plane. Mutations: green; after the sigmas; two planes told as one; said of one left out."""
     result = world.make_result()
     left_out = Message(code="planes.bent", level="warning", text="wall 5 is not flat: left out")
     result.messages.append(left_out)
