@@ -89,7 +89,8 @@ def drop_planes(
     chi2, points = plane_chi2(problem, state.estimate)
     if points.sum() == 0:
         return state
-    badness = scatter = over_usual(chi2, points) / rules.worst_scatter
+    # Nor is what scatters no more than noise makes it, however little a floor does that is seen at a grazing angle.
+    badness = scatter = over_usual(chi2, points, least=1.0 / rules.worst_scatter) / rules.worst_scatter
     if settled:
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
         badness = np.maximum(badness, wandering / rules.worst_wandering)
@@ -140,11 +141,11 @@ def only_planes(state: Estimation, keep: BoolArray, single: BoolArray, rules: Pl
     return replace(state, estimate=estimate, planes=planes, observations=None)
 
 
-def over_usual(badness: FloatArray, points: FloatArray) -> FloatArray:
-    """How many times as bad as the one in the middle, counted by points, each plane is. (P,) each."""
+def over_usual(badness: FloatArray, points: FloatArray, least: float = 1e-30) -> FloatArray:
+    """How many times as bad as the one in the middle, counted by points, each plane is. (P,) each. least: of that one."""
     order = np.argsort(badness)
     typical = badness[order][np.searchsorted(np.cumsum(points[order]), 0.5 * points.sum())]
-    return np.asarray(badness / max(typical, 1e-30))
+    return np.asarray(badness / max(typical, least))
 
 
 def kept_planes(badness: FloatArray, points: FloatArray, fewest: int) -> BoolArray:

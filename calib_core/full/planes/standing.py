@@ -106,7 +106,8 @@ def doubts(
     lengths = np.array([[s.moved_m, s.bent_m] for s in standings])
     limits = [float(np.clip(JUDGEMENT.times * usual(length, points), least_m, most_m)) for length in lengths.T]
     scatter = np.array([s.scatter for s in standings])
-    mixed = scatter / max(JUDGEMENT.mixed_times * usual(scatter, points), 1e-30)
+    # What noise alone makes is no second surface, however little a floor scatters that is seen at a grazing angle.
+    mixed = scatter / max(JUDGEMENT.mixed_times * usual(scatter, points), 1.0)
     return np.column_stack([lengths / np.array(limits), mixed])
 
 
