@@ -89,10 +89,13 @@ def _crashed(scenario: str, seed: int, label: str, method: str, error: Exception
 
 
 def settings_of(method: str) -> CalibrateSettings:
-    """Defaults of a method; the published one with the paper's own cap and field of view."""
+    """Of a method, for the ideal sensors that scenarios have; the published one with the paper's own cap and field of view.
+
+    Runs are held against the bound for ideal sensors: what the sensors' own parameters cost is the campaigns' with faults.
+    """
     if method == "paper":
         return CalibrateSettings(method="paper", points_per_plane_per_scan=100, field_of_view_deg=45.0)
-    return CalibrateSettings()
+    return CalibrateSettings(intrinsics="off")
 
 
 def run_of(

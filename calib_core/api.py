@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport, OnReport
     from calib_core.full.assess.own_errors import Lasers
+    from calib_core.full.foresight import Foresight
     from calib_core.maps.files import StructArray
     from calib_core.maps.room import Room
     from calib_core.maps.surface import Mesh
@@ -58,6 +59,7 @@ __all__ = [
     "discard_archives",
     "export",
     "export_names",
+    "foresight",
     "get_ready",
     "grow_plane",
     "ideal_lasers",
@@ -90,17 +92,30 @@ def inspect(
     *,
     on_event: OnEvent = ignore_event,
     on_report: OnReport | None = None,
+    kept_in: Path | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
     """Everything needed to know whether the recording at `path` can be calibrated, with a verdict.
 
-    on_report: told what is known on the way, in reports that are not `final`.
+    on_report: told what is known on the way, in reports that are not `final`.   kept_in: folder for what `foresight` reads.
     """
     from calib_core import doctor
 
     return doctor.inspect(
-        Path(path), settings or ReadSettings(), on_event=on_event, on_report=on_report, should_cancel=should_cancel
+        Path(path),
+        settings or ReadSettings(),
+        on_event=on_event,
+        on_report=on_report,
+        kept_in=kept_in,
+        should_cancel=should_cancel,
     )
+
+
+def foresight(kept_in: Path) -> Foresight | None:
+    """By what the forecast's standard deviations grow with fewer planes, of the `inspect` that kept it; None where none did."""
+    from calib_core.full.foresight import kept_foresight
+
+    return kept_foresight(kept_in)
 
 
 #: SciPy's parts in the order in which a solve comes to them. None is imported above a module: each waits for its first use.

@@ -64,6 +64,11 @@ def proposal_arrays(cache: Path) -> Path:
     return cache / "planes"
 
 
+def foresight_folder(cache: Path) -> Path:
+    """Where it is kept what the choice of planes does to the forecast."""
+    return cache / "foresight"
+
+
 def has_proposals(folder: Path) -> bool:
     """Whether proposals are there."""
     return is_whole(folder)

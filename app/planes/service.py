@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pydantic import ValidationError
 
 from app.arrays.folder import DamagedArrays, discard
-from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals
+from app.arrays.proposals import foresight_folder, has_proposals, proposal_arrays, read_proposals
 from app.bus import Bus
 from app.errors import ApiError, Conflict, NotFound
 from app.events import PlanesEdited, RecordingArrived
@@ -18,7 +19,7 @@ from app.planes.geometry import solved_outline
 from app.planes.operations import apply
 from app.planes.palette import plane_hex
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet, suggested
-from app.planes.strength import foreseen
+from app.planes.strength import Strength, foreseen
 from app.planes.upright import Room, named, room_of
 from app.planes.wire import wire_planes
 from app.schemas.jobs import PlaneLook
@@ -53,6 +54,7 @@ class PlaneService:
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
         self._rooms: dict[str, tuple[str, Room]] = {}
+        self._strength = Strength()
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
@@ -179,8 +181,9 @@ class PlaneService:
         return history if edited == history.current else history.push(edited)
 
     def _wire(self, recording_id: str, history: PlaneHistory, proposals: PlaneProposals) -> Planes:
-        room = self._rooms[recording_id][1]
-        known = foreseen(room.forecast, history.current, suggested(proposals))
+        mark, room = self._rooms[recording_id]
+        growth = self._strength.growth(room, mark, history.current, suggested(proposals))
+        known = foreseen(room.forecast, growth)
         return wire_planes(history, static=proposals.static, up=room.up, known=known)
 
     def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> Room:
@@ -191,6 +194,7 @@ class PlaneService:
             return known[1]
         report = None if record.report_json is None else Report.model_validate_json(record.report_json)
         room = Room() if report is None else room_of(report.planes, proposals, report.forecast)
+        room = replace(room, foresight=foresight_folder(self._files.cache(record)))
         self._rooms[record.id] = (mark, room)
         self._names.pop(record.id, None)
         return room

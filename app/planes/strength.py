@@ -1,47 +1,106 @@
 """What is foreseen of the least known axis with the planes that are confirmed.
 
-The doctor's forecast holds for the planes it found. The planes' information on where the lidar is, noise taken as white,
-
-    I = sum over planes of  n_points / rms^2  n n^T
-
-only ever shrinks when one is left out, and standard deviations grow with the root of what is left along the worst
-direction. So the forecast is scaled by the smallest ratio of what is confirmed to what was suggested, at most 1: leaving a
-plane out never makes it better, which a measure of how evenly directions are spread would.
+The doctor's forecast holds for the planes it found. By what its standard deviations grow without some of them is told by the
+forecast's own problem (calib_core/full/foresight.py): they never shrink where a plane is left out, which a measure of how evenly
+directions are spread would. A plane that was grown by hand was not foreseen, and adds nothing.
 """
 
 from __future__ import annotations
 
+import threading
+from collections import OrderedDict
+from collections.abc import Collection
+from typing import Protocol, TypeVar
+
 import numpy as np
 
 from app.planes.state import PlaneSet
+from app.planes.upright import Room
 from app.schemas.planes import Foreseen
 from app.weak_limits import AXIS_NAMES, WEAK_IN
+from calib_core import api
 from calib_core.doctor.report import Forecast
+from calib_core.result import COVARIANCE_ORDER
 from calib_core.sigmas import Unit, std_text, tells_nothing
 from calib_core.types import FloatArray
 
-#: A plane flatter than the lidar's own noise is not known better for it.
-LEAST_RMS_M = 0.003
-#: Less than this of the information left along some direction is none.
-NOTHING_LEFT = 1e-6
+
+class Foresight(Protocol):
+    """What an inspection has kept."""
+
+    def growth(self, places: Collection[int]) -> FloatArray:
+        """By what the standard deviations of the seven grow with these planes alone, (7,)."""
 
 
-def foreseen(forecast: Forecast | None, planes: PlaneSet, suggestion: PlaneSet) -> Foreseen | None:
-    """The least known axis against its limit; None without a forecast."""
-    if forecast is None or not forecast.parameters:
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+#: Recordings whose problem stays in memory between two clicks, and choices whose answer does.
+KEPT_PROBLEMS, KEPT_CHOICES = 2, 200
+
+
+class Strength:
+    """By what a forecast's standard deviations grow with the choice of planes. Thread-safe; remembers what it was asked."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._problems: OrderedDict[str, Foresight | None] = OrderedDict()
+        self._growths: OrderedDict[tuple[str, frozenset[int]], FloatArray] = OrderedDict()
+
+    def growth(self, room: Room, mark: str, planes: PlaneSet, suggestion: PlaneSet) -> FloatArray | None:
+        """(7,) of the confirmed planes, at least 1; None where it cannot be told.
+
+        mark: another one for each report.   suggestion: what was foreseen.
+        """
+        left, whole = _members(planes), _members(suggestion)
+        if left >= whole:
+            return np.ones(len(AXIS_NAMES))
+        # A plane that the report does not list adds nothing to what was foreseen.
+        chosen = frozenset(room.ranks[member] for member in left if member in room.ranks)
+        with self._lock:
+            known = self._growths.get((mark, chosen))
+            if known is None:
+                if mark not in self._problems:
+                    kept = None if room.foresight is None else api.foresight(room.foresight)
+                    _remember(self._problems, mark, kept, KEPT_PROBLEMS)
+                problem = self._problems[mark]
+                if problem is None or not room.ranks:
+                    return None
+                known = problem.growth(chosen)
+                _remember(self._growths, (mark, chosen), known, KEPT_CHOICES)
+            return known
+
+
+def _members(planes: PlaneSet) -> set[int]:
+    return {member for patch in planes.patches if patch.confirmed for member in patch.members}
+
+
+def _remember(known: OrderedDict[Key, Value], key: Key, value: Value, most: int) -> None:
+    known[key] = value
+    while len(known) > most:
+        known.popitem(last=False)
+
+
+def foreseen(forecast: Forecast | None, growth: FloatArray | None) -> Foreseen | None:
+    """The least known axis against its limit; None without a forecast, and where the planes leave a direction open.
+
+    growth: (7,) of the forecast's standard deviations with the confirmed planes, None where it is not known.
+    """
+    if forecast is None or not forecast.parameters or growth is None or not np.isfinite(growth).all():
         return None
-    left = share_left(information(planes), information(suggestion))
-    if left < NOTHING_LEFT:
-        return None
+    grown = [
+        parameter.model_copy(update={"std": parameter.std * float(growth[COVARIANCE_ORDER.index(parameter.name)])})
+        for parameter in forecast.parameters
+    ]
     # One that the data alone do not tell comes first: a prior may hide that.
-    worst = max(forecast.parameters, key=lambda parameter: (parameter.weak, parameter.std / WEAK_IN[parameter.unit]))
+    worst = max(grown, key=lambda parameter: (parameter.weak, parameter.std / WEAK_IN[parameter.unit]))
     limit = WEAK_IN[worst.unit]
-    std = worst.std / float(np.sqrt(left))
     name = AXIS_NAMES[worst.name]
-    by_motion = worst.weak or worst.std > limit
-    weak = by_motion or std > limit
-    text = _what_to_do(_stays(name, std, worst.unit, limit), worst.advice, by_motion=by_motion) if weak else ""
-    return Foreseen(name=name, std=std, unit=worst.unit, limit=limit, weak=weak, text=text)
+    before = next(parameter.std for parameter in forecast.parameters if parameter.name == worst.name)
+    by_motion = worst.weak or before > limit
+    weak = by_motion or worst.std > limit
+    text = _what_to_do(_stays(name, worst.std, worst.unit, limit), worst.advice, by_motion=by_motion) if weak else ""
+    return Foreseen(name=name, std=worst.std, unit=worst.unit, limit=limit, weak=weak, text=text)
 
 
 def _stays(name: str, std: float, unit: Unit, limit: float) -> str:
@@ -64,22 +123,3 @@ def _what_to_do(stays: str, advice: str, *, by_motion: bool) -> str:
         return f"{stays}: too little is left of what fixes it. Confirm more planes."
     cure = advice or "Record again, with turns about all three axes."
     return f"{stays}, whichever planes are confirmed: the motion does not tell it. {cure}"
-
-
-def information(planes: PlaneSet) -> FloatArray:
-    """(3, 3) [1/m2] of the confirmed planes on the lidar's place."""
-    total = np.zeros((3, 3))
-    for patch in planes.patches:
-        if patch.confirmed:
-            normal = np.array(patch.normal)
-            total += patch.n_points / max(patch.rms_m, LEAST_RMS_M) ** 2 * np.outer(normal, normal)
-    return total
-
-
-def share_left(chosen: FloatArray, whole: FloatArray) -> float:
-    """The smallest share, over all directions, that `chosen` (3, 3) has of `whole` (3, 3); 0..1."""
-    values, vectors = np.linalg.eigh(whole)
-    if values[0] <= 1e-9 * max(values[-1], 1e-300):
-        return 1.0 if np.allclose(chosen, whole) else 0.0
-    root = vectors / np.sqrt(values)
-    return float(np.clip(np.linalg.eigvalsh(root.T @ chosen @ root)[0], 0.0, 1.0))

@@ -9,6 +9,7 @@ reports of older versions, which looked at samples, a plane may be missing, or b
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -28,12 +29,15 @@ LEAST_MATCHED = 2
 class Room:
     """names: of a proposal's patches, by their place.   up: (3,) unit vector, map frame; None where it is not known.
 
-    forecast: what a solve would know with the planes as they were suggested.
+    forecast: what a solve would know with the planes as they were suggested.   ranks: in the report, of a proposal's patches.
+    foresight: folder where the inspection kept what tells how the forecast changes with the planes.
     """
 
     names: dict[int, str] = field(default_factory=dict)
     up: FloatArray | None = None
     forecast: Forecast | None = None
+    ranks: dict[int, int] = field(default_factory=dict)
+    foresight: Path | None = None
 
 
 def room_of(report: PlanesReport | None, proposals: PlaneProposals, forecast: Forecast | None = None) -> Room:
@@ -55,7 +59,7 @@ def room_of(report: PlanesReport | None, proposals: PlaneProposals, forecast: Fo
     up = np.array(report.up)
     order = sorted(range(len(proposals.patches)), key=lambda place: (ranks.get(place, len(report.planes)), place))
     kinds = [kind_of(proposals.patches[place].plane.normal, up)[0] for place in order]
-    return Room(dict(zip(order, names_of(kinds), strict=True)), up, forecast)
+    return Room(dict(zip(order, names_of(kinds), strict=True)), up, forecast, ranks)
 
 
 def named(history: PlaneHistory, room: Room) -> PlaneHistory:

@@ -17,6 +17,9 @@ def wire_planes(
     history: PlaneHistory, *, static: bool, up: FloatArray | None = None, known: Foreseen | None = None
 ) -> Planes:
     """The planes as every browser sees them. up: (3,) against gravity, map frame; None where that is not known."""
+    fixed = determinacy(history.current, up)
+    if known is not None and not fixed.ok:
+        known = known.model_copy(update={"text": ""})  # what is missing is said there
     vertical = np.array([0.0, 0.0, 1.0]) if up is None else up
     return Planes(
         patches=[
@@ -36,7 +39,7 @@ def wire_planes(
             )
             for index, patch in enumerate(history.current.patches)
         ],
-        determinacy=determinacy(history.current, up),
+        determinacy=fixed,
         foreseen=known,
         static=static,
         upright=up is not None,

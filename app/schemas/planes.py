@@ -56,7 +56,7 @@ class Planes(WireModel):
     patches: list[Patch]
     determinacy: Determinacy
     foreseen: Foreseen | None = Field(
-        default=None, description="None until there is a forecast, and where the planes leave a direction open"
+        default=None, description="None until there is a forecast, and where it cannot be told for these planes"
     )
     static: bool
     upright: bool = Field(default=False, description="whether the vertical is gravity's; else it is the map's z axis")

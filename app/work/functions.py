@@ -1,7 +1,7 @@
 """The jobs themselves, run in worker processes: thin steps around calib_core.api that leave files behind.
 
 simulate   a sample recording            -> the recording's source
-inspect    the doctor's report           -> {job}/report.json
+inspect    the doctor's report           -> {job}/report.json, {cache}/foresight/
 planes     decode once, propose planes   -> {cache}/recording/, {cache}/planes/
 audit      compare an extrinsic          -> {job}/audit.json
 solve      calibrate                     -> {job}/result.json, reading.json, trajectory.npz, thickness.json, scans.json,
@@ -20,7 +20,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from app.arrays.folder import DamagedArrays, discard
-from app.arrays.proposals import has_proposals, proposal_arrays, read_proposals, write_proposals
+from app.arrays.proposals import foresight_folder, has_proposals, proposal_arrays, read_proposals, write_proposals
 from app.arrays.recording import has_recording, read_recording, recording_arrays, write_recording
 from app.arrays.surface import SURFACE, Surface, write_surface
 from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
@@ -103,7 +103,12 @@ def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) ->
 
     write(
         api.inspect(
-            order.source, order.read_settings, on_event=on_event, on_report=on_report, should_cancel=should_cancel
+            order.source,
+            order.read_settings,
+            on_event=on_event,
+            on_report=on_report,
+            kept_in=foresight_folder(order.cache),
+            should_cancel=should_cancel,
         )
     )
     return InspectOutcome()

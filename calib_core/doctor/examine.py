@@ -28,6 +28,7 @@ from calib_core.doctor.verdict import judge
 from calib_core.doctor.whole_scans import WholeScans
 from calib_core.errors import InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.full.foresight import Foresight, keep_foresight
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.reading import damage_findings, span_ns
@@ -44,11 +45,13 @@ def inspect(
     *,
     on_event: OnEvent = ignore_event,
     on_report: OnReport | None = None,
+    kept_in: Path | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
     """Everything needed to know whether this recording can be calibrated.
 
     on_report: told what is known on the way: once some clouds are looked at, and once all is read, before the forecast is made.
+    kept_in: folder for what tells how the forecast changes with the choice of planes (full/foresight.py).
     Raises InputError only where the recording cannot be opened or the settings do not fit it.
     """
     on_event(StageEvent(stage="inspect", fraction=0.0, text=f"opening {path.name}"))
@@ -70,6 +73,8 @@ def inspect(
         if on_report is not None:
             on_report(_report(state, recording, sensors, final=False))
         ahead = _look_ahead(state, recording, settings, offset_ns, on_event, should_cancel)
+        if kept_in is not None:
+            keep_foresight(kept_in, ahead.foresight)
         state.findings = unit_proven(state.findings, ahead.forecast)
         report = _report(state, recording, sensors, ahead)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
@@ -89,11 +94,12 @@ class Sensors:
 
 @dataclass(frozen=True, slots=True)
 class Ahead:
-    """What a solve would find. range_std_m: the lidar's noise, seen on the planes."""
+    """What a solve would find. range_std_m: the lidar's noise, seen on the planes.   foresight: as the outlook has it."""
 
     planes: PlanesReport | None = None
     forecast: Forecast | None = None
     range_std_m: float | None = None
+    foresight: Foresight | None = None
 
 
 NOTHING_AHEAD = Ahead()
@@ -204,7 +210,8 @@ def _look_ahead(
     planes = planes_report(outlook.proposals, outlook.gravity)
     if imu is None:
         return Ahead(planes)
-    return Ahead(planes, forecast_report(outlook, planes, share=sampled.share), outlook.range_std_m)
+    forecast = forecast_report(outlook, planes, share=sampled.share)
+    return Ahead(planes, forecast, outlook.range_std_m, outlook.foresight)
 
 
 def _lidar(state: Examination, headers: HeaderTimes) -> LidarReport | None:

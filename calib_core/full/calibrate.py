@@ -25,7 +25,7 @@ from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.doubt import weigh_chosen
 from calib_core.full.joint.estimation import Solved
-from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, SUGGESTED, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
@@ -57,19 +57,17 @@ def calibrate_full(
     found = [replace(plane, suggested=True) for plane in called(followed.planes, up, followed.proposed)]
     if planes is None:
         return answered(FULL, found)
-    by_hand = [replace(plane, suggested=False) for plane in planes]
     untouched = [plane.suggested for plane in planes]
+    if all(untouched) and complete:
+        return answered(FULL, planes)  # which is no choice: what comes into view joins
+    by_hand = [replace(plane, suggested=False) for plane in planes]
     if not any(untouched):
         return answered(CHOSEN, by_hand)
     try:
-        return answered(SUGGESTED if all(untouched) and complete else PARTLY, planes)
+        return answered(PARTLY, planes)
     except Refused as refused:
         if refused.code == "planes.doubtful":
             raise
-        if all(untouched) and complete:
-            text = "by the planes that were proposed there is no answer, and all found count"
-            run.say("info", "planes.open", f"{text}: {refused}")
-            return answered(FULL, found)
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)

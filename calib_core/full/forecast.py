@@ -16,12 +16,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import null_space
 
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.factors.lidar_plane import Gate
 from calib_core.full.assess.observability import Advice, Knowledge, advice, assess
 from calib_core.full.assess.verdict import require_rotation
+from calib_core.full.foresight import Foresight, foresight
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.start import LidarTrack, Start
@@ -29,9 +31,12 @@ from calib_core.full.joint.begin import begin
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import gather
 from calib_core.full.joint.present import problem_of
+from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, measure, survey
 from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
+from calib_core.full.joint.state import CALIBRATION, ROTATION, TRANSLATION, Estimate
+from calib_core.full.joint.undetermined import UNITS, data_information, undetermined
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion, evenly_spread
@@ -68,6 +73,9 @@ class Forecasting:
     propagated_s: float = 20.0
     #: judged: room in the gate while the lidar's noise is learnt: that of a solve (Settling).
     learning_m: float = 0.02
+    #: derived: a lever arm that turns with the rotation's uncertainty by less than this part of its own standard deviation adds
+    #: a tenth to it at most.
+    felt: float = 0.45
     #: measured on a minute by hand: with 15 of 600 scans off their way by up to 0.08 m, as samples of clouds are followed,
     #: sigmas are within 0.1 % of those without, and following again costs three times the forecast.
     at_fault: float = 0.05
@@ -80,7 +88,8 @@ FORECASTING = Forecasting()
 class Outlook:
     """What a solve would find to work with, and to know.
 
-    proposals: the expected planes.   gravity: (3,) [m/s2] in their frame.   knowledge: None where `reason` says why, under
+    proposals: the expected planes.   foresight: what tells how the numbers change with the choice of planes; None where it would
+    not fit the proposals.   gravity: (3,) [m/s2] in their frame.   knowledge: None where `reason` says why, under
     the stable `code`.   advice: what to record for what would stay unknown.   covered_s: seconds that could be followed,
     standstill included.   range_std_m: the lidar's noise, seen on the planes.
     """
@@ -93,6 +102,7 @@ class Outlook:
     advice: tuple[Advice, ...] = ()
     covered_s: float = 0.0
     range_std_m: float | None = None
+    foresight: Foresight | None = None
 
 
 def sample_scan(scan: Scan, count: int) -> Scan:
@@ -168,17 +178,21 @@ def _look(
     tell(0.7, "what a solve would know")
     run, stands_for = _thinned(run, points_per_scan)
     data, state, share = _smoothed(run, followed, lidar, start, share)
-    knowledge = _knowledge(data, state, stands_for, share)
+    knowledge, problem, estimate = _knowledge(data, state, stands_for, share)
     require_rotation(knowledge)
     rate = recording.imu.gyro_rad_s
     turning = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
     said = tuple(advice(knowledge, turning, state.estimate.R_imu_lidar))
     tell(1.0, "")
-    # In another reference scan's frame gravity says nothing of the proposals' planes.
-    gravity = start.linear.gravity if followed.reference == proposals.reference_scans[0] else None
     covered_s = state.knots * data.readings.spacing_s
-    range_std_m = state.lidar_noise.range_std_m
-    return Outlook(proposals, gravity, knowledge, advice=said, covered_s=covered_s, range_std_m=range_std_m)
+    outlook = Outlook(
+        proposals, knowledge=knowledge, advice=said, covered_s=covered_s, range_std_m=state.lidar_noise.range_std_m
+    )
+    # In another reference scan's frame gravity says nothing of the proposals' planes, nor does the problem.
+    if followed.reference != proposals.reference_scans[0]:
+        return outlook
+    kept = foresight(problem, estimate, followed.proposed, share)
+    return replace(outlook, gravity=start.linear.gravity, foresight=kept)
 
 
 def _require_motion(motions: Sequence[ScanMotion]) -> None:
@@ -222,8 +236,26 @@ def _smoothed(
     return data, associate(data, admit_sensors(data, state), Gate(), stride=1), share
 
 
-def _knowledge(data: JointData, state: Estimation, stands_for: FloatArray, share: float) -> Knowledge:
-    """What the joint problem would know of the calibration, at the smoothed motion. Raises Refused."""
+def _knowledge(
+    data: JointData, state: Estimation, stands_for: FloatArray, share: float
+) -> tuple[Knowledge, JointProblem, Estimate]:
+    """What the joint problem would know of the calibration, at the smoothed motion; and that problem. Raises Refused.
+
+    With a start whose lever arm is a metre off, a rotation that is known to degrees only would not count in the lever arm's
+    standard deviations: judged again about the arm that the problem steps to, where they would feel it.
+    """
+    problem = _problem(data, state, stands_for)
+    knowledge, step = _about(data, problem, state.estimate, share)
+    turned = np.sqrt(np.max(np.diag(knowledge.covariance)[ROTATION]))
+    if float(np.linalg.norm(step[TRANSLATION])) * turned < FORECASTING.felt * np.min(knowledge.data_std[TRANSLATION]):
+        return knowledge, problem, state.estimate
+    there = replace(state.estimate, p_imu_lidar=state.estimate.p_imu_lidar + step[TRANSLATION])
+    problem = _problem(data, replace(state, estimate=there), stands_for)
+    return _about(data, problem, there, share)[0], problem, there
+
+
+def _problem(data: JointData, state: Estimation, stands_for: FloatArray) -> JointProblem:
+    """The joint problem about the present estimate, every sampled point counted for as many as it stands for."""
     assert state.observations is not None
     weight = stands_for[state.observations.scan][:, None]
     lasers = state.observations.lasers
@@ -232,16 +264,34 @@ def _knowledge(data: JointData, state: Estimation, stands_for: FloatArray, share
         scatter=state.observations.scatter * weight,
         lasers=None if lasers is None else lasers.weighted(stands_for),
     )
-    problem = problem_of(data, state)
-    problem = replace(problem, bins=gather(whole, problem.motion(state.estimate), state.estimate))
+    # What the first round held is judged anew: with more points, at the smoothed motion, it may be known.
+    problem = problem_of(data, replace(state, priors=replace(state.priors, held=())))
+    return replace(problem, bins=gather(whole, problem.motion(state.estimate), state.estimate))
+
+
+def _about(data: JointData, problem: JointProblem, estimate: Estimate, share: float) -> tuple[Knowledge, FloatArray]:
+    """What the problem knows about an estimate; and the calibration's step (7,) [rad, m, s] from it. Raises Refused."""
     try:
-        information = solve_arrow(problem.linearise(state.estimate)).information
+        solution = solve_arrow(problem.linearise(estimate))
     except NotPositiveDefinite as error:
         raise Refused("solve.diverged", "the planes and the motion that were found do not fit together") from error
-    return assess(
-        information,
+    knowledge = assess(
+        solution.information,
         problem.priors,
         inflation=float(np.sqrt(share)),
         frozen_offset=not data.run.settings.estimate_time_offset,
         offset_std_s=float(np.hypot(data.run.clocks.jitter_mean_std_s * np.sqrt(share), data.run.clocks.steps_std_s)),
     )
+    return knowledge, _step_held(data_information(solution.information, problem.priors), solution.step_shared)
+
+
+def _step_held(information: FloatArray, step_shared: FloatArray) -> FloatArray:
+    """The calibration's step (7,) [rad, m, s] where what is left open stays as it is, as a solve has it.
+
+    information: (7, 7), scaled units.   step_shared: (S,), where nothing is held.
+    """
+    free = step_shared[:CALIBRATION] / UNITS
+    opened = undetermined(information)
+    known = null_space(opened.T) if opened.size else np.eye(CALIBRATION)
+    inside = known.T @ information
+    return np.asarray(known @ np.linalg.lstsq(inside @ known, inside @ free, rcond=None)[0] * UNITS)

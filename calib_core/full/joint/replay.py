@@ -10,79 +10,23 @@ the way (`JointData`) comes from the recording again, by the stages before, whic
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from enum import Enum
 from pathlib import Path
-from types import UnionType
-from typing import Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib_core.full.joint.estimation import Estimation
-
-Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
-Arrays = dict[str, NDArray[np.generic]]
-_ARRAY = "array"
+from calib_core.written import Json, as_read, as_written
 
 
 def save_estimation(state: Estimation, path: Path) -> None:
     """Write a state to `path`, with the endings .json and .npz."""
-    arrays: Arrays = {}
-    written = _written(state, "", arrays)
-    path.with_suffix(".json").write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
+    words, arrays = as_written(state)
+    path.with_suffix(".json").write_text(json.dumps(words, indent=1) + "\n", encoding="utf-8")
     np.savez_compressed(path.with_suffix(".npz"), allow_pickle=False, **arrays)
 
 
 def load_estimation(path: Path) -> Estimation:
     """The state that was written to `path`."""
-    written: Json = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    words: Json = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     with np.load(path.with_suffix(".npz"), allow_pickle=False) as stored:
-        arrays = {name: stored[name] for name in stored.files}
-    state = _read(Estimation, written, arrays, {})
-    if not isinstance(state, Estimation):
-        raise TypeError(f"expected a state of the joint estimation in {path}, found {type(state).__name__}")
-    return state
-
-
-def _written(value: object, name: str, arrays: Arrays) -> Json:
-    """A value as JSON; its arrays go to `arrays` under the names of the fields that lead to them."""
-    if isinstance(value, np.ndarray):
-        arrays[name] = value
-        return {_ARRAY: name}
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _written(getattr(value, f.name), f"{name}.{f.name}".lstrip("."), arrays) for f in fields(value)}
-    if isinstance(value, Enum):
-        return value.name
-    if isinstance(value, tuple | list):
-        return [_written(item, f"{name}.{place}", arrays) for place, item in enumerate(value)]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise TypeError(f"expected numbers, texts, arrays or records in a state, found {type(value).__name__} in {name}")
-
-
-def _read(kind: object, written: Json, arrays: Arrays, known: Mapping[object, object]) -> object:
-    """The value of a type that was written. known: what type variables stand for."""
-    kind = known.get(kind, kind)
-    if written is None or (isinstance(written, dict) and _ARRAY in written):
-        return None if written is None else arrays[str(written[_ARRAY])]
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin in (Union, UnionType):
-        # Of several kinds all are words: a name of one set or of another reads the same.
-        first = next(argument for argument in arguments if argument is not type(None))
-        return _read(first, written, arrays, known)
-    if origin is tuple and isinstance(written, list):
-        each = [arguments[0]] * len(written) if len(arguments) == 2 and arguments[1] is Ellipsis else arguments
-        return tuple(_read(a, item, arrays, known) for a, item in zip(each, written, strict=True))
-    record = origin or kind
-    if isinstance(record, type) and is_dataclass(record) and isinstance(written, dict):
-        variables = getattr(record, "__parameters__", ())
-        known = {**known, **dict(zip(variables, arguments, strict=False))}
-        kinds = get_type_hints(record)
-        return record(**{name: _read(kinds[name], part, arrays, known) for name, part in written.items()})
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return kind[str(written)]
-    return float(written) if kind is float and isinstance(written, int) else written
+        return as_read(Estimation, words, {name: stored[name] for name in stored.files})

@@ -72,12 +72,9 @@ FULL = Schedule(
     settling=Settling(),
 )
 
-#: With planes that were proposed and that nobody chose: none joins them, what turns out to be doubtful goes.
-SUGGESTED = replace(FULL, joins=False)
-
-#: With planes of which somebody chose or dropped some: those chosen count, and of the others what turns out to be doubtful goes.
-#: What is left has to hold the motion.
-PARTLY = replace(SUGGESTED, chosen=True)
+#: With planes of which somebody chose or dropped some: none joins them, those chosen count, and of the others what turns out to
+#: be doubtful goes. What is left has to hold the motion.
+PARTLY = replace(FULL, joins=False, chosen=True)
 
 #: With planes that somebody chose: all of them count.
 CHOSEN = replace(FULL, planes=None, chosen=True)

@@ -12,7 +12,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
-from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, SUGGESTED, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.solve import with_new_planes
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
@@ -185,11 +185,11 @@ def counted(
 
 
 def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A choice counts as it is, and is weighed as one; a proposal is thinned out, and given up where that does not do: for what
-    is found, or where a plane was dropped, for all that are left, so that none comes back. A touched plane chooses no other.
+    """A choice counts as it is, and is weighed as one; an untouched suggestion is no choice. Where planes were dropped, the
+    others are thinned out, which is given up where that does not do, so that none comes back. A touched plane chooses no other.
 
-    Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; the refusal of a proposal told; tried again
-    for a choice; what was dropped comes back; three boxes that are left of a suggestion answer; boxes are asked again.
+    Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; tried again for a choice, and for an
+    untouched suggestion; what was dropped comes back; three boxes that are left of a suggestion answer; boxes are asked again.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
@@ -199,10 +199,8 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     assert counted(monkeypatch, partly, "right") == ([(PARTLY, names)], [], ("right", 2.0))
     both = [(PARTLY, names), (CHOSEN, names)]
     assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", 2.0))
-    assert counted(monkeypatch, proposed, "right") == ([(SUGGESTED, names)], [], ("right", 1.0))
-    both = [(SUGGESTED, names), (FULL, ["found"])]
-    assert counted(monkeypatch, proposed, lost, "right") == (both, ["planes.open"], ("right", 1.0))
-    assert counted(monkeypatch, proposed, lost, lost) == (both, ["planes.open"], "planes.too_few")
+    assert counted(monkeypatch, proposed, "right") == ([(FULL, names)], [], ("right", 1.0))
+    assert counted(monkeypatch, proposed, lost) == ([(FULL, names)], [], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
     both = [(PARTLY, ["floor"]), (CHOSEN, ["floor"])]
     assert counted(monkeypatch, proposed[:1], lost, "right", found=names) == (both, ["planes.open"], ("right", 2.0))
@@ -210,8 +208,8 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     assert counted(monkeypatch, proposed[:1], boxes, found=names) == (both[:1], [], "planes.doubtful")
 
 
-def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The page has shown what there is. Mutations: planes join where they come into view; at the end; nothing is dropped."""
+def test_nothing_joins_what_is_left_of_a_suggestion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was dropped would come back. Mutations: planes join where they come into view; at the end; nothing is dropped."""
 
     def joined(*_: object) -> None:
         pytest.fail("planes were looked for")
@@ -219,7 +217,6 @@ def test_nothing_joins_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("calib_core.full.joint.solve.add_planes", joined)
     state: Any = object()
     unused: Any = None
-    assert with_new_planes(unused, state, SUGGESTED) is state
-    assert replace(SUGGESTED, joins=True) == FULL
+    assert with_new_planes(unused, state, PARTLY) is state
+    assert replace(PARTLY, joins=True, chosen=False) == FULL
     assert replace(FULL, planes=None, chosen=True) == CHOSEN
-    assert replace(SUGGESTED, chosen=True) == PARTLY

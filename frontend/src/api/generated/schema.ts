@@ -2524,7 +2524,7 @@ export interface components {
             /** Can Undo */
             can_undo: boolean;
             determinacy: components["schemas"]["Determinacy"];
-            /** @description None until there is a forecast, and where the planes leave a direction open */
+            /** @description None until there is a forecast, and where it cannot be told for these planes */
             foreseen?: components["schemas"]["Foreseen"] | null;
             /** Patches */
             patches: components["schemas"]["Patch"][];

@@ -1,0 +1,104 @@
+"""What a forecast becomes where some of its planes are left out: the forecast's own problem with the others' points alone.
+
+    growth = std(some of the planes) / std(all of them)
+
+The lasers' own parameters stay at their priors in it, which changes these ratios by a few per cent and makes a click's answer
+a matter of a tenth of a second.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from calib_core.factors.laser_features import LaserFactors
+from calib_core.full.assess.observability import assess
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.threads import one_blas_thread
+from calib_core.types import FloatArray
+from calib_core.written import as_read, as_written
+
+_FILE = "foresight.npz"
+_WORDS = "words"
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """The problem of a forecast. proposed: so many of its planes, the first, are those of the proposals, in their order; others
+    came into view.   share: as `forecast` has it.
+    """
+
+    problem: JointProblem
+    estimate: Estimate
+    proposed: int
+    share: float
+
+    def growth(self, places: Collection[int]) -> FloatArray:
+        """By what the standard deviations of the seven grow with these planes alone, (7,), at least 1.
+
+        places: among the proposals. With all of them, what comes into view counts too. What stays open grows to the standing
+        prior's size; infinite where nothing is left.
+        """
+        chosen = set(places) & set(range(self.proposed))
+        if len(chosen) == self.proposed:
+            return np.ones(CALIBRATION)
+        return np.maximum(self._stds(chosen) / self._of_all, 1.0)
+
+    @cached_property
+    def _of_all(self) -> FloatArray:
+        return self._stds(range(len(self.estimate.normals)))
+
+    def _stds(self, chosen: Collection[int]) -> FloatArray:
+        """(7,) of the data alone, SI; infinite where they fix nothing."""
+        bins = self.problem.bins
+        some = np.isin(bins.plane, list(chosen))
+        if not some.any():
+            return np.full(CALIBRATION, np.inf)
+        fewer = replace(
+            bins, knot=bins.knot[some], plane=bins.plane[some], scatter=bins.scatter[some], count=bins.count[some]
+        )
+        try:
+            with one_blas_thread():
+                information = solve_arrow(replace(self.problem, bins=fewer).linearise(self.estimate)).information
+        except NotPositiveDefinite:
+            return np.full(CALIBRATION, np.inf)
+        return assess(information, self.problem.priors, inflation=float(np.sqrt(self.share))).data_std
+
+
+def foresight(problem: JointProblem, estimate: Estimate, proposed: int, share: float) -> Foresight:
+    """Of a forecast's problem, at the estimate that it was judged about."""
+    bins = replace(problem.bins, lasers=LaserFactors.empty())
+    return Foresight(replace(problem, bins=bins), estimate, proposed, share)
+
+
+def keep_foresight(folder: Path, kept: Foresight | None) -> None:
+    """Put into the folder for `kept_foresight`, whole or not at all; what is there goes where there is none."""
+    path = folder / _FILE
+    if kept is None:
+        path.unlink(missing_ok=True)
+        return
+    words, arrays = as_written(kept)
+    folder.mkdir(parents=True, exist_ok=True)
+    new = path.with_suffix(f".{os.getpid()}.tmp")
+    with new.open("wb") as file:
+        np.savez(file, allow_pickle=False, **{_WORDS: np.array(json.dumps(words))}, **arrays)
+    new.replace(path)
+
+
+def kept_foresight(folder: Path) -> Foresight | None:
+    """What was put there; None where there is nothing, or nothing of this version."""
+    try:
+        with (folder / _FILE).open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+            return as_read(Foresight, json.loads(str(arrays.pop(_WORDS))), arrays)
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
