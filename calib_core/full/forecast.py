@@ -59,10 +59,10 @@ NO_PLANES = PlaneProposals(
 class Forecasting:
     """What makes a forecast cheaper than a solve."""
 
-    #: measured over 20 scenarios (bench/results/forecast.md): with so many points of a scan standing for all of them,
-    #: fifteen thousand a second, a forecast's sigmas are 0.93 to 1.04 of the solve's.
+    #: measured over the 18 scenarios with noise (bench/results/forecast.md): with so many points of a scan standing for all of them,
+    #: fifteen thousand a second, a forecast's sigmas are 0.94 to 1.02 of the solve's.
     sampled_points: int = 1500
-    #: measured over 20 scenarios (bench/results/forecast.md), with the sigmas above: a solve's knots for each of ours. What
+    #: measured over the same, with the sigmas above: a solve's knots for each of ours. What
     #: the readings say of a calibration builds up over tenths of a second.
     coarser: int = 2
     #: judged: scans that are looked at for planes before a reference is searched for: where none shows one, the search is

@@ -8,12 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.assess.considered import Considered, parameter_std
+from calib_core.full.assess.observability import assess
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.prepare.nuisance import sensor_block
-from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS
+from calib_core.full.run import Run
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS, UNKNOWN_IMU, UNKNOWN_LIDAR
+from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.result import Intrinsic
+from calib_core.types import FloatArray
 
+_GROUPS = ("rotation", "translation", "the time offset")
 _FRAME = "the accelerometer's x axis and xy plane; the gyroscope is turned into it"
 
 
@@ -117,6 +123,52 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"
         told.append(("sensor.clock", text))
     return told
+
+
+def cost_of_sensors(solved: Solved) -> FloatArray:
+    """By how many times standard deviations are wider than with sensors known exactly: rotation, translation, time offset (3,).
+
+    The same information with the sensors' columns taken out. Ones where they have none.
+    """
+    assert solved.minimum.solution is not None
+    information, priors = solved.minimum.solution.information, solved.problem.priors
+    start = solved.problem.layout(solved.estimate).nuisance().start
+    others = np.setdiff1d(np.arange(len(information)), np.arange(start, start + solved.nuisance.sensors.size))
+    exact = np.diag(assess(information[np.ix_(others, others)], priors).covariance)
+    stated = np.diag(assess(information, priors).covariance)
+    return np.array(
+        [np.sqrt(stated[part].sum() / exact[part].sum()) for part in (ROTATION, TRANSLATION, [TIME_OFFSET])]
+    )
+
+
+def told_cost(run: Run, solved: Solved, considered: Considered | None) -> tuple[tuple[str, str], ...]:
+    """What it costs not to know the sensors exactly, in one sentence, code and text; none where that is little.
+
+    considered: where the parameters were held; they are in no column then.
+    """
+    if considered is not None or not solved.nuisance.sensors.blocks:
+        return ()
+    times = cost_of_sensors(solved)
+    if times.max() < WORDING.costly:
+        return ()
+    widened = ", ".join(
+        f"{a:.1f} times in {name}" for a, name in zip(times, _GROUPS, strict=True) if a >= WORDING.counted
+    )
+    unnamed = _unnamed(run)
+    why, cure = "the sensors may be off by what their data sheets allow", ""
+    if unnamed:
+        these = "is" if len(unnamed) == 1 else "are"
+        why = f"it is not known which {' and '.join(unnamed)} there {these}, so that much is allowed for errors of their own"
+        cure = f"; naming the {' and the '.join(unnamed)} narrows them"
+    return (("sensor.priors", f"{why}: error bars are wider for it than with exact sensors, {widened}{cure}"),)
+
+
+def _unnamed(run: Run) -> list[str]:
+    """Sensors for which the middle of all there are stands in."""
+    settings, recording = run.settings, run.recording
+    imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
+    lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
+    return [name for name, known in (("IMU", imu != UNKNOWN_IMU), ("lidar", lidar != UNKNOWN_LIDAR)) if not known]
 
 
 def _lasers(lasers: Sequence[Intrinsic]) -> str:

@@ -47,6 +47,10 @@ class Wording:
     #: derived: a parameter of a sensor this many of its sigmas from that of an ideal one, one in 370 of a normal law, is
     #: said to be off. Words alone depend on it.
     off_sigmas: float = 3.0
+    #: judged: what the sensors' own errors cost is said where some error bar is half as wide again for them, of all that are a
+    #: twentieth wider. Words alone depend on it.
+    costly: float = 1.5
+    counted: float = 1.05
 
 
 @dataclass(frozen=True, slots=True)
