@@ -35,7 +35,7 @@ from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion, evenly_spread
-from calib_core.full.odometry.travelled import travelled
+from calib_core.full.odometry.travelled import stood_text, travelled
 from calib_core.full.planes.propose import no_planes, scan_points
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
@@ -183,9 +183,8 @@ def _look(
 
 def _require_motion(motions: Sequence[ScanMotion]) -> None:
     """Raises Refused where the lidar stands still throughout."""
-    way = travelled(motions)
-    if way.stood:
-        raise Refused("motion.none", f"the lidar stood still: {way}")
+    if travelled(motions).stood:
+        raise Refused("motion.none", stood_text())
 
 
 def _thinned(run: Run, points_per_scan: FloatArray) -> tuple[Run, FloatArray]:
