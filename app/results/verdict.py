@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from app.schemas.jobs import SolveOutcome, Tone
 from calib_core.result import CalibrationResult, Status
-from calib_core.sigmas import std_cell, std_text
+from calib_core.sigmas import std_text
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
@@ -60,11 +60,9 @@ def rests_on(result: CalibrationResult) -> str:
     )
 
 
-def sigma_of_offset(result: CalibrationResult) -> str:
-    """The time offset's standard deviation [ms] for a table."""
-    if result.uncertainty is None:
-        return ""
-    return "held" if held_offset(result) else std_cell(result.uncertainty.time_offset_std_s, "s", 4)
+def sigma_of_offset(result: CalibrationResult) -> float | None:
+    """The time offset's standard deviation [s]; None where it was held, or nothing is known of it."""
+    return None if result.uncertainty is None or held_offset(result) else result.uncertainty.time_offset_std_s
 
 
 def verdict(result: CalibrationResult) -> str:

@@ -1,7 +1,7 @@
 import { useQuery } from "@tanstack/react-query";
 import type { DoctorReport, Planes } from "../../api/client";
 import { factsQuery } from "../../api/queries";
-import { fixed, NARROW, stdText } from "../../ui/format";
+import { fixed, foreseenText } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
 import css from "./recording.module.css";
 
@@ -57,8 +57,8 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
             <li key={parameter.name} data-weak={parameter.weak}>
               <span className="dim small">{names[parameter.name] ?? parameter.name}</span>
               <span className="num">
-                ±{NARROW}
-                {stdText(parameter.std, parameter.unit)} {parameter.weak && <LevelIcon level="warning" size={13} />}
+                {foreseenText(parameter.std, parameter.unit, parameter.weak)}{" "}
+                {parameter.weak && <LevelIcon level="warning" size={13} />}
               </span>
             </li>
           ))}

@@ -4,7 +4,7 @@ import { useState } from "react";
 import { Link } from "react-router";
 import type { CalibrationResult, Recording, Run } from "../../api/client";
 import { recordingsQuery, resultQuery } from "../../api/queries";
-import { fixed, withSigma } from "../../ui/format";
+import { fixed, plusMinus, withSigma } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
 import { writeOld } from "../inspect/oldtext";
@@ -159,13 +159,13 @@ function Differences({ firstId, secondId, recording, runs, names }: DifferencesP
         <tbody>
           {found.map((difference) => {
             const { name, unit, value, sigma } = difference;
-            const text = withSigma(value, sigma);
+            const text = withSigma(value, sigma, unit);
             return (
               <tr key={name} data-apart={isApart(difference)}>
                 <th scope="row">{name}</th>
                 <td className="num">{text.value}</td>
-                <td className="num">± {text.sigma}</td>
-                <td>{unit}</td>
+                <td className="num">{plusMinus(text)}</td>
+                <td>{text.unit}</td>
                 <td className="num">{fixed(inSigmas(difference), 1)} σ</td>
               </tr>
             );

@@ -1,7 +1,7 @@
 import { Link } from "react-router";
 import type { Run } from "../../api/client";
 import { useNow } from "../../ui/clock";
-import { ago, fixed, stdText } from "../../ui/format";
+import { ago, fixed, plusMinusStd, stdText } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 import { toneOf as toneOfResult } from "./verdict";
@@ -94,5 +94,5 @@ export function awayText(from: NonNullable<Run["from_latest"]>): string {
 function known(run: Run): string {
   const result = run.job.result;
   if (result?.kind !== "solve" || result.translation_std_m === null || result.rotation_std_deg === null) return "";
-  return `± ${stdText(Math.max(...result.translation_std_m), "m")}, ${stdText(Math.max(...result.rotation_std_deg), "deg")}`;
+  return `${plusMinusStd(Math.max(...result.translation_std_m), "m")}, ${stdText(Math.max(...result.rotation_std_deg), "deg")}`;
 }
