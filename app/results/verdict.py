@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.schemas.jobs import SolveOutcome, Tone
+from app.weak_limits import AXIS_NAMES
 from calib_core.result import CalibrationResult, Status
 from calib_core.sigmas import std_text
 
@@ -91,10 +92,21 @@ def told(result: CalibrationResult) -> str:
             return _whole(given[0])
         if disagrees(result) and not weak:
             parts = "Parts of the recording contradict each other, so that errors may be larger than stated."
-        known = _whole(weak[0].text) if weak else known
+        known = f"{_whole(weak[0].text)}{_weak_axes(result)}" if weak else known
     if disagrees(result):
         known = f"{parts} {known}"
     return f"{doubted(result)} {known}".lstrip()
+
+
+def _weak_axes(result: CalibrationResult) -> str:
+    """Which numbers of the tables are weak, as a sentence to add; "" where that one direction is one of them says it already."""
+    observability = result.observability
+    axes = observability.weak_axes
+    first = observability.weak_directions[0]
+    if not axes or (axes == [first.label] and len(observability.weak_directions) == 1):
+        return ""
+    *names, last = (AXIS_NAMES[axis].lower() for axis in axes)
+    return f" Weak {'are' if names else 'is'} {', '.join(names)}{' and ' if names else ''}{last}."
 
 
 def _whole(text: str) -> str:

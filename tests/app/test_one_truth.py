@@ -198,6 +198,26 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
     assert listed.planes_used == len(result.quality.planes)
 
 
+def test_verdict_names_the_axes_that_the_tables_show_as_weak():
+    """A direction between two axes, and a second one. Mutations: the first direction alone; a second sentence about a direction
+    that is an axis, which its own says already.
+    """
+    made = weak()
+    slanting = made.observability.weak_directions[0].model_copy(
+        update={"label": None, "text": "The lever arm is open."}
+    )
+
+    def told(axes, *directions):
+        seen = made.observability.model_copy(update={"weak_axes": axes, "weak_directions": list(directions)})
+        return verdict(made.model_copy(update={"observability": seen}))
+
+    assert told(["ty", "tz"], slanting) == "Weak. The lever arm is open. Weak are position y and position z."
+    assert told(["tz"], *made.observability.weak_directions) == "Weak. The height is not determined."
+    two = told(["ry", "ty", "tz"], *made.observability.weak_directions, slanting)
+    assert two == "Weak. The height is not determined. Weak are turn y, position y and position z."
+    assert told([], slanting) == "Weak. The lever arm is open."  # of a document from before
+
+
 def test_what_is_not_known_is_no_number_to_the_hundredth_of_a_millimetre():
     """A lever arm that only its standing prior holds, everywhere that it is printed. Mutation: 9135.06 mm, as it was."""
     made = weak()

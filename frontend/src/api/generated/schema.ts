@@ -2208,10 +2208,16 @@ export interface components {
              */
             tz_m: number;
         };
-        /** Observability */
+        /**
+         * Observability
+         * @description weak_axes: the parameters that the data alone leave weak, whichever directions these make together; none of documents from
+         *     before 0.2.
+         */
         Observability: {
             /** Advice */
             advice?: string[];
+            /** Weak Axes */
+            weak_axes?: ("rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt")[];
             /** Weak Directions */
             weak_directions?: components["schemas"]["WeakDirection"][];
         };
