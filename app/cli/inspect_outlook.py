@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import error_bar
+from calib_core.counts import counted
 from calib_core.doctor.report import (
     Forecast,
     ParameterForecast,
@@ -56,7 +57,7 @@ def forecast_block(forecast: Forecast) -> RenderableType:
     limits = f"  weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
     # Followed is what stands still too, so that it may be longer than the rig is said to move.
     followed = f"{forecast.covered_s:.0f} s that could be followed" if forecast.covered_s else ""
-    rests = " and ".join(filter(None, [f"{len(forecast.planes)} planes" if forecast.planes else "", followed]))
+    rests = " and ".join(filter(None, [counted(len(forecast.planes), "plane") if forecast.planes else "", followed]))
     rests = f"; from {rests}" if rests else ""
     return Group(table, Text(limits + rests, style="dim"))
 

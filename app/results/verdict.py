@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from app.schemas.jobs import SolveOutcome, Tone
 from app.weak_limits import AXIS_NAMES
+from calib_core.counts import counted
 from calib_core.result import CalibrationResult, Status
 from calib_core.sigmas import std_text
 
@@ -53,11 +54,11 @@ def rests_on(result: CalibrationResult) -> str:
     """Of how many points, scans and planes, what is left of them, and what it took."""
     quality = result.quality
     if quality.points_used == 0:
-        return f"{quality.scans_total} scans in the recording, none used."
+        return f"{counted(quality.scans_total, 'scan')} in the recording, none used."
     return (
         f"{quality.points_used:,} points of {quality.scans_used} of {quality.scans_total} scans on "
-        f"{len(quality.planes)} planes lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
-        f"{quality.iterations} iterations in {quality.duration_s:.1f} s."
+        f"{counted(len(quality.planes), 'plane')} lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
+        f"{counted(quality.iterations, 'iteration')} in {quality.duration_s:.1f} s."
     )
 
 

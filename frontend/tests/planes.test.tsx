@@ -1,16 +1,18 @@
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { render, screen, waitFor } from "@testing-library/react";
+import { cleanup, render, screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { describe, expect, it, vi } from "vitest";
-import type { Operation, Patch, Planes } from "../src/api/client";
+import type { DoctorReport, Operation, Patch, Planes } from "../src/api/client";
 import { keys } from "../src/api/queries";
 import { DeterminacyMeter } from "../src/features/planes/determinacy";
 import { lastSolve, remarksOf } from "../src/features/planes/leftout";
 import { PatchList } from "../src/features/planes/list";
-import { NoneConfirmed } from "../src/features/planes/screen";
+import { fewScansText, NoneConfirmed } from "../src/features/planes/screen";
 import { mergeCandidates } from "../src/features/planes/similar";
 import { culpritsOf } from "../src/features/result/culprits";
+import { noiseOrigin } from "../src/features/recording/sensors";
+import { NARROW } from "../src/ui/format";
 import { usual } from "./usual";
 
 const patch = (index: number, normal: number[], offset_m: number, confirmed = true): Patch => ({
@@ -39,14 +41,14 @@ const planes: Planes = {
   revision: 1,
 };
 
-function show(rename = vi.fn((_: number, name: string) => Promise.resolve(name))) {
+function show(rename = vi.fn((_: number, name: string) => Promise.resolve(name)), some = planes) {
   const apply = vi.fn<(operation: Operation) => void>();
   const told = new QueryClient();
   told.setQueryData(keys.facts, { usual });
   render(
     <QueryClientProvider client={told}>
       <MantineProvider>
-        <PatchList planes={planes} apply={apply} rename={rename} onRestrict={vi.fn()} />
+        <PatchList planes={some} apply={apply} rename={rename} onRestrict={vi.fn()} />
       </MantineProvider>
     </QueryClientProvider>,
   );
@@ -63,6 +65,31 @@ describe("the list of planes", () => {
     expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "confirm", index: 3 });
     await user.click(screen.getByRole("checkbox", { name: "Use plane 1" }));
     expect(apply).toHaveBeenLastCalledWith({ op: "drop", index: 0 });
+  });
+
+  // Fails when the tilt from the lidar's own horizontal is shown as if it were known which way is down.
+  it("shows tilts only where gravity is known", () => {
+    show(undefined, { ...planes, upright: false });
+    expect(screen.queryByText("65")).toBeNull();
+    expect(screen.getAllByText("–")).toHaveLength(4);
+    cleanup();
+    show();
+    expect(screen.getAllByText("65")).toHaveLength(4);
+  });
+
+  // Fails when it is denied that there is a standstill, in which the recording's page says that the noise was measured.
+  it("says of a standstill what the recording's page says", () => {
+    const imu = (noise_used: string, still_spans: unknown[]) =>
+      ({ imu: { noise_used, still_spans, measured_noise: { static_s: 2.1 } } }) as unknown as DoctorReport;
+    const none =
+      "No standstill was found around these planes, so that they come from few scans; the solve refines them.";
+    expect(fewScansText(null)).toBe(none);
+    expect(fewScansText(imu("moving", []))).toBe(none);
+    expect(fewScansText(imu("measured", []))).toContain("The standstill in the IMU’s readings is at another time");
+    expect(fewScansText(imu("moving", [{}]))).toContain("The standstill in the IMU’s readings is at another time");
+    const report = imu("measured", []).imu;
+    if (report === null) throw new Error("no IMU");
+    expect(noiseOrigin(report)).toBe(`measured in 2.1${NARROW}s of standstill`);
   });
 
   // Fails when another row's index is sent, or insisting is a tick as any other.

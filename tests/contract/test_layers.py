@@ -11,7 +11,19 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 #: Everything may see these; presets is a table of settings.
-RECORDS = {"types", "errors", "settings", "events", "result", "presets", "intrinsics", "kinds", "pace", "sigmas"}
+RECORDS = {
+    "types",
+    "errors",
+    "settings",
+    "events",
+    "result",
+    "presets",
+    "intrinsics",
+    "kinds",
+    "counts",
+    "pace",
+    "sigmas",
+}
 
 #: Part of calib_core -> parts it may import besides itself and RECORDS.
 MAY_IMPORT = {

@@ -119,6 +119,11 @@ function fieldName(path: string): string {
   return words.length === 0 ? "it" : words.join(", ");
 }
 
+/** A number of planes. */
+export function planesOf(count: number): string {
+  return count === 1 ? "1 plane" : `${count} planes`;
+}
+
 const sentences = new Set(["text", "verdict", "consequence", "reason", "state_text", "note", "noise_text"]);
 const lists = new Set(["reasons", "advice", "notes", "hints"]);
 

@@ -2,6 +2,7 @@ import { useQuery } from "@tanstack/react-query";
 import type { DoctorReport, Planes } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { fixed, foreseenText } from "../../ui/format";
+import { planesOf } from "../../ui/words";
 import { LevelIcon } from "../../ui/icons";
 import css from "./recording.module.css";
 
@@ -35,8 +36,11 @@ export function planesText(report: DoctorReport["planes"], found: Planes | undef
   const all = found.patches.length;
   // Here nobody has confirmed any yet: what is chosen may be the suggestion.
   if (chosen === all)
-    return found.determinacy.ok ? `${all} planes seen; together they fix where the lidar is.` : found.determinacy.text;
-  return `With all ${all} planes that were found; ${chosen === 1 ? "1 is" : `${chosen} are`} chosen now.`;
+    return found.determinacy.ok
+      ? `${planesOf(all)} seen; together they fix where the lidar is.`
+      : found.determinacy.text;
+  const which = all === 1 ? "the one plane that was" : `all ${all} planes that were`;
+  return `With ${which} found; ${chosen === 1 ? "1 is" : `${chosen} are`} chosen now.`;
 }
 
 /** What a solve would know, before it is run, and the planes that rests on. */
