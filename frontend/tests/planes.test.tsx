@@ -261,6 +261,27 @@ describe("what the last solve left out", () => {
     expect(culpritsOf(dropped, job, said as never)).toEqual([]);
   });
 
+  // Fails when a run that was refused for planes marks none of them, or all; when a name that begins another's is taken for it.
+  it("is said of those that a refusal names", () => {
+    const refusal = (code: string, text: string) => result([], { level: "error", code, text });
+    const doubtful = refusal(
+      "planes.doubtful",
+      "the planes chosen do not hold the motion: plane 9 is not flat, plane 2 did not stand still, and the others do not face three ways; choose walls",
+    );
+    expect([...remarksOf(planes.patches, solved, 3, doubtful)]).toEqual([
+      [0, "run 3 was refused for it: not flat"],
+      [1, "run 3 was refused for it: did not stand still"],
+    ]);
+    const unsettled = refusal(
+      "planes.unsettled",
+      "the solve did not come to rest with the planes chosen: plane 3 is more than one surface; leave out what can move",
+    );
+    expect([...remarksOf(planes.patches, solved, 3, unsettled)]).toEqual([
+      [2, "run 3 was refused for it: more than one surface"],
+    ]);
+    expect(remarksOf(planes.patches, solved, 3, refusal("planes.doubtful", "a: plane 22 is not flat; b")).size).toBe(0);
+  });
+
   // Fails when a refused run that lists no planes marks all of them.
   it("is not guessed", () => {
     expect(remarksOf(planes.patches, solved, 2, result([])).size).toBe(0);
