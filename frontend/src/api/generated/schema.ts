@@ -2799,6 +2799,8 @@ export interface components {
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             id: string;
+            /** @description the newest solve that was not refused, whatever was tried since; None where there is none */
+            latest_answer?: components["schemas"]["Job"] | null;
             latest_job?: components["schemas"]["Job"] | null;
             /**
              * Name
