@@ -27,7 +27,7 @@ def planes_block(planes: PlanesReport) -> RenderableType:
     """The planes that a solve would find."""
     table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
     table.add_column("")
-    for title in ("area", "distance", "tilt", "roughness"):
+    for title in ("area", "distance", "tilt", "spread"):
         table.add_column(title, justify="right")
     for plane in planes.planes:
         tilt = "" if plane.tilt_deg is None else f"{plane.tilt_deg:.0f}°"

@@ -50,7 +50,7 @@ export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
             Points
           </th>
           <th scope="col" className={css.right} title="Root mean square distance of its points, all alike">
-            Noise <span>mm</span>
+            Spread <span>mm</span>
           </th>
           <th scope="col">
             <span className="sr-only">Actions</span>

@@ -2,7 +2,7 @@ import { useQuery } from "@tanstack/react-query";
 import type { DoctorReport, Planes } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { fixed, foreseenText } from "../../ui/format";
-import { planesOf } from "../../ui/words";
+import { planesOf, sentenceCase } from "../../ui/words";
 import { LevelIcon } from "../../ui/icons";
 import css from "./recording.module.css";
 
@@ -24,9 +24,8 @@ function bare(text: string): string {
   return text.toLowerCase().replace(/\.$/, "");
 }
 
-/** What other programs print after a colon begins small; here it stands for itself. */
 function sentenceOf(text: string): string {
-  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
+  return `${sentenceCase(text).replace(/\.$/, "")}.`;
 }
 
 /** On what planes the forecast rests: once they have been found, it is told which are chosen. */

@@ -6,6 +6,11 @@ import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 import { toneOf as toneOfResult } from "./verdict";
 
+/** As sentences elsewhere name a run: the oldest is the first. */
+export function calledRun(run: Run, runs: readonly Run[]): string {
+  return `Run ${runs.length - runs.indexOf(run)}`;
+}
+
 /** All runs, newest first, and how far the newest answer is from each. */
 export function History({ runs, shown }: { runs: readonly Run[]; shown: string }) {
   const now = useNow(30_000);
@@ -18,7 +23,7 @@ export function History({ runs, shown }: { runs: readonly Run[]; shown: string }
             <LevelIcon level={toneOf(run)} size={15} />
             <span className={css.runText}>
               <span>
-                {run.job.settings.method === "paper" ? "As published" : "Full"}
+                {calledRun(run, runs)}: {run.job.settings.method === "paper" ? "as published" : "full"}
                 {choices(run)}
               </span>
               <span className="dim num">{known(run)}</span>
