@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from calib_core.counts import counted
 from calib_core.document import Answer, Question, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
@@ -61,7 +62,13 @@ def calibrate(
     heard = Heard(forward, [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings])
     if settings.excluded_spans_s:
         left_out = len(whole.scans) - len(recording.scans)
-        heard(LogEvent(level="info", code="scans.excluded", text=f"{left_out} scans were left out as asked"))
+        heard(
+            LogEvent(
+                level="info",
+                code="scans.excluded",
+                text=f"{counted(left_out, 'scan was', 'scans were')} left out as asked",
+            )
+        )
         _check_reference(whole, recording, settings, planes)
     aloud = heard.said_so_far()
     question = Question(settings, planes, initial_guess, kept_in, heard, should_cancel)

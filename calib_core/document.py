@@ -27,7 +27,7 @@ from calib_core.result import (
     Uncertainty,
     WeakDirection,
 )
-from calib_core.settings import CalibrateSettings, ImuNoise
+from calib_core.settings import Axis, CalibrateSettings, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane, Recording, Trajectory
 
 
@@ -64,6 +64,7 @@ class Answer:
     gravity_std_m_s2: float
     covariance: FloatArray
     is_weak: bool
+    weak_axes: tuple[Axis, ...]
     weak_directions: tuple[WeakDirection, ...]
     advice: tuple[str, ...]
     rms_m: float
@@ -108,7 +109,9 @@ def document(
             gravity_std_m_s2=answer.gravity_std_m_s2,
             covariance=answer.covariance.tolist(),
         ),
-        observability=Observability(weak_directions=list(answer.weak_directions), advice=list(answer.advice)),
+        observability=Observability(
+            weak_axes=list(answer.weak_axes), weak_directions=list(answer.weak_directions), advice=list(answer.advice)
+        ),
         quality=Quality(
             point_to_plane_rms_m=answer.rms_m,
             points_used=answer.points_used,

@@ -103,7 +103,8 @@ def never_cancel() -> bool:
 
 
 class ForwardOnly:
-    """A listener that passes events on, but no progress that goes back: not to an earlier stage, nor within one.
+    """A listener that passes events on, but no progress that goes back: not to an earlier stage, nor within one; and no sentence
+    twice, which a second attempt finds again.
 
     What is done again (a track from another scan, a round) is told in the text; the fraction stays where it was.
     """
@@ -113,11 +114,16 @@ class ForwardOnly:
         self._stages = stages
         self._at = 0
         self._fraction = 0.0
+        self._said: set[LogEvent] = set()
 
     def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
         """Take an event of the caller's own thread."""
         if isinstance(event, StageEvent) and event.stage in self._stages:
             event = self._forward(event)
+        if isinstance(event, LogEvent):
+            if event in self._said:
+                return
+            self._said.add(event)
         self._on_event(event)
 
     def _forward(self, event: StageEvent) -> StageEvent:

@@ -63,6 +63,11 @@ class WeakDirection(_Model):
 
 
 class Observability(_Model):
+    """weak_axes: the parameters that the data alone leave weak, whichever directions these make together; none of documents from
+    before 0.2.
+    """
+
+    weak_axes: list[Axis] = Field(default_factory=list)
     weak_directions: list[WeakDirection] = Field(default_factory=list)
     advice: list[str] = Field(default_factory=list)
 

@@ -11,7 +11,7 @@ from rich.text import Text
 from app.cli.terminal import bullet
 from calib_core.audit.report import AuditReport, AxisAudit, Verdict, in_si
 from calib_core.result import AXIS_WORDS
-from calib_core.sigmas import std_cell, std_text
+from calib_core.sigmas import std_cell, std_text, value_text
 
 _STYLES: dict[Verdict, str] = {"passed": "bold green", "failed": "bold red", "unknown": "bold yellow"}
 
@@ -38,13 +38,22 @@ def _axes(axes: list[AxisAudit]) -> RenderableType:
         verdict = "not judged" if axis.verdict is None else axis.verdict
         table.add_row(
             AXIS_WORDS[axis.axis].removesuffix(" axis"),
-            "-" if axis.difference is None else f"{axis.difference:+.3f} {axis.unit}",
-            std_cell(*in_si(axis.difference_std, axis.unit), 3, named=True),
+            _difference(axis),
+            std_cell(*in_si(axis.difference_std, axis.unit), named=True),
             "-" if axis.limit is None else f"{axis.limit:g} {axis.unit}",
             f"from {_reach(axis)}",
             Text(verdict, style="dim" if axis.verdict is None else _STYLES[axis.verdict]),
         )
     return Padding(table, (1, 0))
+
+
+def _difference(axis: AxisAudit) -> str:
+    """To the digits that its sigma tells something of, as a sentence has it."""
+    if axis.difference is None:
+        return "-"
+    std, unit = in_si(axis.difference_std, axis.unit)
+    text, name = value_text(in_si(axis.difference, axis.unit)[0], std, unit)
+    return f"{text if text.startswith('-') else f'+{text}'} {name}"
 
 
 def _reach(axis: AxisAudit) -> str:

@@ -18,6 +18,7 @@ from app.cli.terminal import Manner, choose_manner, listener
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
 from calib_core.audit.pose import GivenExtrinsic
+from calib_core.counts import counted
 from calib_core.errors import InputError
 from calib_core.result import CalibrationResult
 
@@ -123,7 +124,9 @@ def deskew(chosen: argparse.Namespace) -> None:
             on_event=on_event,
         )
     if manner in {Manner.live, Manner.plain}:
-        sys.stderr.write(f"Wrote {count} scans without their motion to {chosen.output}\n")
+        sys.stderr.write(
+            f"Wrote {counted(count, 'scan without its motion', 'scans without their motion')} to {chosen.output}\n"
+        )
 
 
 def _check_map(path: Path) -> None:

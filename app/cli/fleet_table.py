@@ -94,20 +94,20 @@ class FleetTable:
         return f"; about {ahead * (monotonic() - self._start_s) / self._fresh / 60.0:.0f} min left"
 
 
-def _largest(row: Row) -> list[tuple[float, Unit, int] | None]:
-    """The largest sigma of each kind with its unit and a table's decimals; None where the row has none."""
+def _largest(row: Row) -> list[tuple[float, Unit] | None]:
+    """The largest sigma of each kind with its unit; None where the row has none."""
     turn = [v for v in (row.rotation_std_x_deg, row.rotation_std_y_deg, row.rotation_std_z_deg) if v != ""]
     shift = [v for v in (row.translation_std_x_m, row.translation_std_y_m, row.translation_std_z_m) if v != ""]
     offset = row.time_offset_std_s
     return [
-        (max(turn), "deg", 4) if turn else None,
-        (max(shift), "m", 2) if shift else None,
-        None if offset == "" else (offset, "s", 4),
+        (max(turn), "deg") if turn else None,
+        (max(shift), "m") if shift else None,
+        None if offset == "" else (offset, "s"),
     ]
 
 
 def _after(row: Row) -> str:
-    known = [std_text(std, unit) for std, unit, _ in filter(None, _largest(row))]
+    known = [std_text(std, unit) for std, unit in filter(None, _largest(row))]
     sigmas = f", 1 sigma up to {', '.join(known)}" if known else ""
     return f"{sigmas}: {row.sentence}" if row.sentence else sigmas
 

@@ -7,20 +7,19 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import error_bar
+from calib_core.counts import counted
 from calib_core.doctor.report import (
     Forecast,
     ParameterForecast,
     PlanesReport,
 )
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
-from calib_core.sigmas import two_digits
+from calib_core.sigmas import std_cell, tells_nothing
 
-#: Beyond so many times what counts as weak, a number would only pretend to be one.
-_UNKNOWN_TIMES = 5.0
 _FORECAST_ROWS = (
-    ("rotation, about the lidar's", ("rx", "ry", "rz"), 1.0, "deg", WEAK_DEG),
-    ("lever arm, along the IMU's", ("tx", "ty", "tz"), 1e3, "mm", WEAK_M),
-    ("time offset", ("dt",), 1e3, "ms", WEAK_S),
+    ("rotation, about the lidar's", ("rx", "ry", "rz"), "deg", WEAK_DEG),
+    ("lever arm, along the IMU's", ("tx", "ty", "tz"), "mm", WEAK_M),
+    ("time offset", ("dt",), "ms", WEAK_S),
 )
 
 
@@ -28,7 +27,7 @@ def planes_block(planes: PlanesReport) -> RenderableType:
     """The planes that a solve would find."""
     table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
     table.add_column("")
-    for title in ("area", "distance", "tilt", "roughness"):
+    for title in ("area", "distance", "tilt", "spread"):
         table.add_column(title, justify="right")
     for plane in planes.planes:
         tilt = "" if plane.tilt_deg is None else f"{plane.tilt_deg:.0f}°"
@@ -49,23 +48,23 @@ def forecast_block(forecast: Forecast) -> RenderableType:
         table.add_column(axis, justify="right", min_width=8)
     table.add_column("")
     table.add_column("")
-    for title, names, scale, unit, weak in _FORECAST_ROWS:
+    for title, names, unit, weak in _FORECAST_ROWS:
         found = [by_name[name] for name in names if name in by_name]
         if found:
-            cells = [_known(parameter, scale, weak) for parameter in found]
+            cells = [_known(parameter) for parameter in found]
             blank = [Text("")] * (3 - len(cells))
             table.add_row(title, *cells, *blank, unit, error_bar(max(p.std for p in found), weak))
     limits = f"  weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
     # Followed is what stands still too, so that it may be longer than the rig is said to move.
     followed = f"{forecast.covered_s:.0f} s that could be followed" if forecast.covered_s else ""
-    rests = " and ".join(filter(None, [f"{len(forecast.planes)} planes" if forecast.planes else "", followed]))
+    rests = " and ".join(filter(None, [counted(len(forecast.planes), "plane") if forecast.planes else "", followed]))
     rests = f"; from {rests}" if rests else ""
     return Group(table, Text(limits + rests, style="dim"))
 
 
-def _known(parameter: ParameterForecast, scale: float, weak: float) -> Text:
-    """One standard deviation with two digits, and whether that is little."""
-    if parameter.weak and parameter.std > _UNKNOWN_TIMES * weak:
+def _known(parameter: ParameterForecast) -> Text:
+    """One standard deviation with two digits, and whether that is little: a prior's metre is no forecast."""
+    if parameter.weak and tells_nothing(parameter.std, parameter.unit):
         return Text("unknown", style="bold yellow")
-    said = two_digits(scale * parameter.std) + (" weak" if parameter.weak else "")
+    said = std_cell(parameter.std, parameter.unit) + (" weak" if parameter.weak else "")
     return Text(said, style="yellow" if parameter.weak else "green")

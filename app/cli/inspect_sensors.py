@@ -8,6 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from calib_core.counts import counted
 from calib_core.doctor.report import (
     DoctorReport,
     ExcitationReport,
@@ -27,7 +28,7 @@ def lidar_block(lidar: LidarReport) -> RenderableType:
     """What is known of the lidar."""
     facts = _facts()
     facts.add_row("topic", Text(f"{lidar.topic}   frame {lidar.frame_id or '(none)'}"))
-    facts.add_row("layout", Text(f"{lidar.layout}   {lidar.rings} rings   {lidar.scans:,} scans"))
+    facts.add_row("layout", Text(f"{lidar.layout}   {counted(lidar.rings, 'ring')}   {counted(lidar.scans, 'scan')}"))
     facts.add_row("stamps", _stamps(lidar.stamps))
     if lidar.point_time is None:
         facts.add_row("point time", Text("none: the clouds carry no time for each point", style="red"))

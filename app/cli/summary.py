@@ -12,7 +12,7 @@ from app.cli.terminal import LEVEL_STYLES, bullet
 from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
-from calib_core.sigmas import Unit, std_row
+from calib_core.sigmas import std_row, value_row
 
 _TONE_STYLES: dict[Tone, str] = {"good": "bold green", "doubtful": "bold yellow", "bad": "bold red"}
 
@@ -33,18 +33,23 @@ def result_summary(result: CalibrationResult) -> RenderableType:
     return Panel(Group(*parts), title="unsweep", title_align="left", border_style="dim", padding=(0, 1))
 
 
-def _numbers(transform: Transform, uncertainty: Uncertainty, time_offset_s: float, offset_std: str) -> RenderableType:
+def _numbers(
+    transform: Transform, uncertainty: Uncertainty, time_offset_s: float, offset_std_s: float | None
+) -> RenderableType:
     table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
     table.add_column("T_imu_lidar: takes lidar coordinates to IMU coordinates")
     for axis in "xyz":
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
-    table.add_row("rotation (roll, pitch, yaw)", *_cells(transform.euler_xyz_deg, 4), "deg")
-    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_stds(uncertainty.rotation_std_deg, "deg", 4))
-    table.add_row("translation (lidar seen from the IMU)", *_cells(_mm(transform.translation_m), 2), "mm")
-    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_stds(uncertainty.translation_std_m, "m", 2))
-    table.add_row("time offset (add to IMU stamps)", f"{1e3 * time_offset_s:.4f}", "", "", "ms")
-    table.add_row("  [dim]1 sigma[/]", offset_std, "", "", "" if offset_std.endswith("s") else "ms")
+    turns, places = uncertainty.rotation_std_deg, uncertainty.translation_std_m
+    table.add_row("rotation (roll, pitch, yaw)", *_row(value_row(transform.euler_xyz_deg, turns, "deg")))
+    table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_row(std_row(turns, "deg")))
+    table.add_row("translation (lidar seen from the IMU)", *_row(value_row(transform.translation_m, places, "m")))
+    table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_row(std_row(places, "m")))
+    (offset,), offset_unit = value_row([time_offset_s], [offset_std_s], "s")
+    (sigma,), sigma_unit = std_row([offset_std_s], "s")
+    table.add_row("time offset (add to IMU stamps)", offset, "", "", offset_unit)
+    table.add_row("  [dim]1 sigma[/]", sigma, "", "", sigma_unit)
     return Padding(table, (1, 0))
 
 
@@ -66,14 +71,6 @@ def _remarks(result: CalibrationResult) -> list[RenderableType]:
     return lines
 
 
-def _stds(stds: list[float], unit: Unit, digits: int) -> list[str]:
-    cells, name = std_row(stds, unit, digits)
-    return [*cells, name]
-
-
-def _mm(values_m: list[float]) -> list[float]:
-    return [1e3 * value for value in values_m]
-
-
-def _cells(values: list[float], digits: int) -> list[str]:
-    return [f"{value:.{digits}f}" for value in values]
+def _row(told: tuple[list[str], str]) -> list[str]:
+    cells, unit = told
+    return [*cells, unit]

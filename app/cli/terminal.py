@@ -20,7 +20,7 @@ from rich.text import Text
 
 from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
-from calib_core.sigmas import std_row
+from calib_core.sigmas import std_row, value_row
 
 STAGE_TITLES = {
     "read": "Reading the recording",
@@ -164,25 +164,27 @@ def iteration_table(event: IterationEvent) -> Table:
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
     table.add_column("error bar, marked where weak", min_width=_BAR_CELLS)
-    mm = [1e3 * v for v in event.translation_m]
-    turns, turn_unit = std_row(event.rotation_std_deg, "deg", 4)
-    places, place_unit = std_row(event.translation_std_m, "m", 2)
-    clock, clock_unit = std_row([event.time_offset_std_s], "s", 4)
-    table.add_row("rotation (roll, pitch, yaw)", *_cells(event.euler_xyz_deg, 4), "deg", "")
+    turns, turn_unit = std_row(event.rotation_std_deg, "deg")
+    places, place_unit = std_row(event.translation_std_m, "m")
+    clock, clock_unit = std_row([event.time_offset_std_s], "s")
+    angles, angle_unit = value_row(event.euler_xyz_deg, event.rotation_std_deg, "deg")
+    lever_arm, length_unit = value_row(event.translation_m, event.translation_std_m, "m")
+    (offset,), offset_unit = value_row([event.time_offset_s], [event.time_offset_std_s], "s")
+    table.add_row("rotation (roll, pitch, yaw)", *angles, angle_unit, "")
     table.add_row(
         "  [dim]1 sigma about lidar x, y, z[/]",
         *turns,
         turn_unit,
         _widest_bar(event.rotation_std_deg, WEAK_DEG),
     )
-    table.add_row("lever arm (lidar in IMU axes)", *_cells(mm, 2), "mm", "")
+    table.add_row("lever arm (lidar in IMU axes)", *lever_arm, length_unit, "")
     table.add_row(
         "  [dim]1 sigma[/]",
         *places,
         place_unit,
         _widest_bar(event.translation_std_m, WEAK_M),
     )
-    table.add_row("time offset", f"{1e3 * event.time_offset_s:.4f}", "", "", "ms", "")
+    table.add_row("time offset", offset, "", "", offset_unit, "")
     table.add_row(
         "  [dim]1 sigma[/]",
         *clock,
@@ -218,10 +220,6 @@ def bullet(mark: str, words: RenderableType, style: str) -> RenderableType:
     table.add_column(style=style, overflow="fold")
     table.add_row(mark, words)
     return table
-
-
-def _cells(values: list[float], digits: int) -> list[str]:
-    return [f"{value:.{digits}f}" for value in values]
 
 
 def _in_one_line(event: IterationEvent) -> str:

@@ -107,19 +107,19 @@ def sigmas_of(row: Row) -> tuple[Sigma, Sigma, Sigma]:
     turn = (row.rotation_std_x_deg, row.rotation_std_y_deg, row.rotation_std_z_deg)
     shift = (row.translation_std_x_m, row.translation_std_y_m, row.translation_std_z_m)
     return (
-        _largest(turn, WEAK_DEG, "deg", 4),
-        _largest(shift, WEAK_M, "m", 2),
-        _largest((row.time_offset_std_s,), WEAK_S, "s", 4),
+        _largest(turn, WEAK_DEG, "deg"),
+        _largest(shift, WEAK_M, "m"),
+        _largest((row.time_offset_std_s,), WEAK_S, "s"),
     )
 
 
-def _largest(values: Iterable[float | str], limit: float, unit: Unit, digits: int) -> Sigma:
+def _largest(values: Iterable[float | str], limit: float, unit: Unit) -> Sigma:
     known = [value for value in values if not isinstance(value, str)]
     scale, name = scale_of(limit, unit)
     limit_text = f"{scale * limit:g} {name}"
     if not known:
         return Sigma("", "", limit_text, is_weak=False)
-    return Sigma(scale * max(known), std_cell(max(known), unit, digits), limit_text, is_weak=max(known) > limit)
+    return Sigma(scale * max(known), std_cell(max(known), unit), limit_text, is_weak=max(known) > limit)
 
 
 @cache

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from app.jobs.machine import FINAL
 from app.jobs.orders import StoredRequest
 from app.schemas.common import ErrorFacts
-from app.schemas.jobs import Outcome
+from app.schemas.jobs import Outcome, SolveOutcome
 from app.storage.records import JobRecord
 
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
@@ -60,3 +60,13 @@ def telling(records: Sequence[JobRecord]) -> JobRecord | None:
         return own
     solve = next((record for record in records if record.kind == "solve"), None)
     return solve or next(iter(records), None)
+
+
+def answering(records: Sequence[JobRecord]) -> JobRecord | None:
+    """The newest solve that came to an answer, of a recording's jobs newest first."""
+    for record in records:
+        if record.kind == "solve" and record.state == "done":
+            outcome = outcome_of(record)
+            if isinstance(outcome, SolveOutcome) and outcome.status != "refused":
+                return record
+    return None

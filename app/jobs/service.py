@@ -23,7 +23,7 @@ from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
 from app.events import QueueMoved
 from app.jobs.client import ASKING
 from app.jobs.journal import number_of
-from app.jobs.kept import telling
+from app.jobs.kept import answering, telling
 from app.jobs.launch import Launcher
 from app.jobs.line import Line
 from app.jobs.log import JobLogs
@@ -95,6 +95,11 @@ class JobService:
     def latest(self, recording_id: str) -> Job | None:
         """The job that says where the recording stands."""
         record = telling(self._store.of_recording(recording_id))
+        return None if record is None else self.wire(record)
+
+    def latest_answer(self, recording_id: str) -> Job | None:
+        """The newest solve that came to an answer."""
+        record = answering(self._store.of_recording(recording_id))
         return None if record is None else self.wire(record)
 
     def records_of(self, recording_id: str) -> list[JobRecord]:

@@ -115,6 +115,7 @@ class RecordingService:
             has_planes=self._has_planes(record),
             created_at=record.created_at,
             latest_job=self._jobs.latest(record.id),
+            latest_answer=self._jobs.latest_answer(record.id),
             verdict=verdict_of(record),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -96,7 +97,8 @@ def time_blocks(blocks: Sequence[TimeBlock]) -> str:
     return (
         f"The recording is cut into {len(blocks)} stretches. Shown is what each of them alone would answer, minus the joint "
         "answer; bars are one standard deviation and are long where the rig hardly turned. Two thirds of the bars or more should "
-        f"cross zero, without a trend: {crossing} of {bars} do. A drift over time points to a mount that flexes, or to clocks "
+        f"cross zero, without a trend: {crossing} of {bars} do, {as_chance_has(crossing, bars)}. "
+        "A drift over time points to a mount that flexes, or to clocks "
         "that run apart."
     )
 
@@ -106,9 +108,23 @@ def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswe
     crossing, bars = crossing_zero([*planes, *ranges])
     return (
         "The same for each plane alone, and for the nearer and the farther half of the points alone: "
-        f"{crossing} of {bars} bars cross zero. A plane whose short bar lies far from zero is bent or has moved; a difference "
+        f"{crossing} of {bars} bars cross zero, {as_chance_has(crossing, bars)}. "
+        "A plane whose short bar lies far from zero is bent or has moved; a difference "
         "between near and far is an error of the lidar's ranges. A row without bars says too little to be drawn on this scale."
     )
+
+
+#: Of readings that noise alone tells apart, so many lie within one standard deviation.
+WITHIN_ONE_SIGMA = 0.6827
+#: Fewer than what chance alone leaves in all but one recording of so many are too few.
+ONE_IN = 100
+
+
+def as_chance_has(crossing: int, bars: int) -> str:
+    """Whether so few bars crossing zero are what noise explains, by the binomial law; the page's `partsof.ts` has the same."""
+    p = WITHIN_ONE_SIGMA
+    so_few = sum(math.comb(bars, k) * p**k * (1.0 - p) ** (bars - k) for k in range(crossing + 1))
+    return "fewer than noise explains" if so_few < 1.0 / ONE_IN else "as noise has it"
 
 
 def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:

@@ -23,7 +23,7 @@ from app.schemas.evidence import Evidence
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
-from calib_core.sigmas import std_cell
+from calib_core.sigmas import HELD, Unit, std_text, value_text
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -90,24 +90,28 @@ def _template() -> Template:
 
 
 def _rows(result: CalibrationResult) -> list[tuple[str, str, str, str]]:
-    """Name with its unit, value, one sigma, and of what that is."""
+    """Name with the unit, value, one sigma, and of what that is."""
     transform, uncertainty, time_offset_s = result.T_imu_lidar, result.uncertainty, result.time_offset_s
     if transform is None or uncertainty is None or time_offset_s is None:
         return []
     turns = zip(("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
-    rows = [
-        (f"{name} [deg]", f"{v:.4f}", std_cell(std, "deg", 4), f"turn about the lidar's {axis}")
-        for name, axis, v, std in turns
-    ]
+    rows = [_row(name, v, std, "deg", f"turn about the lidar's {axis}") for name, axis, v, std in turns]
     places = zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
-    rows += [
-        (f"Position {axis} [mm]", f"{1e3 * v:.2f}", std_cell(std, "m", 2), f"shift along the IMU's {axis}")
-        for axis, v, std in places
-    ]
+    rows += [_row(f"Position {axis}", v, std, "m", f"shift along the IMU's {axis}") for axis, v, std in places]
     return [
         *rows,
-        ("Time offset [ms]", f"{1e3 * time_offset_s:.4f}", sigma_of_offset(result), "time between the clocks"),
+        _row("Time offset", time_offset_s, sigma_of_offset(result), "s", "time between the clocks"),
     ]
+
+
+def _row(name: str, value: float, std: float | None, unit: Unit, about: str) -> tuple[str, str, str, str]:
+    text, shown_in = value_text(value, std, unit)
+    return (
+        f"{name} [{shown_in}]",
+        text,
+        HELD if std is None else std_text(std, unit).removesuffix(f" {shown_in}"),
+        about,
+    )
 
 
 def _in_lines(command: str) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from app.schemas.jobs import SolveOutcome, Tone
+from app.weak_limits import AXIS_NAMES
+from calib_core.counts import counted
 from calib_core.result import CalibrationResult, Status
-from calib_core.sigmas import std_cell, std_text
+from calib_core.sigmas import std_text
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
@@ -52,19 +54,17 @@ def rests_on(result: CalibrationResult) -> str:
     """Of how many points, scans and planes, what is left of them, and what it took."""
     quality = result.quality
     if quality.points_used == 0:
-        return f"{quality.scans_total} scans in the recording, none used."
+        return f"{counted(quality.scans_total, 'scan')} in the recording, none used."
     return (
         f"{quality.points_used:,} points of {quality.scans_used} of {quality.scans_total} scans on "
-        f"{len(quality.planes)} planes lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
-        f"{quality.iterations} iterations in {quality.duration_s:.1f} s."
+        f"{counted(len(quality.planes), 'plane')} lie {1e3 * quality.point_to_plane_rms_m:.2f} mm (rms) from them; "
+        f"{counted(quality.iterations, 'iteration')} in {quality.duration_s:.1f} s."
     )
 
 
-def sigma_of_offset(result: CalibrationResult) -> str:
-    """The time offset's standard deviation [ms] for a table."""
-    if result.uncertainty is None:
-        return ""
-    return "held" if held_offset(result) else std_cell(result.uncertainty.time_offset_std_s, "s", 4)
+def sigma_of_offset(result: CalibrationResult) -> float | None:
+    """The time offset's standard deviation [s]; None where it was held, or nothing is known of it."""
+    return None if result.uncertainty is None or held_offset(result) else result.uncertainty.time_offset_std_s
 
 
 def verdict(result: CalibrationResult) -> str:
@@ -93,10 +93,21 @@ def told(result: CalibrationResult) -> str:
             return _whole(given[0])
         if disagrees(result) and not weak:
             parts = "Parts of the recording contradict each other, so that errors may be larger than stated."
-        known = _whole(weak[0].text) if weak else known
+        known = f"{_whole(weak[0].text)}{_weak_axes(result)}" if weak else known
     if disagrees(result):
         known = f"{parts} {known}"
     return f"{doubted(result)} {known}".lstrip()
+
+
+def _weak_axes(result: CalibrationResult) -> str:
+    """Which numbers of the tables are weak, as a sentence to add; "" where that one direction is one of them says it already."""
+    observability = result.observability
+    axes = observability.weak_axes
+    first = observability.weak_directions[0]
+    if not axes or (axes == [first.label] and len(observability.weak_directions) == 1):
+        return ""
+    *names, last = (AXIS_NAMES[axis].lower() for axis in axes)
+    return f" Weak {'are' if names else 'is'} {', '.join(names)}{' and ' if names else ''}{last}."
 
 
 def _whole(text: str) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.errors import ApiError
 from app.jobs.kept import error_of
+from app.jobs.machine import FINAL
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
 from app.scene.aim import Stage
@@ -22,7 +24,7 @@ from app.scene.straighten import fastest_scan, straighten
 from app.scene.surface import LEGEND, surface_items
 from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
-from app.storage.records import RecordingRecord
+from app.storage.records import JobRecord, RecordingRecord
 from calib_core.types import FloatArray, Recording, Trajectory
 
 NOT_READ = "The recording has not been read yet."
@@ -111,7 +113,7 @@ class Composer:
             )
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
         if step is None:
-            note = "No estimate yet: the sweep that turned fastest, raw."
+            note = raw_note(job_id, self._jobs.records_of(record.id))
             return build_unsolved(recording, place, color_by="time", limit=self._limit, note=note)
         matrix: FloatArray = np.array(step.matrix)
         scan = recording.scans[place]
@@ -209,3 +211,9 @@ def _view(
         old_blur=costs.old,
         note=content.note,
     )
+
+
+def raw_note(job_id: str | None, jobs: Sequence[JobRecord]) -> str:
+    """What stands beside a sweep that no estimate straightens: of a run that has ended none is to come."""
+    over = any(job.id == job_id and job.state in FINAL for job in jobs)
+    return f"No estimate{'' if over else ' yet'}: the sweep that turned fastest, raw."

@@ -19,6 +19,7 @@ from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
 from app.scene.items import Axes, Cloud, Content, breadth_m, frame_names, point_size_m
 from app.schemas.results import Thickness
 from calib_core import api
+from calib_core.counts import counted
 from calib_core.events import IterationEvent, SweepMotion
 from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
 
@@ -78,10 +79,10 @@ def _told(sweeps: int, measured: Thickness | None, estimate: Callable[[], tuple[
     """How thick the walls are: as measured of the answer, or in the sweeps that are shown, as the estimate has them."""
     if measured is not None:
         after_m, before_m = measured.after_rms_m, measured.before_rms_m
-        lead = f"{sweeps} sweeps as solved. All walls of the recording:"
+        lead = f"{counted(sweeps, 'sweep')} as solved. All walls of the recording:"
     else:
         after_m, before_m = estimate()
-        lead = f"{sweeps} sweeps as this estimate has them: walls"
+        lead = f"{counted(sweeps, 'sweep')} as this estimate has {'it' if sweeps == 1 else 'them'}: walls"
     return f"{lead} {after_m * 1e3:.1f} mm thick ({before_m * 1e3:.1f} mm with the motion left in)."
 
 

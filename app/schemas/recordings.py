@@ -32,6 +32,10 @@ class Recording(WireModel):
     has_planes: bool = Field(description="whether planes have been proposed for it as it is read now")
     created_at: datetime
     latest_job: Job | None = None
+    latest_answer: Job | None = Field(
+        default=None,
+        description="the newest solve that was not refused, whatever was tried since; None where there is none",
+    )
     verdict: Literal["good", "limited", "unusable"] | None = Field(
         default=None, description="the doctor's, in lists too; None until inspected"
     )

@@ -37,6 +37,7 @@ from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from calib_core import api
+from calib_core.counts import counted
 from calib_core.doctor.report import DoctorReport
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
@@ -121,7 +122,9 @@ def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> 
         early = propose_from_head(order, on_event, should_cancel)
         if early is not None:
             write_proposals(folder, early)
-            on_event(LogEvent(level="info", code=PROPOSED, text=f"{len(early.patches)} planes can be looked at."))
+            on_event(
+                LogEvent(level="info", code=PROPOSED, text=f"{counted(len(early.patches), 'plane')} can be looked at.")
+            )
     recording = decoded(order, on_event, should_cancel)
     if not kept_proposals(folder):
         proposals = api.propose_planes(

@@ -36,11 +36,12 @@ def propose_from_head(order: Order, on_event: OnEvent, should_cancel: ShouldCanc
     if end_s is not None and end_s <= begin_s + HEAD_S:
         return None
     settings = order.read_settings.model_copy(update={"end_s": begin_s + HEAD_S})
-    on_event(StageEvent(stage="planes", fraction=0.0, text="reading the first seconds"))
+    on_event(StageEvent(stage="read", fraction=0.0, text="reading the first seconds"))
 
     def about_planes(event: StageEvent | IterationEvent | LogEvent) -> None:
-        if isinstance(event, StageEvent) and event.stage == "planes":  # the whole is still to be read and told of
-            on_event(event)
+        # The whole is still to be read and told of: until it is, reading is what is being done.
+        if isinstance(event, StageEvent) and event.stage == "planes":
+            on_event(event.model_copy(update={"stage": "read", "fraction": 0.0}))
 
     try:
         head = api.load(order.source, settings, fingerprint=False, on_event=about_planes, should_cancel=should_cancel)

@@ -14,7 +14,6 @@ from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.plausibility import borne_out
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
-from calib_core.full.joint.undetermined import LIMITS, UNITS
 from calib_core.kinds import kind_of, names_of
 from calib_core.planes.segment import determinacy
 from calib_core.result import COVARIANCE_ORDER
@@ -161,7 +160,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
 
 def weak_parameters(knowledge: Knowledge) -> list[bool]:
     """Of the seven parameters, those that the data alone leave beyond the contract's limits."""
-    return [bool(weak) for weak in knowledge.data_std > LIMITS * UNITS]
+    return [axis in knowledge.weak_axes for axis in COVARIANCE_ORDER]
 
 
 def in_words(parameters: Sequence[ParameterForecast]) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
 
+from calib_core.counts import counted
 from calib_core.doctor.outlook import joined
 from calib_core.doctor.report import Forecast, ImuReport, LidarReport, ParameterForecast, PlanesReport, Verdict
 from calib_core.errors import InputError
@@ -205,7 +206,10 @@ def _judge_imu(case: _Case, imu: ImuReport) -> None:
 
 def _judge_lidar(case: _Case, lidar: LidarReport) -> None:
     if lidar.stamps.dropped > 0.02 * max(lidar.scans, 1):
-        case.limits.append(f"{lidar.stamps.dropped} scans on {lidar.topic} are missing ({lidar.scans} are there).")
+        case.limits.append(
+            f"{counted(lidar.stamps.dropped, 'scan')} on {lidar.topic} {'is' if lidar.stamps.dropped == 1 else 'are'} missing "
+            f"({lidar.scans} are there)."
+        )
         case.advice.append("Record to a faster disk, or record fewer topics.")
     if lidar.ranges is not None and lidar.ranges.median_m > 25:
         case.advice.append("Record closer to walls and floor: 1 to 10 m make the sharpest planes.")

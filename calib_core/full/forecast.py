@@ -40,7 +40,7 @@ from calib_core.full.joint.undetermined import UNITS, data_information, undeterm
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion, evenly_spread
-from calib_core.full.odometry.travelled import travelled
+from calib_core.full.odometry.travelled import stood_text, travelled
 from calib_core.full.planes.propose import no_planes, scan_points
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
@@ -59,11 +59,11 @@ NO_PLANES = PlaneProposals(
 class Forecasting:
     """What makes a forecast cheaper than a solve."""
 
-    #: measured over the 18 scenarios with noise (bench/results/forecast.md): with so many points of a scan standing for all of them,
-    #: fifteen thousand a second, a forecast's sigmas are 0.94 to 1.02 of the solve's.
+    #: measured over the 18 scenarios with noise (bench/results/forecast.md): with so many points of a scan standing for all of
+    #: them, fifteen thousand a second, a forecast's sigmas are 0.94 to 1.02 of the solve's.
     sampled_points: int = 1500
-    #: measured over the same, with the sigmas above: a solve's knots for each of ours. What
-    #: the readings say of a calibration builds up over tenths of a second.
+    #: measured over the same, with the sigmas above: a solve's knots for each of ours. What the readings say of a calibration
+    #: builds up over tenths of a second.
     coarser: int = 2
     #: judged: scans that are looked at for planes before a reference is searched for: where none shows one, the search is
     #: long. Time alone depends on it.
@@ -198,9 +198,8 @@ def _look(
 
 def _require_motion(motions: Sequence[ScanMotion]) -> None:
     """Raises Refused where the lidar stands still throughout."""
-    way = travelled(motions)
-    if way.stood:
-        raise Refused("motion.none", f"the lidar stood still: {way}")
+    if travelled(motions).stood:
+        raise Refused("motion.none", stood_text())
 
 
 def _thinned(run: Run, points_per_scan: FloatArray) -> tuple[Run, FloatArray]:

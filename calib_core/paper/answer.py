@@ -59,6 +59,7 @@ def _answer(solution: PaperSolution) -> Answer:
         gravity_std_m_s2=0.0,
         covariance=knowledge.covariance,
         is_weak=knowledge.is_weak,
+        weak_axes=knowledge.weak_axes,
         weak_directions=knowledge.weak,
         advice=(),
         rms_m=solution.rms_m,

@@ -28,6 +28,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.paper import report
@@ -189,7 +190,10 @@ def _solution(run: Run, rounds: Round, descent: Descent, coarse_ns: int, total: 
     tracked = frozenset(scan.position for scan in run.front.scans)
     messages = [Finding("paper.weights", "info", _ABOUT_COVARIANCE)]
     if run.front.dropped:
-        text = f"{len(run.front.dropped)} scans were dropped because not all {len(run.front.planes)} planes were found"
+        text = (
+            f"{counted(len(run.front.dropped), 'scan was', 'scans were')} dropped because not all "
+            f"{len(run.front.planes)} planes were found"
+        )
         messages.append(Finding("paper.scans_dropped", "info", text))
     if not descent.converged:
         text = f"the cost was still falling after {descent.iterations} iterations; the answer is the last estimate"

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.paper.plane_tracking import match_normals
@@ -105,7 +106,7 @@ def run_front_end(
             fits = _off_edges([found[i] for i in match], view)
             tracked.append(tracker.track(position, scans[position], view, fits, tracked[-1]))
         fraction = (position - positions[0]) / len(positions)
-        on_event(StageEvent(stage="track", fraction=fraction, text=f"{len(dropped)} scans lost"))
+        on_event(StageEvent(stage="track", fraction=fraction, text=f"{counted(len(dropped), 'scan')} lost"))
     return FrontEnd(epoch_ns, tracker.planes, tuple(tracked), tuple(dropped), range_std_m)
 
 

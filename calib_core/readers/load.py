@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.presets import find_imu_preset, find_lidar_preset
 from calib_core.readers.clouds.decoders import cloud_decoder
@@ -61,7 +62,9 @@ def load(
             on_event(LogEvent(level=finding.level, code=finding.code, text=finding.text))
     on_event(
         StageEvent(
-            stage="read", fraction=1.0, text=f"{len(result.scans)} scans, {result.imu.stamps_ns.size} IMU readings"
+            stage="read",
+            fraction=1.0,
+            text=f"{counted(len(result.scans), 'scan')}, {counted(result.imu.stamps_ns.size, 'IMU reading')}",
         )
     )
     return result

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.errors import Cancelled, InputError, UnreadableRecording
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.readers.clouds.cloud import RawCloud
@@ -148,7 +149,7 @@ class Reading:
         if not len(self.scans):
             raise InputError(
                 f"No scan on {lidar.name} holds a point between {self.settings.range_min_m:g} m and"
-                f" {self.settings.range_max_m:g} m inside its sweep ({n_seen} scans read); check the"
+                f" {self.settings.range_max_m:g} m inside its sweep ({counted(n_seen, 'scan')} read); check the"
                 f" sensor or the point times.",
                 code="points.none_valid",
             )
@@ -225,7 +226,7 @@ class Reading:
             if error.errno != errno.ENOSPC:
                 raise
             raise InputError(
-                f"The disk that holds temporary files is full after {index} scans of {self.recording.name};"
+                f"The disk that holds temporary files is full after {counted(index, 'scan')} of {self.recording.name};"
                 " point TMPDIR at a disk with room for the recording.",
                 code="disk.full",
             ) from error
@@ -241,7 +242,8 @@ class Reading:
                 Finding(
                     "points.malformed",
                     "warning",
-                    f"{self.n_malformed} messages on {topic} cannot be decoded and were left out"
+                    f"{counted(self.n_malformed, 'message')} on {topic} cannot be decoded and "
+                    f"{'was' if self.n_malformed == 1 else 'were'} left out"
                     f" ({self.malformed_text}).",
                     (Evidence("malformed messages", self.n_malformed),),
                 )
@@ -277,8 +279,8 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
             after = f" after {max(0, damage.lost_from_ns - recording.start_ns) * 1e-9:.1f} s"
         if damage.kind != "index" and n_scans < MIN_SCANS_OF_DAMAGED:
             raise UnreadableRecording(
-                f"The file {damage.file} is {damage.text}{after}, and the {n_scans} scans that are left are too few"
-                f" ({MIN_SCANS_OF_DAMAGED} needed); record or copy it again.",
+                f"The file {damage.file} is {damage.text}{after}, and {counted(n_scans, 'scan')} left of it, "
+                f"where {MIN_SCANS_OF_DAMAGED} are needed; record or copy it again.",
                 code="recording.truncated",
             )
         found.append(
@@ -286,7 +288,7 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
                 code="recording.truncated" if damage.kind == "cut" else "recording.damaged",
                 level="info" if damage.kind == "index" else "warning",
                 text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used"
-                f" ({n_scans} scans).",
+                f" ({counted(n_scans, 'scan')}).",
                 evidence=(Evidence("scans recovered", n_scans), Evidence("file", damage.file)),
                 consequence="" if damage.kind == "index" else "the result rests on the recovered part only",
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from calib_core.counts import counted
 from calib_core.errors import TopicError
 from calib_core.readers.clouds import livox, pointcloud2
 from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES, unsupported_packets
@@ -63,7 +64,9 @@ def _choose(
             return chosen
         present = next((t for t in topics if t.name == wanted), None)
         found = (
-            "is not in the recording" if present is None else f"is of type {present.type} with {present.count} messages"
+            "is not in the recording"
+            if present is None
+            else f"is of type {present.type} with {counted(present.count, 'message')}"
         )
         raise TopicError(
             f"The topic {wanted} given as {what} topic {found}; {recording} has"

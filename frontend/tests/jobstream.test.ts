@@ -122,13 +122,23 @@ describe("the stages of a run", () => {
   it("leaves out what an earlier run made", () => {
     expect(stagesOf([], ["read", "planes", "track"])).toEqual(["read", "planes", "track"]);
     expect(stagesOf([seen("planes", 1)], ["read", "planes", "track"])).toEqual(["planes", "track"]);
-    expect(stagesOf([seen("planes", 1)], stagesOfSolve)).toEqual(stagesOfSolve);
+    expect(stagesOf([seen("track", 1)], stagesOfSolve)).toEqual(["track", "initialise", "solve", "deskew"]);
   });
 
   // Fails with a stage that nobody expected put at the end, below those that come after it.
   it("are shown in the order in which they come", () => {
     const shown = stagesShown([seen("planes", 1), seen("track", 0.5)], stagesOfSolve);
     expect(shown).toEqual(["planes", "track", "initialise", "solve", "deskew"]);
+  });
+
+  // Fails when a stage comes to a list in which it was not from the beginning: "Find planes" of a solve.
+  it("are known beforehand", () => {
+    const all = stagesShown([], stagesOfSolve);
+    const told = ["read", "planes", "track", "initialise", "solve", "deskew"] as const;
+    told.forEach((_, i) => {
+      const so_far = told.slice(0, i + 1).map((stage) => ({ stage, fraction: 1, text: "" }));
+      expect(stagesShown(so_far, stagesOfSolve)).toEqual(all);
+    });
   });
 
   // Fails when a stage that said its last word half way is half done for ever.

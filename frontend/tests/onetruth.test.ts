@@ -81,6 +81,7 @@ describe("one truth", () => {
     expect(planesText(sampled, found([true, false, false]))).toBe(
       "With all 3 planes that were found; 1 is chosen now.",
     );
+    expect(planesText(sampled, found([false]))).toBe("With the one plane that was found; 0 are chosen now.");
   });
 
   // Fails when the list says "Ready" of what the doctor calls unusable.

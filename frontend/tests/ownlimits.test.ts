@@ -18,7 +18,7 @@ test("axes beyond one's own limits are named with what is known of them", () => 
   expect(beyond(result, { deg: 0.1, mm: 5, ms: 1 })).toEqual([
     "position y ± 5.2 mm",
     "position z ± 20 mm",
-    "turn y ± 0.20 °",
+    "turn y ± 0.20°",
   ]);
   expect(beyond(result, { deg: 0.2, mm: 20, ms: 0.05 })).toEqual([]);
   expect(beyond(result, { deg: 1, mm: 50, ms: 0.02 })).toEqual(["time offset ± 0.050 ms"]);

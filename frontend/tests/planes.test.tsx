@@ -1,16 +1,18 @@
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { render, screen, waitFor } from "@testing-library/react";
+import { cleanup, render, screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { describe, expect, it, vi } from "vitest";
-import type { Operation, Patch, Planes } from "../src/api/client";
+import type { DoctorReport, Operation, Patch, Planes } from "../src/api/client";
 import { keys } from "../src/api/queries";
 import { DeterminacyMeter } from "../src/features/planes/determinacy";
 import { lastSolve, remarksOf } from "../src/features/planes/leftout";
 import { PatchList } from "../src/features/planes/list";
-import { NoneConfirmed } from "../src/features/planes/screen";
+import { fewScansText, NoneConfirmed } from "../src/features/planes/screen";
 import { mergeCandidates } from "../src/features/planes/similar";
 import { culpritsOf } from "../src/features/result/culprits";
+import { noiseOrigin } from "../src/features/recording/sensors";
+import { NARROW } from "../src/ui/format";
 import { usual } from "./usual";
 
 const patch = (index: number, normal: number[], offset_m: number, confirmed = true): Patch => ({
@@ -39,14 +41,14 @@ const planes: Planes = {
   revision: 1,
 };
 
-function show(rename = vi.fn((_: number, name: string) => Promise.resolve(name))) {
+function show(rename = vi.fn((_: number, name: string) => Promise.resolve(name)), some = planes) {
   const apply = vi.fn<(operation: Operation) => void>();
   const told = new QueryClient();
   told.setQueryData(keys.facts, { usual });
   render(
     <QueryClientProvider client={told}>
       <MantineProvider>
-        <PatchList planes={planes} apply={apply} rename={rename} onRestrict={vi.fn()} />
+        <PatchList planes={some} apply={apply} rename={rename} onRestrict={vi.fn()} />
       </MantineProvider>
     </QueryClientProvider>,
   );
@@ -63,6 +65,31 @@ describe("the list of planes", () => {
     expect(apply).toHaveBeenCalledExactlyOnceWith({ op: "confirm", index: 3 });
     await user.click(screen.getByRole("checkbox", { name: "Use plane 1" }));
     expect(apply).toHaveBeenLastCalledWith({ op: "drop", index: 0 });
+  });
+
+  // Fails when the tilt from the lidar's own horizontal is shown as if it were known which way is down.
+  it("shows tilts only where gravity is known", () => {
+    show(undefined, { ...planes, upright: false });
+    expect(screen.queryByText("65")).toBeNull();
+    expect(screen.getAllByText("–")).toHaveLength(4);
+    cleanup();
+    show();
+    expect(screen.getAllByText("65")).toHaveLength(4);
+  });
+
+  // Fails when it is denied that there is a standstill, in which the recording's page says that the noise was measured.
+  it("says of a standstill what the recording's page says", () => {
+    const imu = (noise_used: string, still_spans: unknown[]) =>
+      ({ imu: { noise_used, still_spans, measured_noise: { static_s: 2.1 } } }) as unknown as DoctorReport;
+    const none =
+      "No standstill was found around these planes, so that they come from few scans; the solve refines them.";
+    expect(fewScansText(null)).toBe(none);
+    expect(fewScansText(imu("moving", []))).toBe(none);
+    expect(fewScansText(imu("measured", []))).toContain("The standstill in the IMU’s readings is at another time");
+    expect(fewScansText(imu("moving", [{}]))).toContain("The standstill in the IMU’s readings is at another time");
+    const report = imu("measured", []).imu;
+    if (report === null) throw new Error("no IMU");
+    expect(noiseOrigin(report)).toBe(`measured in 2.1${NARROW}s of standstill`);
   });
 
   // Fails when another row's index is sent, or insisting is a tick as any other.
@@ -232,6 +259,27 @@ describe("what the last solve left out", () => {
     expect(found.map(({ name }) => name)).toEqual(["plane 1"]);
     const dropped = planes.patches.map((one) => ({ ...one, confirmed: false }));
     expect(culpritsOf(dropped, job, said as never)).toEqual([]);
+  });
+
+  // Fails when a run that was refused for planes marks none of them, or all; when a name that begins another's is taken for it.
+  it("is said of those that a refusal names", () => {
+    const refusal = (code: string, text: string) => result([], { level: "error", code, text });
+    const doubtful = refusal(
+      "planes.doubtful",
+      "the planes chosen do not hold the motion: plane 9 is not flat, plane 2 did not stand still, and the others do not face three ways; choose walls",
+    );
+    expect([...remarksOf(planes.patches, solved, 3, doubtful)]).toEqual([
+      [0, "run 3 was refused for it: not flat"],
+      [1, "run 3 was refused for it: did not stand still"],
+    ]);
+    const unsettled = refusal(
+      "planes.unsettled",
+      "the solve did not come to rest with the planes chosen: plane 3 is more than one surface; leave out what can move",
+    );
+    expect([...remarksOf(planes.patches, solved, 3, unsettled)]).toEqual([
+      [2, "run 3 was refused for it: more than one surface"],
+    ]);
+    expect(remarksOf(planes.patches, solved, 3, refusal("planes.doubtful", "a: plane 22 is not flat; b")).size).toBe(0);
   });
 
   // Fails when a refused run that lists no planes marks all of them.

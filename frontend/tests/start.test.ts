@@ -14,6 +14,29 @@ describe("where a recording stands", () => {
     expect(standingOf(solving("failed")).tone).toBe("error");
   });
 
+  // Fails when a run that came to nothing hides the answer that the result's page has, or leads to the page of another run.
+  it("keeps an answer whatever was tried since", () => {
+    const solve = (id: string, status: string | null, state = "done") => ({
+      id,
+      kind: "solve",
+      state,
+      result: status === null ? null : { kind: "solve", status, tone: "good" },
+    });
+    const of = (latest_job: unknown, latest_answer: unknown) =>
+      standingOf({ state: "ready", latest_job, latest_answer } as unknown as Recording);
+    const answer = solve("a", "calibrated");
+    expect(of(solve("b", "refused"), answer)).toEqual({
+      tone: "warning",
+      text: "Calibrated; a later run was refused",
+      screen: "result",
+      job: "a",
+    });
+    expect(of(solve("b", null, "cancelled"), answer).text).toBe("Calibrated; a later run was cancelled");
+    expect(of(solve("b", null, "running"), answer).text).toBe("Solving");
+    expect(of(answer, answer)).toEqual({ tone: "good", text: "Calibrated", screen: "result" });
+    expect(of(solve("b", "refused"), null).text).toBe("Refused");
+  });
+
   // Fails when an upload whose page was closed is called one that goes on, and a sample one that is sent.
   it("tells how much is here, whoever sends it", () => {
     const coming = (origin: Recording["origin"], here: number) =>

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Planes, Recording, Run } from "../src/api/client";
+import { whyNothing } from "../src/features/inspect/screen";
 import { lookOf } from "../src/features/workspace/seen";
 import { stepsOf } from "../src/features/workspace/state";
 
@@ -12,6 +13,20 @@ const ticked = (...asked: Parameters<typeof stepsOf>) =>
   stepsOf(...asked)
     .filter((step) => step.state === "done")
     .map((step) => step.name);
+
+describe("while a solve runs", () => {
+  const solving = { ...recording, latest_job: { kind: "solve", state: "running" } } as unknown as Recording;
+
+  // Fails when who has started a solve is asked for one.
+  it("says that it runs, and not that there is none", () => {
+    const reasons = (of: Recording) => stepsOf(of, planes, [], "").flatMap(({ reason }) => reason ?? []);
+    expect(reasons(solving)).toEqual(["The solve is still running", "The solve is still running"]);
+    expect(reasons(recording)).toEqual(["There is no answer to look at yet", "There is no result yet"]);
+    expect(whyNothing(undefined, solving)).toMatch(/^The solve is still running/);
+    expect(whyNothing(undefined, recording)).toMatch(/^Solve first/);
+    expect(whyNothing(run("refused"), recording)).toMatch(/refused/);
+  });
+});
 
 describe("the steps' ticks", () => {
   // Fails when what was only suggested, or could be looked at, counts as done.

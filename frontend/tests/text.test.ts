@@ -4,16 +4,45 @@ import { fixOf, fixText } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
-import { bytes, fixed, NARROW, withSigma } from "../src/ui/format";
+import { bytes, fixed, foreseenText, heldText, NARROW, plusMinus, stdText, withSigma } from "../src/ui/format";
 import { controlName } from "../src/ui/words";
 
 describe("numbers for people", () => {
-  // Fails when decimals are counted from the value instead of from the standard deviation.
+  // Fails when decimals are counted from the value instead of from the standard deviation, or before that is rounded.
   it("gives a value the decimals its standard deviation deserves", () => {
-    expect(withSigma(103.7261, 0.632)).toEqual({ value: "103.73", sigma: "0.63" });
-    expect(withSigma(103.7261, 17)).toEqual({ value: "104", sigma: "17" });
-    expect(withSigma(12.3, 10000)).toEqual({ value: "12", sigma: `>${NARROW}1000` });
-    expect(withSigma(-0.00001, 0.3)).toEqual({ value: "0.00", sigma: "0.30" });
+    expect(withSigma(103.7261, 0.632, "mm")).toEqual({ value: "103.73", sigma: "0.63", unit: "mm" });
+    expect(withSigma(103.7261, 17, "mm")).toEqual({ value: "104", sigma: "17", unit: "mm" });
+    expect(withSigma(103.7261, 0.996, "°")).toEqual({ value: "103.7", sigma: "1.0", unit: "°" });
+    expect(withSigma(-0.00001, 0.3, "ms")).toEqual({ value: "0.00", sigma: "0.30", unit: "ms" });
+    expect(withSigma(-0.00001, 0, "ms").sigma).toBe("0");
+  });
+
+  // Oracle: calib_core/sigmas.py, of which tests/core/test_sigmas.py has the same numbers. Fails when a table has a unit or digits
+  // of its own: "> 1000 mm" beside a sentence with 9.1 m.
+  it("says a wide standard deviation in one way, in a table and in a sentence", () => {
+    expect(withSigma(-310.2, 9135.06, "mm")).toEqual({ value: "−0.3", sigma: "9.1", unit: "m" });
+    expect(withSigma(12.3, 10000, "ms")).toEqual({ value: "0", sigma: "10", unit: "s" });
+    expect(withSigma(12.3, 190, "°")).toEqual({ value: "12", sigma: "not determined", unit: "°" });
+    expect(plusMinus(withSigma(12.3, 190, "°"))).toBe("not determined");
+    expect(plusMinus(withSigma(12.3, 0.2, "°"))).toBe("± 0.20");
+    expect(plusMinus(heldText(12.3, "mm"))).toBe("held");
+    expect(
+      (
+        [
+          [0.02, "deg"],
+          [179.9, "deg"],
+          [180, "deg"],
+          [0.00086, "m"],
+          [0.9994, "m"],
+          [1, "m"],
+          [9.13506, "m"],
+          [25.4e-6, "s"],
+          [10, "s"],
+        ] as const
+      ).map(([std, unit]) => stdText(std, unit)),
+    ).toEqual(["0.020°", "180°", "not determined", "0.86 mm", "999 mm", "1.0 m", "9.1 m", "0.025 ms", "10 s"]);
+    expect(foreseenText(9.13, "m", true)).toBe("unknown");
+    expect(foreseenText(0.5, "m", true)).toBe(`±${NARROW}500 mm`);
   });
 
   // Fails when the unit is chosen before rounding.

@@ -16,6 +16,7 @@ import { History } from "../src/features/result/history";
 import { NextSteps } from "../src/features/result/nextsteps";
 import { ParameterTable } from "../src/features/solve/funnel";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
+import { Notice } from "../src/ui/notice";
 import { ShortcutProvider } from "../src/ui/shortcuts";
 
 function show(inner: ReactNode, client = new QueryClient()) {
@@ -195,8 +196,22 @@ describe("the list of runs", () => {
       run("a", "calibrated", null, 5),
     ];
     show(<History runs={runs as never} shown="d" />);
-    const said = screen.getAllByText(/^Full/).map((line) => line.textContent);
-    expect(said).toEqual(["Full, 9 planes", "Full, 8 of 9 planes", "Full, 9 planes", "Full, 5 planes"]);
+    const said = screen.getAllByText(/^Run/).map((line) => line.textContent);
+    // Sentences elsewhere speak of "run 2".
+    expect(said).toEqual([
+      "Run 4: full, 9 planes",
+      "Run 3: full, 8 of 9 planes",
+      "Run 2: full, 9 planes",
+      "Run 1: full, 5 planes",
+    ]);
+  });
+});
+
+describe("a notice", () => {
+  // Fails when what the terminal prints after a colon stands on the page as it is.
+  it("begins with a capital", () => {
+    show(<Notice level="warning">the lidar stood still</Notice>);
+    expect(screen.getByText("The lidar stood still")).toBeTruthy();
   });
 });
 

@@ -201,6 +201,12 @@ def widened(result: CalibrationResult, times: float) -> CalibrationResult:
     return result.model_copy(update={"uncertainty": wide})
 
 
+def rounded(value: float, std: float) -> tuple[str, str]:
+    """Both to the second digit of the standard deviation."""
+    digits = next(n for n in range(12) if round(std, n) >= 10 ** (1 - n))
+    return f"{value:.{digits}f}", f"{std:.{digits}f}"
+
+
 @pytest.mark.parametrize("made", [world.make_result, cluttered, weak], ids=["clean", "cluttered", "weak"])
 def test_report_terminal_list_and_file_say_the_same_numbers(made):
     """Oracle: the file, rounded here, as it is read back. Mutations: the report's sigma of another axis; the terminal's in
@@ -213,11 +219,14 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
     screen = Console(file=io.StringIO(), width=240)
     screen.print(result_summary(result))
     page, printed, listed = report_page(result), screen.file.getvalue(), solve_outcome(result)
-    numbers = [
-        *(f"{value:.4f}" for value in (*transform.euler_xyz_deg, *known.rotation_std_deg)),
-        *(f"{1e3 * value:.2f}" for value in (*transform.translation_m, *known.translation_std_m)),
-        *(f"{1e3 * value:.4f}" for value in (result.time_offset_s, known.time_offset_std_s)),
+    assert result.time_offset_s is not None
+    pairs = [
+        *zip(transform.euler_xyz_deg, known.rotation_std_deg, strict=True),
+        *((1e3 * p, 1e3 * std) for p, std in zip(transform.translation_m, known.translation_std_m, strict=True)),
+        (1e3 * result.time_offset_s, 1e3 * known.time_offset_std_s),
     ]
+    assert all(std < 1000.0 for _, std in pairs)
+    numbers = [number for value, std in pairs for number in rounded(value, std)]
     for number in numbers:
         assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", page), number
         assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", printed), number
@@ -228,6 +237,26 @@ def test_report_terminal_list_and_file_say_the_same_numbers(made):
     assert re.fullmatch(r"([A-Z][^.]*(\.\d[^.]*)*\. ?)+", sentences), sentences  # each a whole one
     assert f"on {listed.planes_used} planes" in printed
     assert listed.planes_used == len(result.quality.planes)
+
+
+def test_verdict_names_the_axes_that_the_tables_show_as_weak():
+    """A direction between two axes, and a second one. Mutations: the first direction alone; a second sentence about a direction
+    that is an axis, which its own says already.
+    """
+    made = weak()
+    slanting = made.observability.weak_directions[0].model_copy(
+        update={"label": None, "text": "The lever arm is open."}
+    )
+
+    def told(axes, *directions):
+        seen = made.observability.model_copy(update={"weak_axes": axes, "weak_directions": list(directions)})
+        return verdict(made.model_copy(update={"observability": seen}))
+
+    assert told(["ty", "tz"], slanting) == "Weak. The lever arm is open. Weak are position y and position z."
+    assert told(["tz"], *made.observability.weak_directions) == "Weak. The height is not determined."
+    two = told(["ry", "ty", "tz"], *made.observability.weak_directions, slanting)
+    assert two == "Weak. The height is not determined. Weak are turn y, position y and position z."
+    assert told([], slanting) == "Weak. The lever arm is open."  # of a document from before
 
 
 def test_what_is_not_known_is_no_number_to_the_hundredth_of_a_millimetre():

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import binom
 
 from app.results import captions, plot_parts, plots
 from app.results.evidence import StepListener, measure_evidence
@@ -139,6 +140,19 @@ def test_parts_that_say_nothing_do_not_press_the_others_flat():
     assert looks["time offset"][1].shape == (8, 1)
     # Of each stretch the position along y is 2 mm off with a bar of 1 mm; all others are within theirs.
     assert captions.crossing_zero(blocks) == (8 * 6, 8 * 7)
+    assert "48 of 56 do, as noise has it." in captions.time_blocks(blocks)
+
+
+def test_it_is_said_whether_as_many_bars_cross_zero_as_should():
+    """Oracle: the binomial law's first percentile, from SciPy. Mutations: two thirds themselves as the limit; the other tail. The
+    page's tests have the same numbers.
+    """
+    for bars in (7, 21, 56, 140):
+        fewest = int(binom.ppf(0.01, bars, 0.6827))
+        told = [captions.as_chance_has(crossing, bars) for crossing in (fewest - 1, fewest, bars)]
+        assert told == ["fewer than noise explains", "as noise has it", "as noise has it"]
+    assert captions.as_chance_has(35, 56) == "as noise has it"
+    assert captions.as_chance_has(29, 56) == "fewer than noise explains"
 
 
 def test_every_axis_has_three_ticks_however_low(beside):

@@ -20,6 +20,7 @@ RECORDS = {
     "presets",
     "intrinsics",
     "kinds",
+    "counts",
     "pace",
     "sigmas",
     "written",

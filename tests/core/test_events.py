@@ -41,3 +41,11 @@ def test_what_is_no_stage_of_the_plan_is_left_alone() -> None:
         StageEvent(stage="read", fraction=0.1),
     ]
     assert passed_on(events) == events
+
+
+def test_a_second_attempt_says_again_only_what_is_new() -> None:
+    """The page had a sentence twice of two attempts. Mutations: all passed on; sentences told apart by their codes alone."""
+    rough, again = (
+        LogEvent(level="warning", code="planes.moved", text=text) for text in ("wall 1 moved", "wall 2 moved")
+    )
+    assert passed_on([rough, again, rough.model_copy(), again]) == [rough, again]

@@ -17,7 +17,6 @@ from rich.console import Console
 from app.cli.summary import result_summary
 from app.results.verdict import verdict
 from calib_core.result import COVARIANCE_ORDER, WEAK_DEG, WEAK_M, WEAK_S, CalibrationResult
-from calib_core.sigmas import std_cell
 from tests.e2e.support import Api, dense_spots, scene, wait_for_cloud
 
 #: The space between a number and its unit.
@@ -25,22 +24,33 @@ NARROW = "\u202f"
 LIMITS = {"deg": WEAK_DEG, "m": WEAK_M, "s": WEAK_S}
 
 
-def two_digits(sigma: float, most: int) -> str:
-    """A standard deviation as the page writes it: two significant digits, at most so many decimals; none beyond a metre."""
-    if sigma >= 1000.0:
-        return f">{NARROW}1000"
-    return f"{sigma:.{min(most, max(0, 1 - math.floor(math.log10(sigma))))}f}"
+def two_digits(sigma: float) -> str:
+    """Two significant digits."""
+    digits = next(n for n in range(12) if round(sigma, n) >= 10 ** (1 - n))
+    return f"{sigma:.{digits}f}"
 
 
-def sigmas_of(result: CalibrationResult, *, most: tuple[int, int, int]) -> list[str]:
-    """All seven, positions, turns and the clock, in millimetres, degrees and milliseconds."""
+def told(std: float, unit: str) -> tuple[str, str]:
+    """A standard deviation [deg, m, s] as everything writes it, and its unit: beyond a metre or a second in these."""
+    if unit == "deg":
+        return ("not determined", "") if std >= 180.0 else (two_digits(std), "deg")
+    return (two_digits(std), unit) if std >= 1.0 else (two_digits(1e3 * std), f"m{unit}")
+
+
+def sigmas_of(result: CalibrationResult) -> list[tuple[str, str]]:
+    """All seven with their units: positions, turns and the clock."""
     known = result.uncertainty
     assert known is not None
     return [
-        *(two_digits(1e3 * std, most[0]) for std in known.translation_std_m),
-        *(two_digits(std, most[1]) for std in known.rotation_std_deg),
-        two_digits(1e3 * known.time_offset_std_s, most[2]),
+        *(told(std, "m") for std in known.translation_std_m),
+        *(told(std, "deg") for std in known.rotation_std_deg),
+        told(known.time_offset_std_s, "s"),
     ]
+
+
+def cell(sigma: str, unit: str) -> str:
+    """Two cells of the page's tables, side by side."""
+    return f"± {sigma}{unit.replace('deg', '°')}" if unit else sigma
 
 
 @pytest.fixture(params=["clean", "crowded", "weak"])
@@ -74,8 +84,8 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
     page.goto(f"/r/{recording}/result?job={job}")
     answer = page.get_by_role("table", name="Transform and time offset")
     expect(answer.get_by_role("row")).to_have_count(7)
-    for sigma in sigmas_of(result, most=(4, 4, 4)):
-        expect(answer).to_contain_text(f"± {sigma}")
+    for sigma, unit in sigmas_of(result):
+        expect(answer).to_contain_text(cell(sigma, unit))
     expect(page.get_by_role("main")).to_contain_text(sentence)
     rests = page.get_by_role("region", name="What the answer rests on")
     expect(rests).to_contain_text(re.compile(rf"Planes used{planes}(?!\d)"))
@@ -83,8 +93,8 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
 
     page.goto(f"/r/{recording}/solve?job={job}")
     table = page.get_by_role("table", name="The answer so far")
-    for sigma in sigmas_of(result, most=(3, 4, 4)):
-        expect(table).to_contain_text(f"± {sigma}")
+    for sigma, unit in sigmas_of(result):
+        expect(table).to_contain_text(cell(sigma, unit))
     expect(page.get_by_role("complementary", name="Solved")).to_contain_text(sentence)
 
     with urllib.request.urlopen(f"{address}/api/results/{job}/report", timeout=60) as report:
@@ -94,9 +104,9 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
     printed = screen.file.getvalue()
     for written in (text, printed):
         assert sentence in written
-        for std in known.translation_std_m:
+        for sigma, _ in sigmas_of(result):
             # Value and sigma have cells of their own.
-            assert re.search(rf"(?<![\d.]){re.escape(std_cell(std, 'm', 2))}(?!\d)", written)
+            assert re.search(rf"(?<![\d.]){re.escape(sigma)}(?!\d)", written)
         assert re.search(rf"on {planes} planes lie {1e3 * result.quality.point_to_plane_rms_m:.2f} mm", written)
 
     walls = api.ask("GET", f"/api/results/{job}/thickness")
@@ -135,16 +145,11 @@ def test_what_is_foreseen_is_one_number_and_comes_true(page: Page, api: Api, run
         assert result.status == "weak"
         return
     assert foreseen["std"] == pytest.approx(doctor[least]["std"])
-    told = re.escape(stds_text(doctor[least]["std"], doctor[least]["unit"]))
-    expect(meter).to_have_attribute("aria-label", re.compile(rf"±{NARROW}{told}$"))
+    sigma, unit = told(doctor[least]["std"], doctor[least]["unit"])
+    text = re.escape(f"{sigma}°" if unit == "deg" else f"{sigma} {unit}")
+    expect(meter).to_have_attribute("aria-label", re.compile(rf"±{NARROW}{text}$"))
     page.goto(f"/r/{recording}/recording")
-    expect(page.get_by_role("region", name="Forecast")).to_contain_text(re.compile(rf"±{NARROW}{told}"))
-
-
-def stds_text(std: float, unit: str) -> str:
-    """As the pages write it."""
-    scale, name = {"deg": (1.0, "°"), "m": (1e3, " mm"), "s": (1e3, " ms")}[unit]
-    return f"{two_digits(scale * std, 9)}{name}"
+    expect(page.get_by_role("region", name="Forecast")).to_contain_text(re.compile(rf"±{NARROW}{text}"))
 
 
 def test_ways_to_look(page: Page, api: Api, solved: tuple[str, str]) -> None:

@@ -16,6 +16,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
 from calib_core.result import COVARIANCE_ORDER, WeakDirection
+from calib_core.settings import Axis
 from calib_core.sigmas import std_text
 from calib_core.solver.arrow import FROZEN
 from calib_core.types import FloatArray
@@ -38,7 +39,12 @@ class Knowledge:
     @property
     def is_weak(self) -> bool:
         """Whether some standard deviation of the data alone exceeds the contract's limits."""
-        return bool((self.data_std > LIMITS * UNITS).any()) or bool(self.weak)
+        return bool(self.weak_axes) or bool(self.weak)
+
+    @property
+    def weak_axes(self) -> tuple[Axis, ...]:
+        """The parameters that the data alone leave beyond the contract's limits: what every table, sentence and advice names."""
+        return tuple(axis for axis, weak in zip(COVARIANCE_ORDER, self.data_std > LIMITS * UNITS, strict=True) if weak)
 
 
 def assess(
@@ -147,18 +153,15 @@ class Advice:
 
 
 def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[Advice]:
-    """What to record next, from the weak directions and from how much the IMU turned about each of its axes.
+    """What to record next, from the weak parameters and from how much the IMU turned about each of its axes.
 
     turning_std_rad_s: (3,) rms angular rate about the IMU's axes.
     """
-    if not knowledge.weak:
-        return []
+    weak = knowledge.weak_axes
     out: list[Advice] = []
-    weak = np.array([d.vector for d in knowledge.weak])
     axes = "xyz"
-    lever = np.linalg.norm(weak[:, TRANSLATION], axis=0)
     for i in range(3):
-        if lever[i] > WORDING.concerned:
+        if f"t{axes[i]}" in weak:
             others = [a for a in range(3) if a != i]
             quiet = min(others, key=lambda a: turning_std_rad_s[a])
             text = (
@@ -167,8 +170,7 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
                 "reversals is good)."
             )
             out.append(Advice(text, (3 + i,)))
-    rotation = np.linalg.norm(weak[:, ROTATION], axis=0)
-    if (rotation > WORDING.concerned).any():
+    if any(axis.startswith("r") for axis in weak):
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))
         text = (
@@ -176,6 +178,6 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
             f"{axes[quiet_axis]} axis."
         )
         out.append(Advice(text, (0, 1, 2)))
-    if np.abs(weak[:, TIME_OFFSET]).max() > WORDING.concerned:
+    if "dt" in weak:
         out.append(Advice("To determine the time offset, turn faster and reverse direction often.", (TIME_OFFSET,)))
     return out

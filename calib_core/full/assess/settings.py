@@ -38,9 +38,6 @@ class Wording:
     one_kind: float = 0.99
     #: judged: parts of a combination that are named. Words alone depend on it.
     named: float = 0.1
-    #: judged: a weak direction has something of a parameter, and advice for it, from this part on. Words alone depend on
-    #: it.
-    concerned: float = 0.3
     #: judged: a component of the rotation is determined where the data alone tell it to this: ten times the limit of weak.
     #: Beyond, with no component, the answer is refused.
     known_deg: float = 5.0

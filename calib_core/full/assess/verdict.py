@@ -83,6 +83,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         gravity_std_m_s2=gravity_std(solved),
         covariance=knowledge.covariance,
         is_weak=knowledge.is_weak or trust.is_torn or bool(trust.contradicted),
+        weak_axes=knowledge.weak_axes,
         weak_directions=knowledge.weak,
         advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar)),
         rms_m=float(np.sqrt(sum(p.rms_m**2 * p.points for p in planes) / max(total, 1))),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.many_scans import over_scans
@@ -42,7 +43,11 @@ def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rul
     found = new_ones(state.estimate, fits, strays, rules)
     if not found:
         return state
-    data.run.say("info", "planes.found", f"{len(found)} more planes came into view after the start and are used")
+    data.run.say(
+        "info",
+        "planes.found",
+        f"{counted(len(found), 'more plane')} came into view after the start and {'is' if len(found) == 1 else 'are'} used",
+    )
     return with_planes(state, found)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, register, sample_points
@@ -37,7 +38,7 @@ def propose_planes(
     still = [reference]
     if len(fits) >= SEARCH.fewest_planes:
         still = still_after(scans, reference, named_planes(fits))
-    on_event(StageEvent(stage="planes", fraction=0.5, text=f"merging {len(still)} scans"))
+    on_event(StageEvent(stage="planes", fraction=0.5, text=f"merging {counted(len(still), 'scan')}"))
     cloud = np.concatenate([scan_points(scans[i], settings.field_of_view_deg) for i in still])
     intensity = np.concatenate([_intensity(scans[i], settings.field_of_view_deg) for i in still])
     stride = max(1, len(cloud) // STANDSTILL.cloud_points + 1)
@@ -54,7 +55,7 @@ def propose_planes(
         near = near_plane(cloud, plane, ranges_m) & (patch < 0)
         patch[near] = j
         patches.append(make_patch(plane, cloud[near]))
-    on_event(StageEvent(stage="planes", fraction=1.0, text=f"{len(patches)} planes"))
+    on_event(StageEvent(stage="planes", fraction=1.0, text=counted(len(patches), "plane")))
     return PlaneProposals(
         patches=tuple(patches),
         cloud_m=cloud.astype(np.float32),

@@ -24,10 +24,15 @@ class Travelled:
     @property
     def stood(self) -> bool:
         """Whether neither is motion."""
-        return self.turn_deg <= FOLLOWING.stood_deg and self.move_m <= FOLLOWING.stood_m
+        return self.turn_deg < FOLLOWING.stood_deg and self.move_m < FOLLOWING.stood_m
 
-    def __str__(self) -> str:
-        return f"it turned {self.turn_deg:.2f} deg and moved {self.move_m * 1e3:.0f} mm in the whole recording"
+
+def stood_text() -> str:
+    """That it stood still, by how little it came at most: a doctor follows a sample of the points, a solve all of them, and by
+    how much the two stray, some hundredths of a degree, is no motion of anything.
+    """
+    still = f"it turned by less than {FOLLOWING.stood_deg:g} deg and moved by less than {1e3 * FOLLOWING.stood_m:g} mm"
+    return f"the lidar stood still: {still} in the whole recording"
 
 
 def travelled(motions: Sequence[ScanMotion]) -> Travelled:
@@ -52,8 +57,7 @@ def directions_faced(planes: Sequence[Plane]) -> str:
 def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[Plane]) -> None:
     """Raises Refused where the followed ones of so many scans show no motion: it stood still, or the planes, with which that was
     tried, were lost too soon to tell."""
-    way = travelled(motions)
-    if not way.stood:
+    if not travelled(motions).stood:
         return
     if len(motions) < FOLLOWING.followed_share * scans:
         lost = (
@@ -63,7 +67,7 @@ def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[P
         )
         raise Refused("planes.lost", lost)
     stood = (
-        f"the lidar stood still: {way}; "
+        f"{stood_text()}; "
         "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
     )
     raise Refused("motion.none", stood)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.errors import InputError
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.pace import GAP_PERIODS, usual_step_ns
@@ -219,7 +220,8 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
             Finding(
                 "imu.duplicates",
                 "warning",
-                f"{n_repeated} readings on {topic} were sent twice; the first of each was kept.",
+                f"{counted(n_repeated, 'reading')} on {topic} {'was' if n_repeated == 1 else 'were'} sent twice; "
+                "the first of each was kept.",
                 (Evidence("duplicates", n_repeated), Evidence("readings", statistics.count)),
             )
         )
@@ -229,11 +231,12 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
             Finding(
                 "imu.shared_stamps",
                 "info",
-                f"{shared} readings on {topic} bear the stamp of another that reads differently; all were kept.",
+                f"{counted(shared, 'reading')} on {topic} {'bears' if shared == 1 else 'bear'} the stamp of another that "
+                "reads differently; all were kept.",
                 (Evidence("shared stamps", shared), Evidence("readings", statistics.count)),
             )
         )
-    backwards = f"Stamps on {topic} step backwards {statistics.n_rewinds} times"
+    backwards = f"Stamps on {topic} step backwards {counted(statistics.n_rewinds, 'time')}"
     if came is not None:
         found.append(
             Finding(

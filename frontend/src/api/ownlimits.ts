@@ -1,6 +1,6 @@
 import { useLocalStorage } from "@mantine/hooks";
 import type { CalibrationResult, Limits } from "./client";
-import { twoDigits } from "../ui/format";
+import { plusMinusStd } from "../ui/format";
 
 /** How well a rig has to be known for its use: one standard deviation, in the units that people read. */
 export interface OwnLimits {
@@ -36,11 +36,11 @@ const axes = ["x", "y", "z"] as const;
 export function beyond(result: Pick<CalibrationResult, "uncertainty">, own: OwnLimits): string[] | null {
   const known = result.uncertainty;
   if (known === null) return null;
-  const said = (name: string, std: number, limit: number, unit: string) =>
-    std > limit ? [`${name} ± ${twoDigits(std)} ${unit}`] : [];
+  const said = (name: string, std: number, limit: number, unit: "deg" | "m" | "s") =>
+    std > limit ? [`${name} ${plusMinusStd(std, unit)}`] : [];
   return [
-    ...axes.flatMap((axis, i) => said(`position ${axis}`, (known.translation_std_m[i] ?? 0) * 1000, own.mm, "mm")),
-    ...axes.flatMap((axis, i) => said(`turn ${axis}`, known.rotation_std_deg[i] ?? 0, own.deg, "°")),
-    ...said("time offset", known.time_offset_std_s * 1000, own.ms, "ms"),
+    ...axes.flatMap((axis, i) => said(`position ${axis}`, known.translation_std_m[i] ?? 0, own.mm / 1000, "m")),
+    ...axes.flatMap((axis, i) => said(`turn ${axis}`, known.rotation_std_deg[i] ?? 0, own.deg, "deg")),
+    ...said("time offset", known.time_offset_std_s, own.ms / 1000, "s"),
   ];
 }

@@ -36,43 +36,84 @@ export function fixed(value: number, decimals: number): string {
   return (zero ? Math.abs(Number(text)).toFixed(decimals) : text).replace("-", "−");
 }
 
-/** Decimals that show a standard deviation with two significant digits, and no more than `most`. */
-export function decimalsFor(sigma: number, most = 4): number {
-  if (!(sigma > 0) || !Number.isFinite(sigma)) return most;
-  return Math.min(most, Math.max(0, 1 - Math.floor(Math.log10(sigma))));
+/** Decimals that show a standard deviation with two significant digits. */
+function decimalsFor(sigma: number): number {
+  // Rounded first: 0.996 has its two digits one place further left than it seems.
+  return Math.max(0, 1 - Math.floor(Math.log10(Number(Math.max(sigma, 1e-9).toExponential(1)))));
+}
+
+/** In what a usual standard deviation is read, and in what a large one. */
+const larger = { "°": "°", mm: "m", ms: "s" } as const;
+export type SmallUnit = keyof typeof larger;
+export type Unit = SmallUnit | "m" | "s";
+
+const notDetermined = "not determined";
+const halfCircle = 180;
+
+/** Whether a standard deviation [mm, ms, °] is so wide that what it stands beside is as good as unknown: a metre, a second, half a
+ *  circle. */
+export function tellsNothing(sigma: number, unit: SmallUnit): boolean {
+  return sigma >= (unit === "°" ? halfCircle : 1000);
 }
 
 export interface ValueText {
   value: string;
   sigma: string;
-}
-
-/** A value and its standard deviation, both with the decimals the standard deviation deserves. */
-export function withSigma(value: number, sigma: number, most = 4): ValueText {
-  const decimals = decimalsFor(sigma, most);
-  const least = 10 ** -decimals;
-  return {
-    value: fixed(value, decimals),
-    sigma: sigma > 0 && sigma < least ? `<${NARROW}${fixed(least, decimals)}` : boundless(sigma, decimals),
-  };
+  /** That both are in. */
+  unit: Unit;
 }
 
 /**
- * A standard deviation of an angle, a length or a time, in the unit that people read and with two significant digits;
- * beyond a metre or a second in these, as the terminal and the report have it.
+ * A value and its standard deviation [mm, ms, °], both with the decimals that the standard deviation deserves: two significant
+ * digits of it, and beyond a metre or a second in these. The one rule of tables and sentences; the terminal, the report and what
+ * the server says have the same (`calib_core/sigmas.py`).
  */
+export function withSigma(value: number, sigma: number, unit: SmallUnit): ValueText {
+  const shown = tellsNothing(sigma, unit) && unit !== "°" ? 0.001 : 1;
+  return {
+    value: toSigma(value * shown, sigma * shown),
+    sigma: tellsNothing(sigma, unit) && unit === "°" ? notDetermined : twoDigits(sigma * shown),
+    unit: shown === 1 ? unit : larger[unit],
+  };
+}
+
+/** A value with the decimals that show two significant digits of its standard deviation. */
+export function toSigma(value: number, sigma: number): string {
+  return fixed(value, sigma > 0 ? decimalsFor(sigma) : 4);
+}
+
+/** What was held at a value, of which its standard deviation says nothing. */
+export function heldText(value: number, unit: SmallUnit): ValueText {
+  return { value: fixed(value, unit === "mm" ? 1 : 3), sigma: "held", unit };
+}
+
+/** The standard deviation of a text, as it stands beside the value. */
+export function plusMinus({ sigma }: Pick<ValueText, "sigma">): string {
+  return /^[\d.]+$/.test(sigma) ? `± ${sigma}` : sigma;
+}
+
+/** A standard deviation [deg, m, s] with its unit, by the same rule. */
 export function stdText(std: number, unit: "deg" | "m" | "s"): string {
-  if (unit === "deg") return `${twoDigits(std)}°`;
-  return std >= 1 ? `${twoDigits(std)} ${unit}` : `${twoDigits(std * 1000)} m${unit}`;
+  const small = unit === "deg" ? "°" : (`m${unit}` as const);
+  const text = withSigma(0, unit === "deg" ? std : std * 1000, small);
+  if (text.sigma === notDetermined) return notDetermined;
+  return `${text.sigma}${text.unit === "°" ? "" : " "}${text.unit}`;
+}
+
+/** The same behind its sign. */
+export function plusMinusStd(std: number, unit: "deg" | "m" | "s"): string {
+  const text = stdText(std, unit);
+  return text === notDetermined ? text : `± ${text}`;
+}
+
+/** The same of a forecast [deg, m, s] that may rest on what is known beforehand alone: a prior's metre is no forecast. */
+export function foreseenText(std: number, unit: "deg" | "m" | "s", weak: boolean): string {
+  const nothing = std >= (unit === "deg" ? halfCircle : 1);
+  return weak && nothing ? "unknown" : plusMinusStd(std, unit).replace("± ", `±${NARROW}`);
 }
 
 export function twoDigits(value: number): string {
-  return boundless(value, Math.max(0, 1 - Math.floor(Math.log10(Math.max(value, 1e-9)))));
-}
-
-/** Beyond a metre or a second nothing is known, and how much of nothing is no number to read. */
-function boundless(value: number, decimals: number): string {
-  return value >= 1000 ? `>${NARROW}1000` : fixed(value, decimals);
+  return value <= 0 ? "0" : fixed(value, decimalsFor(value));
 }
 
 /** An angle as every document and screen has it: above -180 degrees, up to 180. */

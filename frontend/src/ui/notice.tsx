@@ -2,6 +2,7 @@ import { Button } from "@mantine/core";
 import { useEffect, useRef, type ReactNode } from "react";
 import { asFault } from "../api/fault";
 import { LevelIcon, type Tone } from "./icons";
+import { sentenceCase } from "./words";
 import css from "./notice.module.css";
 
 interface NoticeProps {
@@ -18,7 +19,7 @@ export function Notice({ level, children, more, actions }: NoticeProps) {
     <div className={css.notice} data-level={level} role={level === "error" ? "alert" : undefined}>
       <LevelIcon level={level} />
       <div>
-        <div>{children}</div>
+        <div>{typeof children === "string" ? sentenceCase(children) : children}</div>
         {more !== undefined && more !== "" && <div className={css.more}>{more}</div>}
         {actions !== undefined && <div className={css.actions}>{actions}</div>}
       </div>

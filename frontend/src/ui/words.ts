@@ -119,6 +119,16 @@ function fieldName(path: string): string {
   return words.length === 0 ? "it" : words.join(", ");
 }
 
+/** What other programs print after a colon begins small; where it stands for itself it is a sentence. */
+export function sentenceCase(text: string): string {
+  return `${text.charAt(0).toUpperCase()}${text.slice(1)}`;
+}
+
+/** A number of planes. */
+export function planesOf(count: number): string {
+  return count === 1 ? "1 plane" : `${count} planes`;
+}
+
 const sentences = new Set(["text", "verdict", "consequence", "reason", "state_text", "note", "noise_text"]);
 const lists = new Set(["reasons", "advice", "notes", "hints"]);
 

@@ -12,6 +12,7 @@ from calib_core.doctor.outlook import forecast_report, foresee, planes_report, w
 from calib_core.doctor.report import Forecast
 from calib_core.doctor.sampling import SampledScans
 from calib_core.full.forecast import forecast
+from calib_core.full.odometry.travelled import stood_text
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, generate
@@ -94,11 +95,11 @@ def test_what_is_foretold_to_be_weak_is_weak() -> None:
 
 
 def test_a_standstill_has_no_forecast_but_planes() -> None:
-    """Mutation: linearise a motion that is none: seven numbers that mean nothing."""
+    """Mutations: linearise a motion that is none: seven numbers that mean nothing; a sentence that is not the solve's."""
     still = generate(replace(SHORT, motion=STILL), seed=1)[0]
     sampled = SampledScans.of(still)
     outlook = foresee(sampled, still.imu, 0)
-    assert (outlook.knowledge, outlook.code) == (None, "motion.none")
+    assert (outlook.knowledge, outlook.code, outlook.reason) == (None, "motion.none", stood_text())
     assert len(outlook.proposals.patches) >= 5
 
 

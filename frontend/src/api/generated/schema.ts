@@ -2208,10 +2208,16 @@ export interface components {
              */
             tz_m: number;
         };
-        /** Observability */
+        /**
+         * Observability
+         * @description weak_axes: the parameters that the data alone leave weak, whichever directions these make together; none of documents from
+         *     before 0.2.
+         */
         Observability: {
             /** Advice */
             advice?: string[];
+            /** Weak Axes */
+            weak_axes?: ("rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt")[];
             /** Weak Directions */
             weak_directions?: components["schemas"]["WeakDirection"][];
         };
@@ -2793,6 +2799,8 @@ export interface components {
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             id: string;
+            /** @description the newest solve that was not refused, whatever was tried since; None where there is none */
+            latest_answer?: components["schemas"]["Job"] | null;
             latest_job?: components["schemas"]["Job"] | null;
             /**
              * Name

@@ -1,6 +1,6 @@
 import type { AxisAudit } from "../../api/client";
 import { axisNames, unitOf } from "../../ui/axes";
-import { decimalsFor, fixed, withSigma } from "../../ui/format";
+import { plusMinus, stdText, withSigma } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./audit.module.css";
 
@@ -40,15 +40,18 @@ export function AxisTable({ axes }: { axes: readonly AxisAudit[] }) {
         <tbody>
           {axes.map((axis) => {
             const unit = unitOf(axis.axis);
-            const text = withSigma(axis.difference ?? 0, axis.difference_std);
+            const text = withSigma(axis.difference ?? 0, axis.difference_std, unit);
             const { tone, text: word } = wordOf(axis);
             return (
               <tr key={axis.axis} data-tone={tone}>
                 <th scope="row">{axisNames[axis.axis]}</th>
                 <td className="num" data-label="Difference">
-                  {axis.difference === null ? "–" : `${text.value} ${unit}`}
+                  {axis.difference === null ? "–" : `${text.value} ${text.unit}`}
                 </td>
-                <td className="num dim">± {text.sigma}</td>
+                <td className="num dim">
+                  {plusMinus(text)}
+                  {text.unit !== unit && ` ${text.unit}`}
+                </td>
                 <td className={css.drawn}>
                   <Gauge axis={axis} />
                 </td>
@@ -56,7 +59,7 @@ export function AxisTable({ axes }: { axes: readonly AxisAudit[] }) {
                   {axis.limit === null ? "–" : `${Number(axis.limit.toPrecision(3))} ${unit}`}
                 </td>
                 <td className="num dim" data-label="Shows from">
-                  {fixed(axis.smallest_error, decimalsFor(axis.smallest_error, 3))} {unit}
+                  {shownFrom(axis)}
                 </td>
                 <td>
                   <span className={css.word}>
@@ -71,6 +74,15 @@ export function AxisTable({ axes }: { axes: readonly AxisAudit[] }) {
       </table>
     </div>
   );
+}
+
+/** What would have shown: the limit as it was given, or three standard deviations. */
+function shownFrom({ axis, limit, smallest_error: least }: AxisAudit): string {
+  if (limit !== null && least <= limit) return `${Number(limit.toPrecision(3))} ${unitOf(axis)}`;
+  const [std, unit] = axis.startsWith("r")
+    ? ([least, "deg"] as const)
+    : ([least / 1000, axis === "dt" ? "s" : "m"] as const);
+  return stdText(std, unit);
 }
 
 const width = 120;

@@ -13,7 +13,7 @@ import { LevelIcon } from "../../ui/icons";
 import { Fault, Notice, StateBox } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
 import { JobProgress } from "../jobs/progress";
-import { stagesOfPlanes, stagesOfSolve } from "../jobs/timeleft";
+import { stagesOfSolve } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
 import layout from "../workspace/layout.module.css";
 import css from "./audit.module.css";
@@ -21,8 +21,6 @@ import { AuditForm, type AuditDraft } from "./form";
 import { limitsOf, limitsText, rememberedLimits, rememberLimits, type LimitsText } from "./limits";
 import { AuditDocument } from "./report";
 import { verdictTones, verdictWords } from "./words";
-
-const stages = [...stagesOfPlanes, ...stagesOfSolve];
 
 /** Is the extrinsic in use still right? Asked of a recording before any solve. */
 export function AuditScreen() {
@@ -130,7 +128,7 @@ function Audit({ jobId, recordingId }: { jobId: string; recordingId: string }) {
   return (
     <section className={css.running} aria-label="The audit as it runs">
       <h1>Auditing</h1>
-      <JobProgress run={run} jobId={jobId} expected={stages} />
+      <JobProgress run={run} jobId={jobId} expected={stagesOfSolve} />
     </section>
   );
 }

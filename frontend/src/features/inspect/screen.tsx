@@ -1,8 +1,9 @@
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useNavigate, useSearchParams } from "react-router";
-import type { Run } from "../../api/client";
+import type { Recording, Run } from "../../api/client";
 import { sparse } from "../../api/client";
+import { isFinal } from "../../api/jobstream";
 import { useStartJob } from "../../api/changes";
 import { scansQuery, viewQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
@@ -33,16 +34,22 @@ export function InspectScreen() {
     return (
       <Panel title="Inspect">
         <StateBox title="There is no answer to look at">
-          <p>
-            {run === undefined
-              ? "Solve first; the cloud before and after is shown here."
-              : "This run was refused; its result says why."}
-          </p>
+          <p>{whyNothing(run, workspace.recording)}</p>
         </StateBox>
       </Panel>
     );
   }
   return <Inspection key={run.job.id} run={run} {...workspace} />;
+}
+
+/** Why there is nothing to inspect: of a solve that runs already it is not asked for one. */
+export function whyNothing(run: Run | undefined, recording: Pick<Recording, "latest_job">): string {
+  const job = recording.latest_job ?? null;
+  if (job?.kind === "solve" && !isFinal(job))
+    return "The solve is still running; the cloud before and after is shown here once it has an answer.";
+  return run === undefined
+    ? "Solve first; the cloud before and after is shown here."
+    : "This run was refused; its result says why.";
 }
 
 function Inspection({ run, recording, returns }: Workspace & { run: Run }) {

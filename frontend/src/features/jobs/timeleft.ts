@@ -18,7 +18,8 @@ const weights: Record<Stage, number> = {
 };
 
 export const stagesOfPlanes: readonly Stage[] = ["read", "planes"];
-export const stagesOfSolve: readonly Stage[] = ["track", "initialise", "solve", "deskew"];
+/** All that a solve may have to do: what an earlier run has made is passed over. */
+export const stagesOfSolve: readonly Stage[] = ["read", "planes", "track", "initialise", "solve", "deskew"];
 
 /** The stages of a run: one that was passed over is none, since what it makes was kept from an earlier run. */
 export function stagesOf(seen: readonly StageProgress[], expected: readonly Stage[]): Stage[] {

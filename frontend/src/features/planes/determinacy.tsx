@@ -1,5 +1,5 @@
 import type { Planes } from "../../api/client";
-import { NARROW, stdText } from "../../ui/format";
+import { foreseenText } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
 import css from "./planes.module.css";
 
@@ -18,7 +18,7 @@ export function DeterminacyMeter({ determinacy, foreseen, hopeless }: MeterProps
   const known = foreseen ?? null;
   const ok = hopeless === "" && determines({ determinacy, foreseen });
   const fraction = strength(known);
-  const text = known === null ? "" : `±${NARROW}${stdText(known.std, known.unit)}`;
+  const text = known === null ? "" : foreseenText(known.std, known.unit, known.weak);
   return (
     <div className={css.determinacy} data-ok={ok} role="status" aria-label="Do these planes determine the answer">
       <LevelIcon level={ok ? "good" : "warning"} />

@@ -8,8 +8,20 @@ export function lastSolve(runs: readonly Run[]): { run: Run; number: number } | 
 }
 
 const leftOut = /^(?:is )?(.*): left out$/;
+/** The planes that a refusal names, each with what is wrong with it, between its first colon and what follows from them. */
+const named = /: (.*?)(?:, and the others do not face three ways)?(?:;|$)/;
 
-/** What the last solve left out, as a remark on each patch, by its index: "left out by run 2: not flat".
+/** What a refusal says of one plane; undefined where it does not name it. */
+function blamed(name: string, messages: CalibrationResult["messages"]): string | undefined {
+  return messages
+    .filter(({ code, level }) => code.startsWith("planes.") && level === "error")
+    .flatMap(({ text }) => named.exec(text)?.[1]?.split(", ") ?? [])
+    .find((part) => part.startsWith(`${name} `))
+    ?.slice(name.length + 1)
+    .replace(/^is /, "");
+}
+
+/** What the last solve left out, or was refused for, as a remark on each patch, by its index: "left out by run 2: not flat".
  *
  *  A plane is known by its colour and by what it is called today: one that was grown since is none of the run's. Only a remark:
  *  who knows the place may keep it.
@@ -29,7 +41,9 @@ export function remarksOf(
       .filter(({ code, text }) => code.startsWith("planes.") && text.startsWith(`${look.name} `))
       .map(({ text }) => leftOut.exec(text.slice(look.name.length + 1))?.[1])
       .find((words) => words !== undefined);
+    const blame = blamed(look.name, result.messages);
     if (why !== undefined) remarks.set(patch.index, `left out by run ${number}: ${why}`);
+    else if (blame !== undefined) remarks.set(patch.index, `run ${number} was refused for it: ${blame}`);
     // A run that was refused on the way may list no planes at all: that says nothing of any of them.
     else if (used.size > 0) remarks.set(patch.index, `left out by run ${number}`);
   }

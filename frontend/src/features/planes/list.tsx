@@ -41,7 +41,7 @@ export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
             title={
               planes.upright
                 ? "Angle between the plane and the horizontal"
-                : "Angle between the plane and the lidar's horizontal"
+                : "Angle between the plane and the horizontal, which is not known before gravity is"
             }
           >
             Tilt <span>°</span>
@@ -50,7 +50,7 @@ export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
             Points
           </th>
           <th scope="col" className={css.right} title="Root mean square distance of its points, all alike">
-            Noise <span>mm</span>
+            Spread <span>mm</span>
           </th>
           <th scope="col">
             <span className="sr-only">Actions</span>
@@ -62,6 +62,7 @@ export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
           <PatchRow
             key={patch.index}
             patch={patch}
+            upright={planes.upright}
             all={planes.patches}
             remark={remarks?.get(patch.index)}
             {...asked}
@@ -74,11 +75,13 @@ export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
 
 interface RowProps extends Omit<PatchListProps, "planes" | "remarks"> {
   patch: Patch;
+  /** Whether gravity is known. */
+  upright: boolean;
   remark: string | undefined;
   all: readonly Patch[];
 }
 
-function PatchRow({ patch, remark, all, apply, rename, onRestrict }: RowProps) {
+function PatchRow({ patch, upright, remark, all, apply, rename, onRestrict }: RowProps) {
   const { renaming, setRenaming, ask, menuGone } = useRenaming();
   const usual = useUsual();
   const candidates = usual === undefined ? [] : mergeCandidates(patch, all, usual);
@@ -128,7 +131,7 @@ function PatchRow({ patch, remark, all, apply, rename, onRestrict }: RowProps) {
         {patch.insisted && <p className={css.remark}>counts even if doubtful</p>}
       </td>
       <td className={`${css.right ?? ""} num`}>{fixed(patch.area_m2, 1)}</td>
-      <td className={`${css.right ?? ""} num`}>{fixed(patch.tilt_deg, 0)}</td>
+      <td className={`${css.right ?? ""} num`}>{upright ? fixed(patch.tilt_deg, 0) : "–"}</td>
       <td className={`${css.right ?? ""} num`} title={`${count(patch.n_points)} points`}>
         {thousands(patch.n_points)}
       </td>

@@ -2,7 +2,7 @@ import { ActionIcon, Button, Skeleton, Tooltip } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useRef } from "react";
 import { useNavigate } from "react-router";
-import type { Operation, Planes } from "../../api/client";
+import type { DoctorReport, Operation, Planes } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
 import { asFault } from "../../api/fault";
 import { useClickRefusal } from "../../api/feed";
@@ -13,6 +13,7 @@ import { Icon } from "../../ui/icons";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
+import { planesOf } from "../../ui/words";
 import { JobProgress } from "../jobs/progress";
 import { stagesOfPlanes } from "../jobs/timeleft";
 import { useWorkspace } from "../workspace/context";
@@ -113,7 +114,7 @@ export function PlanesScreen() {
               variant={sound ? "filled" : "default"}
               rightSection={<Icon name="next" />}
             >
-              {sound ? `Solve with ${confirmed} planes` : `Solve with ${confirmed} anyway`}
+              {sound ? `Solve with ${planesOf(confirmed)}` : `Solve with ${confirmed} anyway`}
             </Button>
           )
         }
@@ -124,10 +125,7 @@ export function PlanesScreen() {
             <DeterminacyMeter {...planes} hopeless={hopeless} />
             {!planes.static && (
               <div className={css.gap}>
-                <Notice level="warning">
-                  No standstill long enough was found, so these planes come from scans in motion; the solve refines
-                  them.
-                </Notice>
+                <Notice level="warning">{fewScansText(report)}</Notice>
               </div>
             )}
             <PatchList
@@ -169,6 +167,16 @@ export function PlanesScreen() {
       </Panel>
     </>
   );
+}
+
+/** Why these planes come from few scans. That is the lidar's standstill, at the scan that shows most planes; the IMU, whose noise the
+ *  recording's page tells, may have one at another time. */
+export function fewScansText(report: Pick<DoctorReport, "imu"> | null): string {
+  const imu = report?.imu ?? null;
+  const still = imu !== null && (imu.noise_used === "measured" || imu.still_spans.length > 0);
+  return `No standstill was found around these planes, so that they come from few scans; the solve refines them.${
+    still ? " The standstill in the IMU’s readings is at another time, or too few planes show it." : ""
+  }`;
 }
 
 /** Without a plane there is nothing to solve with: why, and the way to some. */

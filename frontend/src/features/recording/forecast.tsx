@@ -1,7 +1,8 @@
 import { useQuery } from "@tanstack/react-query";
 import type { DoctorReport, Planes } from "../../api/client";
 import { factsQuery } from "../../api/queries";
-import { fixed, NARROW, stdText } from "../../ui/format";
+import { fixed, foreseenText } from "../../ui/format";
+import { planesOf, sentenceCase } from "../../ui/words";
 import { LevelIcon } from "../../ui/icons";
 import css from "./recording.module.css";
 
@@ -23,9 +24,8 @@ function bare(text: string): string {
   return text.toLowerCase().replace(/\.$/, "");
 }
 
-/** What other programs print after a colon begins small; here it stands for itself. */
 function sentenceOf(text: string): string {
-  return `${text.charAt(0).toUpperCase()}${text.slice(1).replace(/\.$/, "")}.`;
+  return `${sentenceCase(text).replace(/\.$/, "")}.`;
 }
 
 /** On what planes the forecast rests: once they have been found, it is told which are chosen. */
@@ -35,8 +35,11 @@ export function planesText(report: DoctorReport["planes"], found: Planes | undef
   const all = found.patches.length;
   // Here nobody has confirmed any yet: what is chosen may be the suggestion.
   if (chosen === all)
-    return found.determinacy.ok ? `${all} planes seen; together they fix where the lidar is.` : found.determinacy.text;
-  return `With all ${all} planes that were found; ${chosen === 1 ? "1 is" : `${chosen} are`} chosen now.`;
+    return found.determinacy.ok
+      ? `${planesOf(all)} seen; together they fix where the lidar is.`
+      : found.determinacy.text;
+  const which = all === 1 ? "the one plane that was" : `all ${all} planes that were`;
+  return `With ${which} found; ${chosen === 1 ? "1 is" : `${chosen} are`} chosen now.`;
 }
 
 /** What a solve would know, before it is run, and the planes that rests on. */
@@ -57,8 +60,8 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
             <li key={parameter.name} data-weak={parameter.weak}>
               <span className="dim small">{names[parameter.name] ?? parameter.name}</span>
               <span className="num">
-                ±{NARROW}
-                {stdText(parameter.std, parameter.unit)} {parameter.weak && <LevelIcon level="warning" size={13} />}
+                {foreseenText(parameter.std, parameter.unit, parameter.weak)}{" "}
+                {parameter.weak && <LevelIcon level="warning" size={13} />}
               </span>
             </li>
           ))}

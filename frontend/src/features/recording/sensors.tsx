@@ -1,7 +1,7 @@
 import { NativeSelect, Skeleton } from "@mantine/core";
 import type { DoctorReport, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
-import { count, fixed } from "../../ui/format";
+import { count, duration, fixed } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
 import css from "./recording.module.css";
@@ -133,10 +133,10 @@ function rangeNoise(lidar: NonNullable<DoctorReport["lidar"]>): string {
   return `${fixed(measured * 1000, 1)} mm, measured on planes`;
 }
 
-function noiseOrigin(imu: NonNullable<DoctorReport["imu"]>): string {
+export function noiseOrigin(imu: NonNullable<DoctorReport["imu"]>): string {
   switch (imu.noise_used) {
     case "measured":
-      return "measured while still";
+      return `measured in ${duration(imu.measured_noise?.static_s ?? 0)} of standstill`;
     case "moving":
       return "measured in motion";
     case "preset":

@@ -4,10 +4,11 @@ import { useState } from "react";
 import { Link } from "react-router";
 import type { CalibrationResult, Recording, Run } from "../../api/client";
 import { recordingsQuery, resultQuery } from "../../api/queries";
-import { fixed, withSigma } from "../../ui/format";
+import { fixed, plusMinus, withSigma } from "../../ui/format";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
 import { writeOld } from "../inspect/oldtext";
+import { calledRun } from "./history";
 import { apart, differences, inSigmas, isApart } from "./difference";
 import css from "./result.module.css";
 
@@ -24,14 +25,9 @@ function answered(run: Run): boolean {
   return run.job.result?.kind === "solve" && run.job.result.translation_m !== null;
 }
 
-/** As the list of runs counts: the oldest is the first. */
-function called(run: Run, runs: readonly Run[]): string {
-  return `Run ${runs.length - runs.indexOf(run)}`;
-}
-
 function title(run: Run, runs: readonly Run[]): string {
   const when = new Date(run.job.created_at).toLocaleString(undefined, { dateStyle: "short", timeStyle: "short" });
-  return `${called(run, runs)}, ${run.job.settings.method === "paper" ? "as published" : "full"}, ${when}`;
+  return `${calledRun(run, runs)}, ${run.job.settings.method === "paper" ? "as published" : "full"}, ${when}`;
 }
 
 /** The newest answers of other recordings: the same rig on another day, or another rig. */
@@ -40,7 +36,7 @@ function useOthers(recording: Recording): { value: string; label: string }[] {
   return recordings
     .filter((one) => one.id !== recording.id)
     .flatMap((one) => {
-      const job = one.latest_job;
+      const job = one.latest_answer ?? one.latest_job;
       if (job?.result?.kind !== "solve" || job.result.translation_m === null) return [];
       return [{ value: job.id, label: one.name }];
     });
@@ -84,7 +80,7 @@ export function Compare({ recording, runs, shown }: CompareProps) {
   if (sides === null || mine.length + others.length < 2) return null;
   const { from, to } = sides;
   const names = new Map([
-    ...known.map((run) => [run.job.id, called(run, runs)] as const),
+    ...known.map((run) => [run.job.id, calledRun(run, runs)] as const),
     ...others.map(({ value, label }) => [value, label] as const),
   ]);
   const without = (id: string | null) => [
@@ -159,13 +155,13 @@ function Differences({ firstId, secondId, recording, runs, names }: DifferencesP
         <tbody>
           {found.map((difference) => {
             const { name, unit, value, sigma } = difference;
-            const text = withSigma(value, sigma);
+            const text = withSigma(value, sigma, unit);
             return (
               <tr key={name} data-apart={isApart(difference)}>
                 <th scope="row">{name}</th>
                 <td className="num">{text.value}</td>
-                <td className="num">± {text.sigma}</td>
-                <td>{unit}</td>
+                <td className="num">{plusMinus(text)}</td>
+                <td>{text.unit}</td>
                 <td className="num">{fixed(inSigmas(difference), 1)} σ</td>
               </tr>
             );

@@ -29,7 +29,7 @@ export function Frames({ matrix, base, other, apart, weak }: FramesProps) {
   const at = (row: number, column: number) => matrix[row]?.[column] ?? 0;
   const p: Vector = [at(0, 3), at(1, 3), at(2, 3)];
   const distance = Math.hypot(...p);
-  const told = apart === null ? null : withSigma(apart.m * 1000, apart.sigmaM * 1000);
+  const told = apart === null ? null : withSigma(apart.m * 1000, apart.sigmaM * 1000, "mm");
   const reach = distance > 1e-6 ? 84 / distance : 0;
   const [ox, oy] = project([p[0] * reach, p[1] * reach, p[2] * reach]);
   const place = (sx: number, sy: number): [number, number] => [middle + sx - ox / 2, middle + 8 + sy - oy / 2];

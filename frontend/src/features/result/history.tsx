@@ -1,10 +1,15 @@
 import { Link } from "react-router";
 import type { Run } from "../../api/client";
 import { useNow } from "../../ui/clock";
-import { ago, fixed, stdText } from "../../ui/format";
+import { ago, fixed, plusMinusStd, stdText } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import css from "./result.module.css";
 import { toneOf as toneOfResult } from "./verdict";
+
+/** As sentences elsewhere name a run: the oldest is the first. */
+export function calledRun(run: Run, runs: readonly Run[]): string {
+  return `Run ${runs.length - runs.indexOf(run)}`;
+}
 
 /** All runs, newest first, and how far the newest answer is from each. */
 export function History({ runs, shown }: { runs: readonly Run[]; shown: string }) {
@@ -18,7 +23,7 @@ export function History({ runs, shown }: { runs: readonly Run[]; shown: string }
             <LevelIcon level={toneOf(run)} size={15} />
             <span className={css.runText}>
               <span>
-                {run.job.settings.method === "paper" ? "As published" : "Full"}
+                {calledRun(run, runs)}: {run.job.settings.method === "paper" ? "as published" : "full"}
                 {choices(run)}
               </span>
               <span className="dim num">{known(run)}</span>
@@ -94,5 +99,5 @@ export function awayText(from: NonNullable<Run["from_latest"]>): string {
 function known(run: Run): string {
   const result = run.job.result;
   if (result?.kind !== "solve" || result.translation_std_m === null || result.rotation_std_deg === null) return "";
-  return `± ${stdText(Math.max(...result.translation_std_m), "m")}, ${stdText(Math.max(...result.rotation_std_deg), "deg")}`;
+  return `${plusMinusStd(Math.max(...result.translation_std_m), "m")}, ${stdText(Math.max(...result.rotation_std_deg), "deg")}`;
 }

@@ -1,7 +1,7 @@
 import type { CalibrationResult } from "../../api/client";
 import { fixed } from "../../ui/format";
 import { LinePlot } from "../../ui/lineplot";
-import { crossingZero, offsetsOf, plotsOf, type Profile } from "./partsof";
+import { asChanceHas, crossingZero, offsetsOf, plotsOf, type Profile } from "./partsof";
 import css from "./result.module.css";
 
 /** What stretches of the recording answer by themselves, and what the turning alone says of the time offset. */
@@ -17,7 +17,8 @@ export function PartsSection({ result }: { result: CalibrationResult }) {
       <h2>Stretch by stretch</h2>
       <p className={css.seen}>
         What each of {blocks.length} stretches would answer alone, less the answer above; bars are one standard
-        deviation. Two thirds or more should cross zero, without a trend: {crossing} of {bars} do.
+        deviation. Two thirds or more should cross zero, without a trend: {crossing} of {bars} do,{" "}
+        {asChanceHas(crossing, bars)}.
       </p>
       <div className={css.parts}>
         {plotsOf(blocks).map((plot) => (

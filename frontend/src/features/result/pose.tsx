@@ -2,7 +2,7 @@ import { SegmentedControl } from "@mantine/core";
 import type { CalibrationResult, Limits } from "../../api/client";
 import { useOwnLimits } from "../../api/ownlimits";
 import { useLimits, useUsualLimits } from "../../api/queries";
-import { fixed, withSigma } from "../../ui/format";
+import { fixed, heldText, plusMinus, toSigma, twoDigits, withSigma, type ValueText } from "../../ui/format";
 import { distanceOf } from "./distance";
 import { Frames } from "./frames";
 import { CopyBox } from "./copybox";
@@ -27,7 +27,10 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
   const { own } = useOwnLimits();
   const [to, from] = direction === "imu_lidar" ? ["IMU", "lidar"] : ["lidar", "IMU"];
   const offsetS = result.time_offset_s ?? 0;
-  const offset = withSigma(offsetS * 1000, (result.uncertainty?.time_offset_std_s ?? 0) * 1000);
+  const offset =
+    result.provenance.settings["estimate_time_offset"] === false
+      ? heldText(offsetS * 1000, "ms")
+      : withSigma(offsetS * 1000, (result.uncertainty?.time_offset_std_s ?? 0) * 1000, "ms");
   return (
     <section className={css.card} aria-label="The answer">
       <div className={css.cardHead}>
@@ -54,8 +57,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
                 key={axis}
                 axis={axis}
                 name={`Position ${axis}`}
-                unit="mm"
-                text={withSigma((pose.translationM[i] ?? 0) * 1000, (pose.translationStdM[i] ?? 0) * 1000)}
+                text={withSigma((pose.translationM[i] ?? 0) * 1000, (pose.translationStdM[i] ?? 0) * 1000, "mm")}
                 share={(pose.translationStdM[i] ?? 0) / limits.translation_m}
               />
             ))}
@@ -64,17 +66,14 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
                 key={angle}
                 axis={axes[i] ?? "x"}
                 name={angle}
-                unit="°"
-                text={withSigma(pose.eulerDeg[i] ?? 0, pose.rotationStdDeg[i] ?? 0)}
+                text={withSigma(pose.eulerDeg[i] ?? 0, pose.rotationStdDeg[i] ?? 0, "°")}
                 share={(pose.rotationStdDeg[i] ?? 0) / limits.rotation_deg}
               />
             ))}
             <NumberRow
               axis="t"
               name="Time offset"
-              unit="ms"
               text={offset}
-              held={result.provenance.settings["estimate_time_offset"] === false}
               share={(result.uncertainty?.time_offset_std_s ?? 0) / limits.time_offset_s}
             />
           </tbody>
@@ -116,8 +115,8 @@ function clockText({
   time_offset_at_s: atS,
 }: CalibrationResult): string {
   if (rate == null || atS == null) return "";
-  const { value, sigma } = withSigma(rate, std ?? 0);
-  return `, ${fixed(atS, 1)} s after the first scan; from there it changes by ${value} ± ${sigma} µs per second`;
+  const value = toSigma(rate, std ?? 0);
+  return `, ${fixed(atS, 1)} s after the first scan; from there it changes by ${value} ± ${twoDigits(std ?? 0)} µs per second`;
 }
 
 /** 20 mm, 0.5°, 2 ms. */
@@ -132,17 +131,16 @@ function row(values: readonly number[], decimals: number): string {
 interface NumberRowProps {
   axis: "x" | "y" | "z" | "t";
   name: string;
-  unit: string;
-  text: { value: string; sigma: string };
-  /** Not estimated, so that its standard deviation is nobody's finding. */
-  held?: boolean;
+  text: ValueText;
   /** Standard deviation over the limit of a weak answer. */
   share: number;
 }
 
 const decades = 3.5;
 
-function NumberRow({ axis, name, unit, text, share, held = false }: NumberRowProps) {
+function NumberRow({ axis, name, text, share }: NumberRowProps) {
+  // Not estimated, so that its standard deviation is nobody's finding.
+  const held = text.sigma === "held";
   const length = Math.max(0.02, Math.min(1, 1 + Math.log10(Math.max(share, 1e-9)) / decades));
   return (
     <tr>
@@ -150,8 +148,8 @@ function NumberRow({ axis, name, unit, text, share, held = false }: NumberRowPro
         {name}
       </th>
       <td className="num">{text.value}</td>
-      <td className={`num ${css.sigma ?? ""}`}>{held ? "held" : `± ${text.sigma}`}</td>
-      <td className={css.unit}>{unit}</td>
+      <td className={`num ${css.sigma ?? ""}`}>{plusMinus(text)}</td>
+      <td className={css.unit}>{text.unit}</td>
       <td className={css.share} aria-hidden="true">
         {!held && <span data-weak={share > 1} style={{ width: `${length * 100}%` }} />}
       </td>

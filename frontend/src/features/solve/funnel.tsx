@@ -1,4 +1,4 @@
-import { fixed, withSigma, wrapped } from "../../ui/format";
+import { fixed, heldText, plusMinus, withSigma, wrapped } from "../../ui/format";
 import type { Parameter } from "./parameters";
 import css from "./solve.module.css";
 
@@ -40,10 +40,6 @@ export function Funnel({ parameter }: { parameter: Parameter }) {
   );
 }
 
-function plusMinus({ value, sigma }: { value: string; sigma: string }) {
-  return { value, sigma: `± ${sigma}` };
-}
-
 export function ParameterTable({ parameters }: { parameters: readonly Parameter[] }) {
   return (
     <table className={css.parameters}>
@@ -57,8 +53,8 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
             shownValue === undefined || sigma === undefined
               ? null
               : sigma === null
-                ? { value: fixed(shownValue, parameter.unit === "mm" ? 1 : 3), sigma: "held" }
-                : plusMinus(withSigma(shownValue, sigma, parameter.unit === "mm" ? 3 : 4));
+                ? heldText(shownValue, parameter.unit)
+                : withSigma(shownValue, sigma, parameter.unit);
           return (
             <tr key={parameter.key}>
               <th scope="row" data-axis={parameter.axis}>
@@ -68,8 +64,8 @@ export function ParameterTable({ parameters }: { parameters: readonly Parameter[
                 <Funnel parameter={parameter} />
               </td>
               <td className="num">{text === null ? "–" : text.value}</td>
-              <td className={`num ${css.sigma ?? ""}`}>{text === null ? "" : text.sigma}</td>
-              <td className={css.unit}>{parameter.unit}</td>
+              <td className={`num ${css.sigma ?? ""}`}>{text === null ? "" : plusMinus(text)}</td>
+              <td className={css.unit}>{text?.unit ?? parameter.unit}</td>
             </tr>
           );
         })}

@@ -1,14 +1,17 @@
 import { Button } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { useNavigate, useSearchParams } from "react-router";
 import type { IterationEvent, Job, PlaneLook, SolveOutcome } from "../../api/client";
 import { isFinal, useJobStream, type RunLog } from "../../api/jobstream";
 import { useChangeView, useRetryJob, useStartJob } from "../../api/changes";
+import { resultQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
 import { LinePlot } from "../../ui/lineplot";
 import { Fault, Notice } from "../../ui/notice";
 import { Panel, Section } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
+import { NextSteps } from "../result/nextsteps";
 import { useWorkspace } from "../workspace/context";
 import { ParameterTable, ResidualBars } from "./funnel";
 import { SolveOptions } from "./options";
@@ -46,6 +49,9 @@ export function SolveScreen() {
   useStraightening(jobId, answered, changeView);
   const follow = (made: Job) => setQuery({ job: made.id });
   const refused = outcome?.status === "refused";
+  // What helps is what the result's own page offers.
+  const shown = runs.find((one) => one.job.id === jobId);
+  const told = useQuery({ ...resultQuery(jobId ?? ""), enabled: refused && jobId !== null }).data;
   const onward = outcome === null ? null : outcome.status === "refused" ? "result" : "inspect";
   const goOn = () => onward !== null && jobId !== null && void navigate(`/r/${recording.id}/${onward}?job=${jobId}`);
   useShortcuts("Solve", [
@@ -114,20 +120,9 @@ export function SolveScreen() {
         )}
         {retry.isError && <Fault error={retry.error} />}
       </Section>
-      {refused ? (
-        <Section title="Next step">
-          <div className={css.next}>
-            <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/planes`)}>
-              Back to the planes
-            </Button>
-            <Button size="compact-md" variant="default" onClick={() => void navigate(`/r/${recording.id}/recording`)}>
-              See how it was read
-            </Button>
-          </div>
-        </Section>
-      ) : (
-        (!ended || hasEstimate) && <Estimate run={run} looks={looks} answer={outcome} />
-      )}
+      {refused
+        ? told !== undefined && shown !== undefined && <NextSteps recording={recording} run={shown} result={told} />
+        : (!ended || hasEstimate) && <Estimate run={run} looks={looks} answer={outcome} />}
       {notable.length > 0 && (
         <Section title="Said on the way">
           <div className={css.logs}>

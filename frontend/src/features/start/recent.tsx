@@ -105,7 +105,11 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           onDone={() => setRenaming(false)}
         />
       )}
-      <Link className={css.open} hidden={renaming} to={`/r/${recording.id}/${standing.screen}`}>
+      <Link
+        className={css.open}
+        hidden={renaming}
+        to={`/r/${recording.id}/${standing.screen}${standing.job === undefined ? "" : `?job=${standing.job}`}`}
+      >
         <strong className="clip" title={recording.name}>
           {recording.name}
         </strong>

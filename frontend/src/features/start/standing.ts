@@ -1,4 +1,4 @@
-import type { Job, Recording } from "../../api/client";
+import type { Job, Recording, SolveOutcome } from "../../api/client";
 import { isFinal } from "../../api/jobstream";
 import type { Tone } from "../../ui/icons";
 import { verdictTones } from "../audit/words";
@@ -7,6 +7,8 @@ interface Standing {
   tone: Tone;
   text: string;
   screen: "recording" | "audit" | "planes" | "solve" | "result";
+  /** The run that the screen is to show, where that is not the newest. */
+  job?: string;
 }
 
 const auditWords = { passed: "Audit passed", failed: "Audit failed", unknown: "Audit cannot tell" };
@@ -25,6 +27,28 @@ function standingOfSolve(state: Job["state"]): Pick<Standing, "tone" | "text"> {
     case "cancelling":
     case "done":
       return { tone: "info", text: "Solving" };
+  }
+}
+
+/** How a run ended that came to nothing. */
+const endings: Partial<Record<Job["state"], string>> = {
+  failed: "failed",
+  cancelled: "was cancelled",
+  interrupted: "was interrupted",
+};
+
+function standingOfOutcome(outcome: SolveOutcome): Standing {
+  switch (outcome.status) {
+    case "calibrated":
+      return {
+        tone: outcome.tone === "doubtful" ? "warning" : "good",
+        text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated",
+        screen: "result",
+      };
+    case "weak":
+      return { tone: "warning", text: "Weak", screen: "result" };
+    case "refused":
+      return { tone: "error", text: "Refused", screen: "result" };
   }
 }
 
@@ -48,20 +72,22 @@ export function standingOf(recording: Recording): Standing {
   }
   const job = recording.latest_job;
   const outcome = job?.result;
-  if (outcome?.kind === "solve") {
-    switch (outcome.status) {
-      case "calibrated":
-        return {
-          tone: outcome.tone === "doubtful" ? "warning" : "good",
-          text: outcome.tone === "doubtful" ? "Calibrated, but it disagrees with itself" : "Calibrated",
-          screen: "result",
-        };
-      case "weak":
-        return { tone: "warning", text: "Weak", screen: "result" };
-      case "refused":
-        return { tone: "error", text: "Refused", screen: "result" };
+  const answer = recording.latest_answer ?? null;
+  // What came to nothing since takes nothing from an answer that is there.
+  if (
+    job?.kind === "solve" &&
+    isFinal(job) &&
+    answer !== null &&
+    answer.id !== job.id &&
+    answer.result?.kind === "solve"
+  ) {
+    const since = outcome?.kind === "solve" ? "was refused" : endings[job.state];
+    if (since !== undefined) {
+      const stands = standingOfOutcome(answer.result);
+      return { ...stands, tone: "warning", text: `${stands.text}; a later run ${since}`, job: answer.id };
     }
   }
+  if (outcome?.kind === "solve") return standingOfOutcome(outcome);
   if (outcome?.kind === "audit")
     return { tone: verdictTones[outcome.verdict], text: auditWords[outcome.verdict], screen: "audit" };
   if (job?.kind === "audit" && !isFinal(job)) return { tone: "info", text: "Being audited", screen: "audit" };

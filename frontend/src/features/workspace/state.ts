@@ -76,9 +76,13 @@ export function stepsOf(
       : { name: "solve", state: "locked", reason: arrived ? "Planes have to be found first" : waits },
     newest !== undefined && !isRefused(newest)
       ? { name: "inspect", state: lookedAt("inspect", newest), ...to("inspect") }
-      : { name: "inspect", state: "locked", reason: "There is no answer to look at yet" },
+      : {
+          name: "inspect",
+          state: "locked",
+          reason: solving ? "The solve is still running" : "There is no answer to look at yet",
+        },
     newest !== undefined
       ? { name: "result", state: lookedAt("result", newest), ...to("result") }
-      : { name: "result", state: "locked", reason: "There is no result yet" },
+      : { name: "result", state: "locked", reason: solving ? "The solve is still running" : "There is no result yet" },
   ];
 }

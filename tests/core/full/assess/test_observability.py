@@ -234,3 +234,21 @@ def test_advice_names_the_axis_to_turn_about() -> None:
     assert ("rotation" in turn.text, turn.about) == (True, (0, 1, 2))
     (offset,) = advice(_assess(_all(GOOD, dt=5.0)), turning, np.eye(3))
     assert ("time offset" in offset.text, offset.about) == (True, (6,))
+
+
+def test_what_is_weak_is_so_in_tables_and_in_advice() -> None:
+    """One open direction, of which a tenth lies along the IMU's x: its table is a metre wide there too. Seen: a table named three
+    axes and the advice two of them.
+
+    Oracle: the standard deviations of the data. Mutations: advice for axes that take a third of a direction; only the axis after
+    which a direction is named.
+    """
+    way = np.zeros(7)
+    way[3:6] = [0.12, -0.39, np.sqrt(1 - 0.12**2 - 0.39**2)]
+    rest = np.linalg.qr(np.column_stack([way, np.eye(7)[:, [0, 1, 2, 3, 4, 6]]]))[0]
+    known = _assess(np.array([np.inf, *[GOOD] * 6]), rest)
+    assert (known.data_std[3:6] > 1.0).all()
+    assert len(known.weak) == 1
+    assert known.weak_axes == ("tx", "ty", "tz")
+    said = advice(known, np.array([0.5, 0.01, 0.7]), np.eye(3))
+    assert [each.about for each in said] == [(3,), (4,), (5,)]
