@@ -68,8 +68,9 @@ def called(planes: Sequence[Plane], up: FloatArray, first: int) -> list[Plane]:
     """
     kinds = [kind_of(plane.normal, up)[0] for plane in planes]
     names = names_of(kinds[:first])
+    given = {plane.name for plane in planes if not PLAIN_NAME.fullmatch(plane.name)}
     for kind in kinds[first:]:
-        names.append(next_name(kind, names))
+        names.append(next_name(kind, {*names, *given}))
     return [
         replace(plane, name=name) if PLAIN_NAME.fullmatch(plane.name) else plane
         for plane, name in zip(planes, names, strict=True)

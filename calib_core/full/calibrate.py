@@ -18,7 +18,7 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
-from calib_core.full.initialise.begin import joined
+from calib_core.full.initialise.begin import joined, named_as
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.start import LidarTrack, Start
@@ -39,8 +39,6 @@ def calibrate_full(
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
-    # Of a suggestion that nobody touched enough are sound; what is left of one may be three boxes.
-    complete = planes is not None and len(joined(planes, followed.planes)) == len(planes)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
 
     def answered(schedule: Schedule, planes: Sequence[Plane]) -> Answer:
@@ -53,15 +51,13 @@ def calibrate_full(
 
         return with_sensors_held(run, solved, judged)
 
-    up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
-    found = [replace(plane, suggested=True) for plane in called(followed.planes, up, followed.proposed)]
-    if planes is None:
-        return answered(FULL, found)
-    untouched = [plane.suggested for plane in planes]
-    if all(untouched) and complete:
-        return answered(FULL, planes)  # which is no choice: what comes into view joins
+    untouched = planes is not None and all(plane.suggested for plane in planes)
+    if planes is None or (untouched and _complete(planes, followed)):
+        up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
+        every = called(named_as(planes or (), followed.planes), up, followed.proposed)
+        return answered(FULL, [replace(plane, suggested=True) for plane in every])
     by_hand = [replace(plane, suggested=False) for plane in planes]
-    if not any(untouched):
+    if not any(plane.suggested for plane in planes):
         return answered(CHOSEN, by_hand)
     try:
         return answered(PARTLY, planes)
@@ -71,6 +67,12 @@ def calibrate_full(
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)
+
+
+def _complete(planes: Sequence[Plane], followed: Followed) -> bool:
+    """Whether all proposals are among these planes: who has touched none of them has made no choice."""
+    proposals = followed.planes[: followed.proposed]
+    return bool(proposals) and len(joined(planes, proposals)) == len(planes)
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:

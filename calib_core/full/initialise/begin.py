@@ -144,16 +144,29 @@ def _led_on(ctx: Run, near: Followed, planes: Sequence[Plane], reference: int) -
 
 def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
     """The found planes, and those given that are not among them."""
-    mine, theirs = (
-        (np.array([p.normal for p in some]).reshape(-1, 3), np.array([p.offset_m for p in some]))
-        for some in (given, found)
-    )
-    pairs = same_surface(*mine, of=theirs, within_deg=AGREEING.same_deg, within_m=AGREEING.same_m)
-    known: BoolArray = np.any(pairs, axis=1)
+    known: BoolArray = np.any(_same(given, found), axis=1)
     return [
         *found,
         *(Plane(p.name, p.normal, p.offset_m) for p, is_known in zip(given, known, strict=True) if not is_known),
     ]
+
+
+def named_as(given: Sequence[Plane], found: Sequence[Plane]) -> list[Plane]:
+    """The found planes, by the names of those given that are the same."""
+    same = _same(given, found)
+    return [
+        replace(plane, name=given[int(np.argmax(one))].name) if one.any() else plane
+        for plane, one in zip(found, same.T, strict=True)
+    ]
+
+
+def _same(planes: Sequence[Plane], others: Sequence[Plane]) -> BoolArray:
+    """(P, Q) which of the planes are which of the others."""
+    mine, theirs = (
+        (np.array([p.normal for p in some]).reshape(-1, 3), np.array([p.offset_m for p in some]))
+        for some in (planes, others)
+    )
+    return same_surface(*mine, of=theirs, within_deg=AGREEING.same_deg, within_m=AGREEING.same_m)
 
 
 def _aided(

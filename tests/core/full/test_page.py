@@ -158,6 +158,7 @@ def counted(
     planes: list[Plane] | None,
     *outcomes: Refused | str,
     found: Sequence[str] = ("found",),
+    of: int = 1,
 ) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
     """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it."""
     asked: list[tuple[Schedule, list[str]]] = []
@@ -171,7 +172,9 @@ def counted(
             raise one
         return one
 
-    monkeypatch.setattr(page, "follow_or_recall", lambda *_: Track([plane for plane in SEEN if plane.name in found]))
+    monkeypatch.setattr(
+        page, "follow_or_recall", lambda *_: Track([plane for plane in SEEN if plane.name in found], proposed=of)
+    )
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
@@ -189,7 +192,8 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     others are thinned out, which is given up where that does not do, so that none comes back. A touched plane chooses no other.
 
     Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; tried again for a choice, and for an
-    untouched suggestion; what was dropped comes back; three boxes that are left of a suggestion answer; boxes are asked again.
+    untouched suggestion; all that was followed taken for proposed; what was dropped comes back; three boxes that are left of a
+    suggestion answer; boxes are asked again.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
@@ -199,13 +203,19 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     assert counted(monkeypatch, partly, "right") == ([(PARTLY, names)], [], ("right", 2.0))
     both = [(PARTLY, names), (CHOSEN, names)]
     assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", 2.0))
-    assert counted(monkeypatch, proposed, "right") == ([(FULL, names)], [], ("right", 1.0))
-    assert counted(monkeypatch, proposed, lost) == ([(FULL, names)], [], "planes.too_few")
+    # A floor was proposed, a wall came into view.
+    renamed = [replace(proposed[0], name="hall")]
+    assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "wall"])], [], ("right", 1.0))
+    assert counted(monkeypatch, proposed, lost, found=names, of=2) == ([(FULL, names)], [], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
     both = [(PARTLY, ["floor"]), (CHOSEN, ["floor"])]
-    assert counted(monkeypatch, proposed[:1], lost, "right", found=names) == (both, ["planes.open"], ("right", 2.0))
+    assert counted(monkeypatch, proposed[:1], lost, "right", found=names, of=2) == (
+        both,
+        ["planes.open"],
+        ("right", 2.0),
+    )
     boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion")
-    assert counted(monkeypatch, proposed[:1], boxes, found=names) == (both[:1], [], "planes.doubtful")
+    assert counted(monkeypatch, proposed[:1], boxes, found=names, of=2) == (both[:1], [], "planes.doubtful")
 
 
 def test_nothing_joins_what_is_left_of_a_suggestion(monkeypatch: pytest.MonkeyPatch) -> None:
