@@ -163,3 +163,33 @@ def test_a_name_of_a_hundred_characters_breaks_no_screen(page: Page, answered: t
         expect(page.get_by_text(LONG).first).to_be_attached()
         expect(page.locator("[aria-busy=true]")).to_have_count(0)
         assert (screen, faults_in_all_sizes(page)) == (screen, [])
+
+
+def test_a_plane_that_is_insisted_on_is_said_first_and_left_out_by_a_button(
+    page: Page, api: Api, crowded: tuple[str, str]
+) -> None:
+    """By clicks only: what was left out counts all the same, which the verdict says first and not in green; its button leaves it
+    out again and solves. Mutations: the wish left out of the solve; a green verdict; a button that drops it and stays.
+    """
+    recording, _ = crowded
+    page.goto(f"/r/{recording}/planes")
+    row = page.get_by_role("row").filter(has_text="left out by run").first
+    row.get_by_role("button", name=re.compile("^More for")).click()
+    page.get_by_role("menuitem", name="Count it even if doubtful").click()
+    until(lambda: any(patch["insisted"] for patch in api.planes(recording)["patches"]))
+    go_on(page, "Solve with")
+    expect(page).to_have_url(re.compile("job="))
+    go = page.get_by_role("button", name=re.compile("Inspect the answer|See why")).last
+    expect(go).to_be_enabled(timeout=STEPS)
+    insisted = re.findall(r"job=(\w+)", page.url)[0]
+    page.goto(f"/r/{recording}/result?job={insisted}")
+    verdict = page.locator("header[data-tone]")
+    expect(verdict).to_have_attribute("data-tone", "warning")
+    expect(verdict).to_contain_text("counts all the same")
+    page.get_by_role("button", name=re.compile("out and solve again$")).click()
+    expect(page).to_have_url(re.compile(rf"job=(?!{insisted})"))
+    expect(go).to_be_enabled(timeout=STEPS)
+    without = api.ask("GET", f"/api/results/{re.findall(r'job=(.*)', page.url)[0]}")
+    (left,) = [patch["name"] for patch in api.planes(recording)["patches"] if not patch["confirmed"]]
+    assert left not in [plane["name"] for plane in without["quality"]["planes"]]
+    api.as_detected(recording)
