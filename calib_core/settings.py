@@ -94,7 +94,10 @@ class CalibrateSettings(_Settings):
         default=None, gt=0, le=180, description="keep azimuth within +-A; None: all"
     )
     gravity: Gravity = Gravity()
-    imu_noise: ImuNoise | str | None = Field(default=None, description="a preset's name, or densities; None: measured")
+    imu_noise: ImuNoise | str | None = Field(
+        default=None,
+        description="a preset's name: its priors and walks; or densities, which are measured otherwise",
+    )
     estimate_time_offset: bool = True
     estimate_planes: bool = True
     bias_model: Literal["constant", "random-walk"] = "random-walk"

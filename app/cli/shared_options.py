@@ -41,7 +41,11 @@ def add_solving(command: Parser) -> None:
         metavar="VALUE|latitude:DEG|free",
         help="its magnitude in m/s² (free: 9.807 +- 0.02)",
     )
-    add("--imu-noise", metavar="PRESET|FILE", help="noise densities, instead of those measured while standing still")
+    add(
+        "--imu-noise",
+        metavar="PRESET|FILE",
+        help="the IMU by name: what to expect of it; or a file of noise densities, instead of measured ones",
+    )
     add(
         "--intrinsics",
         default=defaults.intrinsics,

@@ -13,7 +13,7 @@ from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.coarse_stamps import imu_step, point_step, scan_step
 from calib_core.full.prepare.imu_noise import noise_of
 from calib_core.full.prepare.imu_stamps import as_taken
-from calib_core.full.prepare.settings import LENGTH
+from calib_core.full.prepare.settings import LENGTH, NOISE
 from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
 from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run, StampStep
@@ -98,29 +98,36 @@ def _sieve(recording: Recording, period_s: float, settings: CalibrateSettings, o
 
 
 def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks, on_event: OnEvent) -> ImuNoiseLevel:
-    """The noise the user gave, else measured: never a number taken on trust while the data can tell."""
-    imu = recording.imu
-    period = float(np.median(np.diff(clocks.imu_s)))
-    given = settings.imu_noise
-    if isinstance(given, str):
-        preset = find_imu_preset(given)
-        if preset is None:
-            raise SettingsError(
-                f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names"
-            )
-        given = preset.noise
-    if isinstance(given, ImuNoise):
-        density = np.repeat(
-            [given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz], 3
+    """The densities the user gave, else what is measured: never a number taken on trust while the data can tell.
+
+    A preset's name tells which IMU it is, not how noisy this one is: its priors and its walks count (nuisance.py, presets).
+    Densities that were given count as they are; where the readings scatter by more, that is said.
+    """
+    imu, given = recording.imu, settings.imu_noise
+    if isinstance(given, str) and find_imu_preset(given) is None:
+        raise SettingsError(
+            f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names"
         )
-        return ImuNoiseLevel(NoiseDensity(density[:3], density[3:]), density / np.sqrt(period), "the densities given")
     level, _ = noise_of(clocks.imu_s, imu)
+    measured = np.array([level.density.gyro_rad_s_sqrt_hz[0], level.density.accel_m_s2_sqrt_hz[0]])
+    if isinstance(given, ImuNoise):
+        two = np.array([given.gyroscope_noise_density_rad_s_sqrt_hz, given.accelerometer_noise_density_m_s2_sqrt_hz])
+        times = measured / two
+        if times.max() > NOISE.contradicted:
+            sensor = ("gyroscope", "accelerometer")[int(np.argmax(times))]
+            text = (
+                f"the {sensor}'s readings scatter {times.max():.1f} times as much as the noise that is given for it, by "
+                f"{level.source}: the error bars go by what is given, and may be too narrow"
+            )
+            on_event(LogEvent(level="warning", code="imu.noise_given", text=text))
+        density, period = np.repeat(two, 3), float(np.median(np.diff(clocks.imu_s)))
+        return ImuNoiseLevel(NoiseDensity(density[:3], density[3:]), density / np.sqrt(period), "the densities given")
     on_event(
         LogEvent(
             level="info",
             code="imu.noise",
-            text=f"IMU noise from {level.source}: gyroscope {level.density.gyro_rad_s_sqrt_hz[0]:.2g} rad/s/√Hz, "
-            f"accelerometer {level.density.accel_m_s2_sqrt_hz[0]:.2g} m/s²/√Hz",
+            text=f"IMU noise from {level.source}: gyroscope {measured[0]:.2g} rad/s/√Hz, "
+            f"accelerometer {measured[1]:.2g} m/s²/√Hz",
         )
     )
     return level

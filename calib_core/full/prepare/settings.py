@@ -41,6 +41,9 @@ class Noise:
     #: about or not; 2.3 to 20 times (gyroscope) and 27 and more (accelerometer) where 18 lines of 25 to 120 Hz shake it by
     #: 0.5 to 3 m/s2.
     shaken: float = 2.0
+    #: judged: noise that is given is said to be too little where the readings scatter by so many times as much: error bars are
+    #: too narrow by about that then. Words alone depend on it.
+    contradicted: float = 1.5
     #: judged: standing still is told by blocks of this length, of so many readings at least, shorter than the pauses of a
     #: hand. A standstill begins and ends that much later or earlier.
     block_s: float = 0.25

@@ -890,7 +890,7 @@ export interface components {
             gravity: components["schemas"]["Gravity"];
             /**
              * Imu Noise
-             * @description a preset's name, or densities; None: measured
+             * @description a preset's name: its priors and walks; or densities, which are measured otherwise
              */
             imu_noise?: components["schemas"]["ImuNoise"] | string | null;
             /**

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from calib_core.events import Event, LogEvent, never_cancel
 from calib_core.full.prepare import imu_noise
 from calib_core.full.prepare.imu_noise import (
     longest_still,
     measure_imu_noise,
 )
 from calib_core.full.prepare.noise_floor import Floor
+from calib_core.full.prepare.prepare import prepare
 from calib_core.full.prepare.settings import NOISE
-from calib_core.simulate import SCENARIOS, Truth
+from calib_core.full.run import ImuNoiseLevel
+from calib_core.presets import find_imu_preset
+from calib_core.settings import CalibrateSettings, ImuNoise
+from calib_core.simulate import SCENARIOS, Truth, generate
 from calib_core.simulate.motion import Start
 from calib_core.types import FloatArray
+from tests.core.full.conftest import SHORT
 
 GYRO_STD, ACCEL_STD = 2e-3, 0.03
 _SCENARIO = SCENARIOS["paper-fast"]
@@ -145,3 +153,42 @@ def test_the_density_is_that_of_the_lowest_floor_unless_noise_is_white(
     """
     floors = [Floor(np.full(3, level), np.full(3, 0.1)) for level in (still, moving) if level is not None]
     assert imu_noise._at_low_frequencies(1.0, floors, slice(0, 3)) == pytest.approx(found)
+
+
+def test_a_preset_names_an_imu_and_does_not_say_how_noisy_this_one_is() -> None:
+    """A unit three times as noisy as its data sheet. Oracle: the noise it was simulated with; the sheet's were below the bound.
+
+    Mutations: the sheet's densities taken for this unit's; given ones replaced by what is measured; a contradiction not said.
+    """
+    sheet = find_imu_preset("xsens-mti-300")
+    assert sheet is not None
+    gyro, accel = (
+        sheet.noise.gyroscope_noise_density_rad_s_sqrt_hz,
+        sheet.noise.accelerometer_noise_density_m_s2_sqrt_hz,
+    )
+    noisy = replace(
+        SHORT.imu,
+        gyroscope_noise_density_rad_s_sqrt_hz=3.0 * gyro,
+        accelerometer_noise_density_m_s2_sqrt_hz=3.0 * accel,
+    )
+    recording = generate(replace(SHORT, imu=noisy), seed=1)[0]
+
+    def prepared(noise: ImuNoise | str | None) -> tuple[ImuNoiseLevel, list[str]]:
+        said: list[str] = []
+
+        def listen(event: Event) -> None:
+            if isinstance(event, LogEvent) and event.level == "warning":
+                said.append(event.code)
+
+        run = prepare(recording, CalibrateSettings(imu_noise=noise), listen, never_cancel)
+        return run.noise, said
+
+    measured, silent = prepared(None)
+    np.testing.assert_allclose(measured.density.gyro_rad_s_sqrt_hz, 3.0 * gyro, rtol=0.1)
+    np.testing.assert_allclose(measured.density.accel_m_s2_sqrt_hz, 3.0 * accel, rtol=0.1)
+    named, also_silent = prepared("xsens-mti-300")
+    np.testing.assert_array_equal(named.density.gyro_rad_s_sqrt_hz, measured.density.gyro_rad_s_sqrt_hz)
+    assert (silent, also_silent) == ([], [])
+    given, said = prepared(sheet.noise)
+    np.testing.assert_allclose(given.density.accel_m_s2_sqrt_hz, accel)
+    assert said == ["imu.noise_given"]
