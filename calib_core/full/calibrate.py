@@ -40,6 +40,9 @@ def calibrate_full(
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
+    untouched = planes is not None and all(plane.suggested for plane in planes) and _complete(planes, followed)
+    up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
+    found = called(named_as(planes or (), followed.planes), up, followed.proposed)
 
     def answered(schedule: Schedule, planes: Sequence[Plane]) -> Answer:
         def solved(run: Run) -> Solved:
@@ -51,11 +54,8 @@ def calibrate_full(
 
         return with_sensors_held(run, solved, judged)
 
-    untouched = planes is not None and all(plane.suggested for plane in planes)
-    if planes is None or (untouched and _complete(planes, followed)):
-        up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
-        every = called(named_as(planes or (), followed.planes), up, followed.proposed)
-        return answered(FULL, [replace(plane, suggested=True) for plane in every])
+    if planes is None or untouched:
+        return answered(FULL, [replace(plane, suggested=True) for plane in found])
     by_hand = [replace(plane, suggested=False) for plane in planes]
     if not any(plane.suggested for plane in planes):
         return answered(CHOSEN, by_hand)

@@ -160,8 +160,9 @@ def test_two_answers_and_limits_of_ones_own(page: Page, api: Api, solved: tuple[
     page.get_by_role("combobox", name="From").select_option(one_axis[1])
     table = page.get_by_role("table", name="Differences of the two answers")
     ours, theirs = (api.ask("GET", f"/api/results/{job}")["uncertainty"] for job in (solved[1], one_axis[1]))
-    sigma_mm = 1e3 * np.hypot(ours["translation_std_m"][2], theirs["translation_std_m"][2])
-    shown = f"± {sigma_mm:.0f}" if sigma_mm < 1000.0 else "± > 1000"
+    sigma_m = float(np.hypot(ours["translation_std_m"][2], theirs["translation_std_m"][2]))
+    # Two digits, beyond a metre in metres, as in every sentence.
+    shown = f"± {float(f'{sigma_m:.2g}'):g}m" if sigma_m >= 1.0 else f"± {float(f'{1e3 * sigma_m:.2g}'):g}mm"
     expect(table.get_by_role("row", name="Position z")).to_contain_text(shown)
     expect(page.get_by_role("region", name="Compare two answers")).to_contain_text("too wide to tell in")
 
