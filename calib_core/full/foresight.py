@@ -12,6 +12,7 @@ import json
 import os
 import zipfile
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -81,17 +82,23 @@ def foresight(problem: JointProblem, estimate: Estimate, proposed: int, share: f
 
 
 def keep_foresight(folder: Path, kept: Foresight | None) -> None:
-    """Put into the folder for `kept_foresight`, whole or not at all; what is there goes where there is none."""
+    """Put into the folder for `kept_foresight`, whole or not at all; what is there goes where there is none.
+
+    Where the folder takes nothing, as on a full disk, nothing is kept: a report must not be lost for it.
+    """
     path = folder / _FILE
-    if kept is None:
-        path.unlink(missing_ok=True)
-        return
-    words, arrays = as_written(kept)
-    folder.mkdir(parents=True, exist_ok=True)
     new = path.with_suffix(f".{os.getpid()}.tmp")
-    with new.open("wb") as file:
-        np.savez(file, allow_pickle=False, **{_WORDS: np.array(json.dumps(words))}, **arrays)
-    new.replace(path)
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
+        if kept is None:
+            return
+        words, arrays = as_written(kept)
+        folder.mkdir(parents=True, exist_ok=True)
+        with new.open("wb") as file:
+            np.savez(file, allow_pickle=False, **{_WORDS: np.array(json.dumps(words))}, **arrays)
+        new.replace(path)
+    with suppress(OSError):
+        new.unlink(missing_ok=True)
 
 
 def kept_foresight(folder: Path) -> Foresight | None:

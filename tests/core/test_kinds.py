@@ -29,6 +29,12 @@ def test_a_name_that_a_person_gave_stays() -> None:
     assert [p.name for p in called(planes, UP, 3)] == ["wall", "floor", "my ramp"]
 
 
+def test_what_comes_into_view_takes_no_name_that_a_person_gave() -> None:
+    """Mutation: numbered on from the kinds alone: two planes of one name."""
+    planes = [Plane("wall 2", EAST, 1.0), *_plain(UP, NORTH)]
+    assert [p.name for p in called(planes, UP, 2)] == ["wall 2", "floor", "wall 3"]
+
+
 @pytest.mark.parametrize(
     ("kind", "taken", "name"),
     [

@@ -12,10 +12,9 @@ from calib_core.full.assess.observability import assess
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION
-from calib_core.full.prepare.nuisance import sensor_block
+from calib_core.full.prepare.nuisance import priors_of, sensor_block
 from calib_core.full.run import Run
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS, UNKNOWN_IMU, UNKNOWN_LIDAR
-from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.result import Intrinsic
 from calib_core.types import FloatArray
 
@@ -165,9 +164,7 @@ def told_cost(run: Run, solved: Solved, considered: Considered | None) -> tuple[
 
 def _unnamed(run: Run) -> list[str]:
     """Sensors for which the middle of all there are stands in."""
-    settings, recording = run.settings, run.recording
-    imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
-    lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
+    imu, lidar = priors_of(run.recording, run.settings)
     return [name for name, known in (("IMU", imu != UNKNOWN_IMU), ("lidar", lidar != UNKNOWN_LIDAR)) if not known]
 
 

@@ -165,15 +165,20 @@ def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:
     return lasers, float(np.median(spreads)) < np.radians(LASERS.same_elevation_deg)
 
 
+def priors_of(recording: Recording, settings: CalibrateSettings) -> tuple[ImuPrior, LidarPrior]:
+    """What to expect of a recording's sensors: as they are named by the settings, else as they were recognised."""
+    named = settings.imu_noise if isinstance(settings.imu_noise, str) else ""
+    return find_imu_prior(named, recording.imu_model), find_lidar_prior(settings.lidar or "", recording.lidar.model)
+
+
 def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:
     """The parameters of a recording's own sensors that are unknowns beside the calibration, by settings and presets."""
     if settings.intrinsics == "off":
         return Nuisance()
     lasers, spins = count_lasers(recording.scans)
-    lidar = find_lidar_prior(settings.lidar or "", recording.lidar.model)
+    imu, lidar = priors_of(recording, settings)
     if not spins:
         lidar = replace(lidar, eccentricity_std_rad=0.0)
-    imu = find_imu_prior(settings.imu_noise if isinstance(settings.imu_noise, str) else "", recording.imu_model)
     wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics
     return choose_nuisance(
         imu,

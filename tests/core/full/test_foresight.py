@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -83,3 +85,21 @@ def test_what_is_kept_tells_the_same(foresight: Foresight, tmp_path: Path) -> No
     keep_foresight(tmp_path / "new", None)
     assert not list((tmp_path / "new").iterdir())
     assert kept_foresight(tmp_path / "new") is None
+
+
+def test_a_full_disk_takes_no_report_away(
+    foresight: Foresight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutations: what cannot be written raised; half a file left behind; an older problem left for the new report."""
+    keep_foresight(tmp_path, foresight)
+
+    def full(file: BinaryIO, **_: object) -> None:
+        file.write(b"half")
+        raise OSError(errno.ENOSPC, "no space left")
+
+    monkeypatch.setattr(np, "savez", full)
+    keep_foresight(tmp_path, foresight)
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").touch()
+    keep_foresight(tmp_path / "file" / "below", foresight)
+    assert kept_foresight(tmp_path / "file" / "below") is None
