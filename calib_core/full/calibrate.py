@@ -18,7 +18,7 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
-from calib_core.full.initialise.begin import joined, named_as
+from calib_core.full.initialise.begin import choice_among, dropped_of, named_as
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.start import LidarTrack, Start
@@ -40,13 +40,16 @@ def calibrate_full(
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
-    untouched = planes is not None and all(plane.suggested for plane in planes) and _complete(planes, followed)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
-    found = called(named_as(planes or (), followed.planes), up, followed.proposed)
+    found = called(named_as(planes or (), followed), up, followed.proposed)
+    choice = choice_among(followed.proposals, planes)
 
-    def answered(schedule: Schedule, planes: Sequence[Plane]) -> Answer:
+    def answered(schedule: Schedule, proposed: Sequence[Plane], late: Sequence[Plane] = ()) -> Answer:
+        dropped = dropped_of(followed, choice, found) if choice else ()
+        counting = replace(followed, planes=[*proposed, *late], proposed=len(proposed), dropped=dropped)
+
         def solved(run: Run) -> Solved:
-            return solve(run, replace(followed, planes=list(planes)), lidar, start, guess, schedule)
+            return solve(run, counting, lidar, start, guess, schedule)
 
         def judged(run: Run, solved: Solved) -> Answer:
             wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
@@ -54,25 +57,21 @@ def calibrate_full(
 
         return with_sensors_held(run, solved, judged)
 
-    if planes is None or untouched:
-        return answered(FULL, [replace(plane, suggested=True) for plane in found])
-    by_hand = [replace(plane, suggested=False) for plane in planes]
-    if not any(plane.suggested for plane in planes):
+    suggested = [replace(plane, suggested=True) for plane in found]
+    first, late = suggested[: followed.proposed], suggested[followed.proposed :]
+    if choice is None:
+        return answered(FULL, first, late) if first else answered(FULL, late)
+    by_hand = [replace(plane, suggested=False) for plane in choice]
+    if not any(plane.suggested for plane in choice):
         return answered(CHOSEN, by_hand)
     try:
-        return answered(PARTLY, planes)
+        return answered(PARTLY, choice, late if first else ())
     except Refused as refused:
         if refused.code == "planes.doubtful":
             raise
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)
-
-
-def _complete(planes: Sequence[Plane], followed: Followed) -> bool:
-    """Whether all proposals are among these planes: who has touched none of them has made no choice."""
-    proposals = followed.planes[: followed.proposed]
-    return bool(proposals) and len(joined(planes, proposals)) == len(planes)
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:

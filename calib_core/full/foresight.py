@@ -46,13 +46,13 @@ class Foresight:
     def growth(self, places: Collection[int]) -> FloatArray:
         """By what the standard deviations of the seven grow with these planes alone, (7,), at least 1.
 
-        places: among the proposals. With all of them, what comes into view counts too. What stays open grows to the standing
-        prior's size; infinite where nothing is left.
+        places: among the proposals; what comes into view counts in any case. What stays open grows to the standing prior's size;
+        infinite where nothing is left.
         """
         chosen = set(places) & set(range(self.proposed))
         if len(chosen) == self.proposed:
             return np.ones(CALIBRATION)
-        return np.maximum(self._stds(chosen) / self._of_all, 1.0)
+        return np.maximum(self._stds({*chosen, *range(self.proposed, len(self.estimate.normals))}) / self._of_all, 1.0)
 
     @cached_property
     def _of_all(self) -> FloatArray:

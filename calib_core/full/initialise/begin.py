@@ -53,34 +53,54 @@ def begin(
 ) -> Followed:
     """The lidar's motion, and the planes it was followed by.
 
-    given: the person's planes, in the frame of the reference scan: the motion is told in that frame then.   proposals: the
-    planes found, where that was done before.   at_fault: so much of the motion may have gone as the IMU has not felt it.
-    Raises Refused with what could not be followed.
+    given: the person's planes, in the frame of the reference scan: the motion is told in that frame then, if they are a choice.
+    proposals: the planes found, where that was done before.   at_fault: so much of the motion may have gone as the IMU has not
+    felt it.   Raises Refused with what could not be followed.
     """
     found = proposals or propose_planes(
         ctx.recording, ctx.settings, on_event=ctx.on_event, should_cancel=ctx.should_cancel
     )
     reference = found.reference_scans[0]
-    planes = joined([patch.plane for patch in found.patches], given or [])
+    proposed = tuple(patch.plane for patch in found.patches)
+    given = choice_among(proposed, given)
+    planes = joined(proposed, given or [])
     if not planes:
         raise no_planes(ctx.recording.scans)
     near = follow(ctx, planes, reference, guide=partial(Guide, ctx), may_leave=False)
     led = _led_throughout(ctx, near, planes, reference, at_fault) if near.led else None
     best, agreed = led or _by_planes(ctx, planes, reference, at_fault, None if near.led else near)
     refuse_lost(ctx, best, agreed)
-    scans = ctx.recording.scans
+    best = replace(best, proposals=proposed)
     if given is not None and best.reference != reference:
-        best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
-    if best.reference != reference:
-        at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
-        ctx.say(
-            "info",
-            "track.reference",
-            f"the planes are those of the scan at {at_s:.1f} s, from which the lidar can be followed over {best.seen} of "
-            f"{len(scans)} scans",
-        )
-        return best
-    return replace(best, proposed=len(found.patches))
+        seen = best.seen_from(reference)
+        if seen is not None:
+            return seen
+        best = replace(follow(ctx, planes, reference, may_leave=False), proposals=proposed)
+    if best.reference == reference:
+        return replace(best, proposed=len(proposed))
+    scans = ctx.recording.scans
+    at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
+    ctx.say(
+        "info",
+        "track.reference",
+        f"the planes are those of the scan at {at_s:.1f} s, from which the lidar can be followed over {best.seen} of "
+        f"{len(scans)} scans",
+    )
+    return best
+
+
+def choice_among(proposals: Sequence[Plane], given: Sequence[Plane] | None) -> Sequence[Plane] | None:
+    """What a person has chosen: None where that is nothing, who has touched none of the proposals has made no choice."""
+    if given is None or not all(plane.suggested for plane in given):
+        return given
+    return None if proposals and len(joined(given, proposals)) == len(given) else given
+
+
+def dropped_of(followed: Followed, given: Sequence[Plane], called: Sequence[Plane]) -> list[Plane]:
+    """The proposals that are not among those given, as they are known by now. called: the track's planes by their names."""
+    kept = np.any(_same(given, followed.proposals), axis=0)
+    now = called[: followed.proposed] or followed.proposals
+    return [plane for plane, is_kept in zip(now, kept, strict=True) if not is_kept]
 
 
 def _led_throughout(
@@ -151,12 +171,14 @@ def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
     ]
 
 
-def named_as(given: Sequence[Plane], found: Sequence[Plane]) -> list[Plane]:
-    """The found planes, by the names of those given that are the same."""
-    same = _same(given, found)
+def named_as(given: Sequence[Plane], followed: Followed) -> list[Plane]:
+    """The track's planes, by the names of those given that are the same; as they are where the track is another scan's."""
+    if not followed.proposed:
+        return followed.planes
+    same = _same(given, followed.planes)
     return [
         replace(plane, name=given[int(np.argmax(one))].name) if one.any() else plane
-        for plane, one in zip(found, same.T, strict=True)
+        for plane, one in zip(followed.planes, same.T, strict=True)
     ]
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from calib_core.events import Event, LogEvent
-from calib_core.full.initialise.begin import begin, joined
+from calib_core.full.initialise.begin import begin, choice_among, joined
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
@@ -60,6 +60,7 @@ class Kept:
 
     def serves(self, given: Sequence[Plane] | None) -> bool:
         """Whether the same track would be made for this choice of planes."""
+        given = choice_among(self.found, given)
         if self.left and self.chosen != (given is not None):
             return False
         return _same(self.extra, joined(self.found, given or [])[len(self.found) :])
@@ -94,9 +95,10 @@ def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path 
     listening = replace(run, on_event=listen)
     found = propose_planes(run.recording, run.settings, on_event=listen, should_cancel=run.should_cancel)
     followed = begin(listening, given, found)
-    planes = tuple(patch.plane for patch in found.patches)
+    planes = followed.proposals
+    given = choice_among(planes, given)
     extra = tuple(joined(planes, given or [])[len(planes) :])
-    left = followed.reference != found.reference_scans[0]
+    left = followed.proposed == 0
     write_kept(folder / _FILE, key, Kept(followed, planes, extra, given is not None, left, tuple(said)))
     return followed
 
@@ -160,7 +162,9 @@ def read_kept(path: Path, key: str) -> Kept | None:
                 ScanMotion(int(at), R, p, omega, v, *(float(number) for number in numbers))
                 for at, R, (p, omega, v), numbers in columns
             ]
-            followed = Followed(int(stored["reference"]), planes, motions, proposed=int(words["proposed"]))
+            followed = Followed(
+                int(stored["reference"]), planes, motions, proposals=tuple(found), proposed=int(words["proposed"])
+            )
             said = tuple(LogEvent.model_validate(event) for event in words["said"])
             return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):

@@ -97,7 +97,10 @@ def begin(
     state = Estimation(
         estimate=estimate,
         priors=standing_priors(run, estimate, guess),
-        planes=tuple(MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested) for plane in followed.planes),
+        planes=tuple(
+            MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=place >= followed.proposed > 0)
+            for place, plane in enumerate(followed.planes)
+        ),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(
             BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m, run.sieve_m
@@ -106,7 +109,18 @@ def begin(
     spacing_s = readings.spacing_s
     most_rounds = schedule.most_rounds(inside * spacing_s, len(whole) * spacing_s, run.settings.max_rounds)
     sensors = nuisance_of(run.recording, run.settings)
-    data = JointData(run, readings, nodes, gauge, followed.reference, estimate, schedule.limits, most_rounds, sensors)
+    data = JointData(
+        run,
+        readings,
+        nodes,
+        gauge,
+        followed.reference,
+        estimate,
+        schedule.limits,
+        most_rounds,
+        sensors,
+        followed.dropped,
+    )
     return data, state, len(whole) / total
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.errors import Refused
-from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.estimation import MapPlane, Solved
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_chi2
 from calib_core.full.joint.settings import DOUBTING
@@ -24,7 +24,7 @@ from calib_core.full.planes.standing import (
 )
 from calib_core.full.run import Run
 from calib_core.geometry import plane_axes
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, Level
 
 
 def standings(problem: JointProblem, estimate: Estimate) -> list[Standing]:
@@ -65,14 +65,16 @@ def plane_doubts(problem: JointProblem, estimate: Estimate, rough_m: float | Non
     return doubts(found) if rough_m is None else doubts(found, rough_m, np.inf)
 
 
-def say_left_out(ctx: Run, names: Sequence[str], doubt: FloatArray) -> None:
-    """Name the planes that are left out, each with what is wrong with it. doubt: (P, 3), theirs."""
-    for name, row in zip(names, doubt, strict=True):
+def say_left_out(ctx: Run, planes: Sequence[MapPlane], doubt: FloatArray) -> None:
+    """Name the planes that are left out, each with what is wrong with it. doubt: (P, 3), theirs.
+
+    Somebody was shown those that were proposed, and is warned of them; of what came into view on the way a note will do.
+    """
+    for plane, row in zip(planes, doubt, strict=True):
         fault = fault_of(row)
-        if fault:
-            ctx.say("warning", f"planes.{fault}", f"{name} {WORDS[fault]}: left out")
-        else:
-            ctx.say("warning", "planes.dropped", f"{name} does not fit the motion that the others share: left out")
+        level: Level = "info" if plane.late else "warning"
+        what = WORDS[fault] if fault else "does not fit the motion that the others share"
+        ctx.say(level, f"planes.{fault or 'dropped'}", f"{plane.name} {what}: left out")
 
 
 def face_three_ways(normals: FloatArray) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import UpsampledImu, asked_later
 from calib_core.solver.levenberg import Minimum
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, Plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +32,14 @@ class MapPlane:
 
     outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
     fault: what was wrong with it while gates were wide, "" where nothing was.   chosen: a person wants it, doubtful or not.
+    late: it came into view on the way, and nobody was shown it.
     """
 
     name: str
     outline_m: FloatArray | None = None
     fault: Fault = ""
     chosen: bool = False
+    late: bool = False
 
 
 @dataclass
@@ -82,6 +84,7 @@ class JointData:
     readings, nodes: over every knot that may come to be estimated.   gauge: the knot whose pose holds the map frame.
     reference: position of the scan in whose frame the map is.   start: what the stages before have found, and
     limits: how far from it an answer may lie.   sensors: what of them is to be unknown.   most_rounds: that may be taken in all.
+    dropped: planes that a person has dropped, in the map frame: they shall not come into view again.
     on_state: told the name of each step and the state before it (`replay.py` writes them down).
     """
 
@@ -94,6 +97,7 @@ class JointData:
     limits: Limits
     most_rounds: int
     sensors: Nuisance = Nuisance()  # noqa: RUF009  frozen
+    dropped: Sequence[Plane] = ()
     laid_out: LastView = field(default_factory=LastView)
     asked: LastReadings = field(default_factory=LastReadings)
     on_state: Callable[[str, Estimation], None] = ignore_state

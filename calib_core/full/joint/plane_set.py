@@ -12,7 +12,7 @@ from calib_core.full.joint.doubt import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.policies import PlaneSet
-from calib_core.full.joint.present import present_view
+from calib_core.full.joint.present import map_pose, present_view
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state import Estimate
@@ -25,10 +25,15 @@ from calib_core.types import BoolArray, FloatArray
 
 
 def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rules: PlaneSet) -> Estimation:
-    """With the planes that lie among the points of these scans on none so far; the same state where there are none."""
+    """With the planes that lie among the points of these scans on none so far; the same state where there are none.
+
+    Those that a person has dropped do not come back, nor what lies on them.
+    """
     view = present_view(data, state)
     some = positions[:: max(1, len(positions) // rules.scans)]
     strays = np.concatenate(over_scans(view, some, lambda i: view.strays(i, rules.points_per_scan, rules.away_m)))
+    dropped = dropped_now(data, state)
+    strays = strays[np.all(np.abs(strays @ dropped[0].T + dropped[1]) > rules.away_m, axis=1)]
     eye = np.mean([view.slice_poses(i).p[0] for i in some], axis=0)
     if len(strays) < rules.fewest_points:
         return state
@@ -40,7 +45,7 @@ def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rul
         distance_m=rules.flat_m,
     )
     fits = segment_planes(strays, viewpoint_m=eye, seed=data.run.settings.random_seed, settings=settings)
-    found = new_ones(state.estimate, fits, strays, rules)
+    found = new_ones(state.estimate, fits, strays, rules, dropped=dropped)
     if not found:
         return state
     data.run.say(
@@ -48,16 +53,34 @@ def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rul
         "planes.found",
         f"{counted(len(found), 'more plane')} came into view after the start and {'is' if len(found) == 1 else 'are'} used",
     )
-    return with_planes(state, found)
+    return with_planes(state, found, taken=[plane.name for plane in data.dropped])
 
 
-def new_ones(estimate: Estimate, fits: Sequence[PlaneFit], cloud_m: FloatArray, rules: PlaneSet) -> list[PlaneFit]:
-    """The fits that are none of the planes known already. cloud_m: (N, 3), in which they were found."""
+def dropped_now(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
+    """Where the planes are that a person has dropped, in the frame of the solve: normals (D, 3), offsets (D,) [m]."""
+    normals = np.array([plane.normal for plane in data.dropped]).reshape(-1, 3)
+    offsets_m = np.array([plane.offset_m for plane in data.dropped])
+    if not len(normals):
+        return normals, offsets_m
+    R, p = map_pose(data, state)
+    return normals @ R.T, offsets_m - normals @ (R.T @ p)
+
+
+def new_ones(
+    estimate: Estimate,
+    fits: Sequence[PlaneFit],
+    cloud_m: FloatArray,
+    rules: PlaneSet,
+    *,
+    dropped: tuple[FloatArray, FloatArray] = (np.empty((0, 3)), np.empty(0)),
+) -> list[PlaneFit]:
+    """The fits that are none of the planes known already, nor of those dropped. cloud_m: (N, 3), in which they were found."""
+    normals, offsets_m = np.vstack([estimate.normals, dropped[0]]), np.append(estimate.offsets_m, dropped[1])
     found = []
     for fit in fits:
         centre = cloud_m[fit.inliers].mean(axis=0)
         known = same_place(
-            estimate.normals, estimate.offsets_m, fit.normal, centre,
+            normals, offsets_m, fit.normal, centre,
             within_deg=rules.same_normal_deg, within_m=rules.same_place_m,
         )  # fmt: skip
         if not known.any():
@@ -65,8 +88,11 @@ def new_ones(estimate: Estimate, fits: Sequence[PlaneFit], cloud_m: FloatArray, 
     return found
 
 
-def with_planes(state: Estimation, found: Sequence[PlaneFit]) -> Estimation:
-    """These planes after those there are, called what they are. Points are still given to the old ones only."""
+def with_planes(state: Estimation, found: Sequence[PlaneFit], taken: Sequence[str] = ()) -> Estimation:
+    """These planes after those there are, called what they are. Points are still given to the old ones only.
+
+    taken: names of planes that are not among them.
+    """
     e = state.estimate
     estimate = replace(
         e,
@@ -76,8 +102,8 @@ def with_planes(state: Estimation, found: Sequence[PlaneFit]) -> Estimation:
     up = -e.gravity / np.linalg.norm(e.gravity)
     names = [plane.name for plane in state.planes]
     for fit in found:
-        names.append(next_name(kind_of(fit.normal, up)[0], names))
-    named = tuple(MapPlane(name) for name in names[len(state.planes) :])
+        names.append(next_name(kind_of(fit.normal, up)[0], [*names, *taken]))
+    named = tuple(MapPlane(name, late=True) for name in names[len(state.planes) :])
     return replace(state, estimate=estimate, planes=state.planes + named)
 
 
@@ -106,8 +132,8 @@ def drop_planes(
     keep = kept_planes(badness, points, rules.fewest)
     if keep.all() or keep.sum() < rules.fewest:
         return state
-    dropped = [plane.name for plane, kept in zip(state.planes, keep, strict=True) if not kept]
-    say_left_out(data.run, dropped, doubt[~keep])
+    left = [plane for plane, kept in zip(state.planes, keep, strict=True) if not kept]
+    say_left_out(data.run, left, doubt[~keep])
     return only_planes(state, keep, (scatter < 1.0) & (doubt[:, 2] < 1.0), rules)
 
 

@@ -202,7 +202,7 @@ def look_again(data: JointData, way: Propagated, share: float, schedule: Schedul
     if not (share < policy.explained * first and waited_s > policy.fresh_look_s and steady):
         return way
     way = replace(way, looked_at=knots)
-    if schedule.planes is None or not schedule.joins:
+    if schedule.planes is None:
         return way
     period_s = max(float(np.median(np.diff(data.run.clocks.scan_s))), 1e-9)
     recent = max(STRAYING.fewest_scans, round(policy.fresh_look_s / period_s))

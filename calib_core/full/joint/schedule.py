@@ -29,8 +29,7 @@ class Schedule:
     is dropped, but for those that a person chose.   chosen: whether there are such: doubtful ones of them count, as far as the
     others hold the motion.
 
-    joins: whether planes that come into view join those that were proposed.   instead: rounds where there is nothing to
-    propagate to.   settling: None where the motion alone was asked for.
+    instead: rounds where there is nothing to propagate to.   settling: None where the motion alone was asked for.
     """
 
     motion: Round
@@ -38,7 +37,6 @@ class Schedule:
     propagation: Propagation | None
     planes: PlaneSet | None
     settling: Settling | None
-    joins: bool = True
     chosen: bool = False
     instead: tuple[Round, ...] = ()
     steadying: Steadying = Steadying()  # noqa: RUF009  frozen
@@ -72,9 +70,9 @@ FULL = Schedule(
     settling=Settling(),
 )
 
-#: With planes of which somebody chose or dropped some: none joins them, those chosen count, and of the others what turns out to
-#: be doubtful goes. What is left has to hold the motion.
-PARTLY = replace(FULL, joins=False, chosen=True)
+#: With planes of which somebody chose or dropped some: those chosen count, those dropped do not come back, and of the others what
+#: turns out to be doubtful goes. What is left has to hold the motion.
+PARTLY = replace(FULL, chosen=True)
 
 #: With planes that somebody chose: all of them count.
 CHOSEN = replace(FULL, planes=None, chosen=True)

@@ -123,7 +123,7 @@ def propagated(data: JointData, state: Estimation, schedule: Schedule) -> Estima
 
 def with_new_planes(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """Planes that have come into view."""
-    if schedule.planes is None or not schedule.joins:
+    if schedule.planes is None:
         return state
     added = add_planes(data, state, state.positions, schedule.planes)
     return state if added is state else one_round(data, added, schedule.planes.settle_in, schedule.sampling)

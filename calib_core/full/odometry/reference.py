@@ -33,15 +33,18 @@ Guided = Callable[[], Guide] | None
 class Followed:
     """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording.
 
-    led: whether its guide has led it somewhere.   proposed: so many of the planes, the first, are those of the proposals; 0 where
-    the planes are another scan's.
+    led: whether its guide has led it somewhere.   proposals: the planes found in the reference scan that was looked at first, in
+    its frame, as they were found.   proposed: so many of the planes, the first, are those, and none came later; 0 where the
+    planes are another scan's.   dropped: planes that were dropped by a person, and shall not come back.
     """
 
     reference: int
     planes: list[Plane]
     motions: list[ScanMotion]
     led: bool = False
+    proposals: tuple[Plane, ...] = ()
     proposed: int = 0
+    dropped: Sequence[Plane] = ()
 
     @property
     def seen(self) -> int:
@@ -59,16 +62,19 @@ class Followed:
             return None
         R, p = origin.R, origin.p
         moved = [replace(m, R=R.T @ m.R, p=R.T @ (m.p - p), v_m_s=R.T @ m.v_m_s) for m in self.motions]
-        planes = [
-            replace(
-                q,
-                normal=R.T @ q.normal,
-                offset_m=float(q.offset_m + q.normal @ p),
-                outline_m=None if q.outline_m is None else (q.outline_m - p) @ R,
-            )
-            for q in self.planes
-        ]
-        return Followed(position, planes, moved, self.led)
+        planes, dropped = (
+            [
+                replace(
+                    q,
+                    normal=R.T @ q.normal,
+                    offset_m=float(q.offset_m + q.normal @ p),
+                    outline_m=None if q.outline_m is None else (q.outline_m - p) @ R,
+                )
+                for q in some
+            ]
+            for some in (self.planes, self.dropped)
+        )
+        return replace(self, reference=position, planes=planes, motions=moved, dropped=dropped)
 
     def worth(self, ctx: Run) -> float:
         """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU.

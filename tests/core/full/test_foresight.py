@@ -61,7 +61,9 @@ def _suggested(plane: Plane) -> Plane:
 
 
 def test_it_never_falls_where_planes_go(foresight: Foresight) -> None:
-    """Law. Mutations: not held above 1; nothing left counted as what is held."""
+    """Law. What came into view stays. Mutations: not held above 1; nothing left counted as what is held; what came late gone
+    too.
+    """
     rng = np.random.default_rng(3)
     before, left = np.ones(7), list(range(6))
     np.testing.assert_array_equal(foresight.growth(left), before)
@@ -71,6 +73,8 @@ def test_it_never_falls_where_planes_go(foresight: Foresight) -> None:
         assert (now >= before * (1.0 - 1e-9)).all() or not np.isfinite(before).all()
         before = now
     assert np.isinf(before).all()
+    late = replace(foresight, proposed=4)
+    np.testing.assert_allclose(late.growth([0, 2]), foresight.growth([0, 2, 4, 5]))
 
 
 def test_what_is_kept_tells_the_same(foresight: Foresight, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
-from calib_core.full.joint.solve import with_new_planes
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Plane
@@ -138,19 +138,10 @@ def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pyt
         assert of(away, mode=ideal) == ([ideal], [], away.code)
 
 
-@dataclass(frozen=True)
-class Track:
-    """As much of a followed track as the page touches."""
-
-    planes: list[Plane]
-    motions: tuple[int, ...] = ()
-    proposed: int = 0
-
-
 GIVEN = [Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0), Plane("wall", np.array([1.0, 0.0, 0.0]), 3.0)]
 #: Gravity along a wall: nothing here is upright.
 START = SimpleNamespace(linear=SimpleNamespace(gravity=np.array([0.0, -9.8, 0.0])))
-SEEN = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0), *GIVEN]
+SEEN = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0), *GIVEN, Plane("side", np.array([0.0, 1.0, 0.0]), 2.0)]
 
 
 def counted(
@@ -160,21 +151,25 @@ def counted(
     found: Sequence[str] = ("found",),
     of: int = 1,
 ) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
-    """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it."""
+    """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it.
+
+    A plane that came late has a plus before its name, one that shall not come back a minus.   of: so many were proposed.
+    """
     asked: list[tuple[Schedule, list[str]]] = []
     said: list[str] = []
     left = list(outcomes)
 
-    def solve(_run: object, followed: Track, *rest: Any) -> Any:
-        asked.append((rest[-1], [plane.name for plane in followed.planes]))
+    def solve(_run: object, followed: Followed, *rest: Any) -> Any:
+        names = [("+" if k >= followed.proposed else "") + plane.name for k, plane in enumerate(followed.planes)]
+        asked.append((rest[-1], names + [f"-{plane.name}" for plane in followed.dropped]))
         one = left.pop(0)
         if isinstance(one, Refused):
             raise one
         return one
 
-    monkeypatch.setattr(
-        page, "follow_or_recall", lambda *_: Track([plane for plane in SEEN if plane.name in found], proposed=of)
-    )
+    seen = [plane for plane in SEEN if plane.name in found]
+    followed = Followed(0, seen, [], proposals=tuple(seen[:of]), proposed=of)
+    monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
@@ -189,11 +184,12 @@ def counted(
 
 def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """A choice counts as it is, and is weighed as one; an untouched suggestion is no choice. Where planes were dropped, the
-    others are thinned out, which is given up where that does not do, so that none comes back. A touched plane chooses no other.
+    others are thinned out, which is given up where that does not do; what came into view counts, and none of those dropped comes
+    back. A touched plane chooses no other.
 
     Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; tried again for a choice, and for an
-    untouched suggestion; all that was followed taken for proposed; what was dropped comes back; three boxes that are left of a
-    suggestion answer; boxes are asked again.
+    untouched suggestion; all that was followed taken for proposed; what was dropped not told; what came late left out where
+    some were dropped, or taken for proposed; three boxes that are left of a suggestion answer; boxes are asked again.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
@@ -205,10 +201,12 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", 2.0))
     # A floor was proposed, a wall came into view.
     renamed = [replace(proposed[0], name="hall")]
-    assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "wall"])], [], ("right", 1.0))
+    assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "+wall"])], [], ("right", 1.0))
     assert counted(monkeypatch, proposed, lost, found=names, of=2) == ([(FULL, names)], [], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
-    both = [(PARTLY, ["floor"]), (CHOSEN, ["floor"])]
+    late = counted(monkeypatch, proposed[:1], "right", found=[*names, "side"], of=2)
+    assert late == ([(PARTLY, ["floor", "+side", "-wall"])], [], ("right", 2.0))
+    both = [(PARTLY, ["floor", "-wall"]), (CHOSEN, ["floor", "-wall"])]
     assert counted(monkeypatch, proposed[:1], lost, "right", found=names, of=2) == (
         both,
         ["planes.open"],
@@ -216,17 +214,3 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     )
     boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion")
     assert counted(monkeypatch, proposed[:1], boxes, found=names, of=2) == (both[:1], [], "planes.doubtful")
-
-
-def test_nothing_joins_what_is_left_of_a_suggestion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was dropped would come back. Mutations: planes join where they come into view; at the end; nothing is dropped."""
-
-    def joined(*_: object) -> None:
-        pytest.fail("planes were looked for")
-
-    monkeypatch.setattr("calib_core.full.joint.solve.add_planes", joined)
-    state: Any = object()
-    unused: Any = None
-    assert with_new_planes(unused, state, PARTLY) is state
-    assert replace(PARTLY, joins=True, chosen=False) == FULL
-    assert replace(FULL, planes=None, chosen=True) == CHOSEN

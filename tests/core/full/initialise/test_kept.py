@@ -42,7 +42,10 @@ class Following:
         run.say("info", "track.aided", "the gyroscope helped")
         rng = np.random.default_rng(self.times)
         motions = [ScanMotion(k, *(rng.normal(size=s) for s in ((3, 3), 3, 3, 3)), *rng.random(4)) for k in (3, 4)]
-        return Followed(7 if self.leaves else 3, [WALL, FLOOR, *(given or [])], motions)
+        planes, proposals = [WALL, FLOOR, *(given or [])], (WALL, FLOOR)
+        if self.leaves:
+            return Followed(7, planes, motions, proposals=proposals)
+        return Followed(3, planes, motions, proposals=proposals, proposed=2)
 
 
 @pytest.fixture
@@ -83,9 +86,11 @@ def test_a_choice_of_the_planes_found_follows_nothing_anew(
 
 
 def test_a_map_of_another_scan_is_not_that_of_a_choice(run: Run, following: Following, tmp_path: Path) -> None:
-    """Mutation: `left` not looked at."""
+    """Nor is an untouched suggestion one. Mutations: `left` not looked at; all that is given a choice."""
     following.leaves = True
     follow_or_recall(run, None, tmp_path)
+    follow_or_recall(run, [replace(plane, suggested=True) for plane in (WALL, FLOOR)], tmp_path)
+    assert following.times == 1
     follow_or_recall(run, [WALL], tmp_path)
     assert following.times == 2
 

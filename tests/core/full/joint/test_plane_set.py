@@ -14,6 +14,7 @@ from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.full.joint import plane_set
 from calib_core.full.joint.estimation import Estimation, MapPlane
 from calib_core.full.joint.plane_set import (
+    add_planes,
     drop_planes,
     kept_planes,
     mark_planes,
@@ -27,7 +28,9 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.residuals import misfit, plane_misfit
 from calib_core.full.joint.state import Estimate
 from calib_core.full.planes.standing import Standing, doubts
+from calib_core.geometry import exp
 from calib_core.planes.segment import PlaneFit
+from tests.core.full.joint.conftest import Half
 
 
 def test_the_usual_is_what_half_of_the_points_are() -> None:
@@ -160,7 +163,7 @@ def test_a_wall_that_is_left_out_still_stands_in_its_edges() -> None:
 def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
     """A door 10 cm before its wall is the wall; one 40 cm before it, or facing another way, is a plane of its own.
 
-    Mutations: leave out the distance, or the angle; measure from the origin instead of the find's middle.
+    Mutations: leave out the distance, or the angle; measure from the origin instead of the find's middle; those dropped left out.
     """
     state = state_of(np.array([[-1.0, 0.0, 0.0]]), np.array([5.0]), MapPlane("wall"))
     turned = np.radians(10.0)
@@ -173,6 +176,9 @@ def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
     assert [fit.offset_m for fit in found] == [4.6, 4.4]
     # Tilted by 7 deg about its own middle on the wall: near there, though 0.4 m off at the origin's foot.
     tilted = np.radians(7.0)
+    # One that was dropped at 4.6 m does not come back either.
+    wall = (np.array([[-1.0, 0.0, 0.0]]), np.array([4.55]))
+    assert new_ones(state.estimate, [wardrobe, leaf], cloud, PlaneSet(), dropped=wall) == [leaf]
     normal = np.array([-np.cos(tilted), np.sin(tilted), 0.0])
     there = np.array([[5.0, 4.0, 0.0]])
     assert not new_ones(
@@ -181,10 +187,15 @@ def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
 
 
 def test_planes_that_come_in_are_called_what_they_are() -> None:
-    """Mutations: number from the first again; leave the offset out; up the other way."""
+    """Mutations: number from the first again; leave the offset out; up the other way; the name of one that was dropped; none
+    late.
+    """
     state = state_of(np.eye(3)[:2], np.array([1.0, 2.0]), MapPlane("wall 1"), MapPlane("floor"))
-    more = with_planes(state, [PlaneFit(np.eye(3)[2], 3.0, np.ones(1, bool), 0.0)])
+    found = [PlaneFit(np.eye(3)[2], 3.0, np.ones(1, bool), 0.0)]
+    more = with_planes(state, found)
     assert [plane.name for plane in more.planes] == ["wall 1", "floor", "floor 2"]
+    assert [plane.late for plane in more.planes] == [False, False, True]
+    assert with_planes(state, found, taken=["floor 2"]).planes[-1].name == "floor 3"
     np.testing.assert_array_equal(more.estimate.offsets_m, [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(more.estimate.normals, np.eye(3))
 
@@ -193,7 +204,8 @@ def test_walls_that_scatter_as_noise_makes_them_stay_beside_a_floor_that_scatter
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A vehicle's floor, seen at a grazing angle, holds most points and a tenth of the walls' scatter: two true walls
-    of three were said to be more than one surface. Mutation: against the usual plane alone, in either of the two places.
+    of three were said to be more than one surface. Mutations: against the usual plane alone, in either of the two places; a
+    warning of what nobody was shown.
     """
     planes = [MapPlane(name) for name in ("floor", "wall 1", "wall 2", "wall 3", "bin")]
     state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
@@ -202,8 +214,29 @@ def test_walls_that_scatter_as_noise_makes_them_stay_beside_a_floor_that_scatter
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (chi2, points))
     monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: doubts(stand))
-    said: list[str] = []
-    data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what[-1])))
+    said: list[tuple[str, ...]] = []
+    data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what)))
     left = drop_planes(data, state, PlaneSet())
     assert [plane.name for plane in left.planes] == ["floor", "wall 1", "wall 2", "wall 3"]
-    assert said == ["bin is more than one surface: left out"]
+    assert said == [("warning", "planes.mixed", "bin is more than one surface: left out")]
+    # Nobody was shown what came into view on the way.
+    drop_planes(data, replace(state, planes=(*planes[:4], MapPlane("bin", late=True))), PlaneSet())
+    assert said[1:] == [("info", "planes.mixed", "bin is more than one surface: left out")]
+
+
+def test_what_a_person_dropped_does_not_come_into_view_again(half: Half) -> None:
+    """A wall that is not among the planes is found among the points, unless it was dropped. The frame of the solve is not that
+    of the map: it was turned and moved. Mutations: those dropped not looked at; told in the map's frame.
+    """
+    truth = half.truth.planes
+    wall = [plane.name for plane in truth].index("wall south")
+    R, p = exp(np.array([0.1, -0.2, 1.0])), np.array([1.0, 2.0, -0.5])
+    keep = np.arange(len(truth)) != wall
+    state = only_planes(half.state, keep, ~keep, PlaneSet())
+    state = replace(state, estimate=state.estimate.seen_from(R, p))
+    positions = state.positions
+    again = add_planes(half.data, state, positions, PlaneSet())
+    assert len(again.planes) == len(truth)
+    np.testing.assert_allclose(np.abs(again.estimate.normals[-1] @ R.T @ truth[wall].normal), 1.0, atol=1e-3)
+    dropped = replace(half.data, dropped=[truth[wall]])
+    assert add_planes(dropped, state, positions, PlaneSet()) is state

@@ -20,7 +20,7 @@ from calib_core.full.joint.present import motion_of, outlined_cells
 from calib_core.full.joint.propagate import Propagated, advance, begin, bridge, gates_m, let_go, look_again, propagate
 from calib_core.full.joint.regain import regain, same_lost_plane
 from calib_core.full.joint.round import anchored, one_round
-from calib_core.full.joint.schedule import FULL, PARTLY
+from calib_core.full.joint.schedule import CHOSEN, FULL
 from calib_core.full.joint.window import Window, predict
 from calib_core.geometry import exp, log
 from calib_core.planes.segment import PlaneFit
@@ -318,7 +318,7 @@ def test_new_planes_are_looked_for_where_known_ones_explain_little(
     after = look_again(data, way, share, FULL, POLICY)
     assert asked == ([15] if looks else [])
     assert after.looked_at == (1000 if looks else 1000 - waited)
-    look_again(data, way, share, PARTLY, POLICY)
+    look_again(data, way, share, CHOSEN, POLICY)
     assert len(asked) == int(looks)
     assert look_again(data, way, 1.4, FULL, POLICY).share_at_first == 1.4
 
