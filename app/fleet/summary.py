@@ -15,6 +15,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from app.fleet.orders import FleetOrder, FleetOutcome
+from app.results.verdict import told, tone
 from app.storage.atomic import write_text
 from calib_core.errors import InputError
 from calib_core.result import CalibrationResult
@@ -26,7 +27,7 @@ Verdict = Literal["calibrated", "weak", "refused", "failed"]
 class Row(BaseModel):
     """One recording. Empty where there is no answer; rotation about the lidar's axes, translation along the IMU's.
 
-    code, sentence: why a recording was refused or has no document; sentence also of a weak one, about what it left open.
+    code, sentence: why a recording was refused or has no document; sentence also of an answer that anything speaks against.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -68,10 +69,9 @@ def row_of(name: str, recording: Path, outcome: FleetOutcome, tries: int) -> Row
         facts |= {f"translation_std_{axis}_m": std for axis, std in zip("xyz", shift, strict=True)}
         facts["time_offset_std_s"] = result.uncertainty.time_offset_std_s
     if result.status == "refused":
-        reasons = [message for message in result.messages if message.level == "error"]
-        facts |= {"code": reasons[0].code, "sentence": reasons[0].text} if reasons else {}
-    elif result.status == "weak" and result.observability.weak_directions:
-        facts["sentence"] = result.observability.weak_directions[0].text
+        facts["code"] = next((message.code for message in result.messages if message.level == "error"), "")
+    if tone(result) != "good":
+        facts["sentence"] = told(result)
     return Row.model_validate(facts)
 
 

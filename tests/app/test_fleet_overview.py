@@ -13,7 +13,7 @@ from app.fleet import overview as overviews
 from app.fleet.orders import FleetOutcome
 from app.fleet.overview import JSON_NAME, PAGE_NAME, Overview
 from app.fleet.summary import Row, row_of
-from calib_core.result import WeakDirection
+from calib_core.result import Message, WeakDirection
 from tests.core.exporters.results import make_result
 
 SIGMAS = {f"rotation_std_{axis}_deg": 0.01 for axis in "xyz"} | {f"translation_std_{axis}_m": 0.002 for axis in "xyz"}
@@ -91,13 +91,24 @@ def test_a_fleet_under_way_is_written_seldom_and_looked_at_often(tmp_path, monke
 
 
 def test_what_a_weak_one_left_open_is_in_its_row(tmp_path):
-    """Mutation: the reason of refused ones alone."""
+    """As the verdict has it: what is weak, and what disagrees. Mutations: the reason of refused ones alone; of weak ones alone;
+    the first direction alone.
+    """
     result = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000, status="weak")
     open_ = WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=9.0, text="The height is open.")
     result.observability.weak_directions = [open_]
     found = row_of("a", tmp_path / "a.bag", FleetOutcome(document=result.to_json()), 1)
     assert (found.verdict, found.sentence) == ("weak", "The height is open.")
     assert "1 sigma up to" in row_line(found) and row_line(found).endswith(": The height is open.")
+    result.observability.weak_directions = [open_, open_]
+    result.observability.weak_axes = ["ty", "tz"]
+    several = row_of("a", tmp_path / "a.bag", FleetOutcome(document=result.to_json()), 1)
+    assert several.sentence == "The height is open. Weak are position y and position z."
+    good = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000)
+    assert row_of("a", tmp_path / "a.bag", FleetOutcome(document=good.to_json()), 1).sentence == ""
+    good.messages.append(Message(code="solve.disagreement", level="warning", text="parts disagree 3-fold"))
+    torn = row_of("a", tmp_path / "a.bag", FleetOutcome(document=good.to_json()), 1)
+    assert torn.verdict == "calibrated" and torn.sentence.startswith("Parts of the recording disagree")
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ export function lastSolve(runs: readonly Run[]): { run: Run; number: number } | 
 }
 
 const leftOut = /^(?:is )?(.*): left out$/;
+const doubted = /^(?:is )?(.*?), and counts all the same/;
 /** The planes that a refusal names, each with what is wrong with it, between its first colon and what follows from them. */
 const named = /: (.*?)(?:, and the others do not face three ways)?(?:;|$)/;
 
@@ -21,7 +22,7 @@ function blamed(name: string, messages: CalibrationResult["messages"]): string |
     .replace(/^is /, "");
 }
 
-/** What the last solve left out, or was refused for, as a remark on each patch, by its index: "left out by run 2: not flat".
+/** What the last solve left out, doubted, or was refused for, as a remark on each patch, by its index: "left out by run 2: not flat".
  *
  *  A plane is known by its colour and by what it is called today: one that was grown since is none of the run's. Only a remark:
  *  who knows the place may keep it.
@@ -36,11 +37,18 @@ export function remarksOf(
   const remarks = new Map<number, string>();
   for (const patch of patches) {
     const look = run.job.planes?.find((plane) => plane.title === patch.name && plane.color === patch.color);
-    if (look === undefined || used.has(look.name)) continue;
-    const why = result.messages
-      .filter(({ code, text }) => code.startsWith("planes.") && text.startsWith(`${look.name} `))
-      .map(({ text }) => leftOut.exec(text.slice(look.name.length + 1))?.[1])
-      .find((words) => words !== undefined);
+    if (look === undefined) continue;
+    const told = (pattern: RegExp) =>
+      result.messages
+        .filter(({ code, text }) => code.startsWith("planes.") && text.startsWith(`${look.name} `))
+        .map(({ text }) => pattern.exec(text.slice(look.name.length + 1))?.[1])
+        .find((words) => words !== undefined);
+    if (used.has(look.name)) {
+      const doubt = told(doubted);
+      if (doubt !== undefined) remarks.set(patch.index, `doubtful in run ${number}: ${doubt}`);
+      continue;
+    }
+    const why = told(leftOut);
     const blame = blamed(look.name, result.messages);
     if (why !== undefined) remarks.set(patch.index, `left out by run ${number}: ${why}`);
     else if (blame !== undefined) remarks.set(patch.index, `run ${number} was refused for it: ${blame}`);
