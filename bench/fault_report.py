@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2, norm
 
+from bench import fault_parameters
 from bench.fault_bounds import FAULT_BOUNDS, UNTOLD, FaultBoundRow
 from bench.fault_runs import Campaign, FaultParameter, FaultRun, read_fault_parameters, read_fault_runs
 from bench.statistics import BIAS_SIGMAS, FREEDOM, bias_text, mean_errors
@@ -136,14 +137,17 @@ def write_report(folder: Path = RESULTS) -> Path:
             else ["Not run yet."]
         ),
     ]
+    found: list[tuple[Campaign, list[FaultParameter]]] = []
     for campaign, some in groups.items():
         if not any(run.is_solved for run in some):
             lines.append(f"| {campaign.scenario} | {campaign.faults} | 0 of {len(some)} |" + " |" * 10)
             continue
         mine = [each for run in some for each in parameters.get((run.campaign, run.seed), ())]
+        found.append((campaign, mine))
         where = campaign.scenario, campaign.duration_s
         bound = bounds.get((*where, campaign.faults if campaign.settings else f"consumer{UNTOLD}"))
         lines.append(_row(summary(some), bound, parameters_text(mine)))
+    lines += fault_parameters.section(found)
     path = folder / "faults.md"
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
     return path

@@ -28,7 +28,9 @@ _HEAD = (
     "| --- | --- | --- | --- | --- | --- | --- |\n"
 )
 #: Fewer runs than this make no row: their mean says little.
-_LEAST_RUNS, _LEAST_FAULTY_RUNS = 30, 20
+_LEAST_RUNS = 30
+#: Rows of fewer runs than this are marked, and none is left out: the worst may be among them.
+_LEAST_FAULTY_RUNS = 20
 
 
 def table(folder: Path = RESULTS) -> str:
@@ -57,13 +59,16 @@ def real_table(folder: Path = RESULTS) -> str:
     """One row for the latest campaign on each recording with faults."""
     rows = []
     for campaign, runs in latest(read_fault_runs(folder)).items():
-        if len(runs) < _LEAST_FAULTY_RUNS:
+        if not any(run.is_solved for run in runs):
+            where = f"{campaign.scenario}, {campaign.duration_s:g} s"
+            rows.append(f"| {where} | {campaign.faults} | {len(runs)}, 0 solved |" + " |" * 6 + "\n")
             continue
         found = summary(runs)
+        count = f"{found.runs}" if found.solved == found.runs else f"{found.runs}, {found.solved} solved"
         cells = [
             f"{campaign.scenario}, {campaign.duration_s:g} s",
             campaign.faults,
-            f"{found.runs}" if found.solved == found.runs else f"{found.runs}, {found.solved} solved",
+            count if found.runs >= _LEAST_FAULTY_RUNS else f"only {count}",
             *(
                 f"{rms:.{digits}f} {unit} ({stated:.{digits}f})"
                 for rms, stated, unit, digits in zip(

@@ -106,16 +106,21 @@ class Crispness(_Model):
     text: str
 
 
-class OwnAnswer(_Model):
-    """What a part of the recording alone would ask for: a shift from the joint answer, and its standard deviations.
-
-    Turns about the lidar's axes, shifts along the IMU's. A part that says nothing of one has the standing prior's 1 rad, 10 m
-    or 10 s. Weighted by their information the stretches of time agree with the joint answer.
-    """
+class Shift(_Model):
+    """A shift from the answer: turns about the lidar's axes, shifts along the IMU's."""
 
     rotation_shift_deg: list[float]
     translation_shift_m: list[float]
     time_offset_shift_s: float
+
+
+class OwnAnswer(Shift):
+    """What a part of the recording alone would ask for: a shift from the joint answer, and its standard deviations.
+
+    A part that says nothing of one has the standing prior's 1 rad, 10 m or 10 s. Weighted by their information the stretches of
+    time agree with the joint answer.
+    """
+
     rotation_std_deg: list[float]
     translation_std_m: list[float]
     time_offset_std_s: float
@@ -192,6 +197,11 @@ class Intrinsic(_Model):
     prior_std: float
     state: Literal["estimated", "considered"]
     significant: bool
+    shift: Shift | None = Field(
+        default=None,
+        description="of what was only considered: by how much the answer is off where it is one prior_std above zero",
+        exclude_if=lambda shift: shift is None,
+    )
 
 
 class RecordingProvenance(_Model):

@@ -9,11 +9,14 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import LEVEL_STYLES, bullet
+from app.results.sensors import biggest_of_sensors
 from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
 from calib_core.sigmas import std_row, value_row
 
+#: Sentences about the sensors; a screen has room for so many, and the result has them all.
+_MOST_OF_SENSORS = 3
 _TONE_STYLES: dict[Tone, str] = {"good": "bold green", "doubtful": "bold yellow", "bad": "bold red"}
 
 
@@ -30,6 +33,7 @@ def result_summary(result: CalibrationResult) -> RenderableType:
         parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s, sigma_of_offset(result)))
     parts.append(Text(rests_on(result), style="dim"))
     parts += _remarks(result)
+    parts += _of_sensors(result)
     return Panel(Group(*parts), title="unsweep", title_align="left", border_style="dim", padding=(0, 1))
 
 
@@ -69,6 +73,16 @@ def _remarks(result: CalibrationResult) -> list[RenderableType]:
             told += f" {text.casefold()}"
             lines.append(bullet("-", Text(text), style))
     return lines
+
+
+def _of_sensors(result: CalibrationResult) -> list[RenderableType]:
+    """What the sensors themselves add: the first few of the document's sentences, and where the others are."""
+    few, more = biggest_of_sensors(result, _MOST_OF_SENSORS)
+    if more:
+        few.append(
+            f"and {more} more of the sensors' own errors: `messages` of the result, its report and its page have them all"
+        )
+    return [bullet("-", Text(text[:1].upper() + text[1:]), LEVEL_STYLES["info"]) for text in few]
 
 
 def _row(told: tuple[list[str], str]) -> list[str]:

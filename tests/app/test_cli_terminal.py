@@ -33,6 +33,7 @@ from calib_core.doctor.report import (
 )
 from calib_core.events import IterationEvent, LogEvent, PlaneResidual, StageEvent
 from calib_core.kinds import kind_of
+from calib_core.result import Message
 from calib_core.settings import ImuNoise
 from tests.core.exporters.results import make_result
 
@@ -279,6 +280,26 @@ def test_json_lines_are_the_events(capsys: pytest.CaptureFixture[str]) -> None:
     with listener(Manner.quiet) as on_event:
         on_event(ITERATION)
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(("found", "more"), [(0, ""), (3, ""), (4, "And 1 more"), (9, "And 6 more")])
+def test_summary_has_the_biggest_few_of_the_sensors_own_errors(found: int, more: str) -> None:
+    """In the document's words and order, and what it costs not to know them after those. Mutations: none; all of them; one more
+    or one less than are left; a warning twice; the cost among what is left out; other messages along."""
+    result = make_result(np.eye(3), np.zeros(3))
+    told = [Message(code="sensor.laser_range", level="info", text=f"ring {k} reads 9 mm short") for k in range(found)]
+    told.append(Message(code="sensor.priors", level="info", text="it is not known which IMU there is"))
+    told.append(
+        Message(code="sensor.astray", level="warning", text="the sensors are taken as their data sheets have them")
+    )
+    told.append(Message(code="imu.noise", level="info", text="the IMU's noise"))
+    result = result.model_copy(update={"messages": told})
+    text = " ".join(shown(result_summary(result), width=200).split())
+    assert [f"Ring {k} reads 9 mm short" in text for k in range(found)] == [k < 3 for k in range(found)]
+    assert text.count("t is not known which IMU there is") == 1
+    assert text.count("he sensors are taken as their data sheets have them") == 1
+    assert "the IMU's noise" not in text
+    assert (more in text) if more else ("more of the sensors" not in text)
 
 
 def test_summary_says_what_to_trust_and_what_to_do() -> None:

@@ -12,6 +12,7 @@ from calib_core.full.assess.disagreement import Apart, Disagreement, disagreemen
 from calib_core.full.assess.given import Contradiction, contradictions, say_contradictions
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
 from calib_core.full.assess.settings import PARTS
+from calib_core.full.joint.by_laser import by_laser
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
@@ -27,6 +28,7 @@ _WORDS = {
     "surfaces": "places on the planes",
     "planes": "planes",
     "range": "near and far points",
+    "lasers": "lasers",
 }
 
 
@@ -71,7 +73,7 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
         considered = consider(problem, estimate, sensors.prior_std)
         added = considered.added
     stated = plain.covariance / UNITS / UNITS[:, None]
-    apart = take_apart(problem, estimate)
+    apart = take_apart(problem, estimate, by_laser(solved))
     found = tuple(disagreements(apart, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
     contradicted = contradictions(

@@ -21,9 +21,12 @@ from calib_core.types import FloatArray
 
 @dataclass(frozen=True)
 class Considered:
-    """added: (7, 7) scaled units.   value, std: (N,) what the parameters would have been estimated to be."""
+    """added: (7, 7) scaled units.   shift: (7, N) SI, by how much the answer is off where a parameter is one prior sigma above
+    what it was taken for.   value, std: (N,) what the parameters would have been estimated to be.
+    """
 
     added: FloatArray
+    shift: FloatArray
     value: FloatArray
     std: FloatArray
 
@@ -39,12 +42,12 @@ def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -
     free = np.setdiff1d(np.arange(size), [*frozen, *range(own.start, own.stop)])
     A = solution.information[np.ix_(free, free)]
     B = solution.information[free, own]
-    shift = covariance(A).matrix @ B * prior_std
     every = np.zeros((size, len(prior_std)))
-    every[free] = shift
-    seven = every[:CALIBRATION] / UNITS[:, None]
+    every[free] = covariance(A).matrix @ B * prior_std
+    shift = every[:CALIBRATION]
+    seven = shift / UNITS[:, None]
     value = estimate.nuisance[: len(prior_std)] + solution.step_shared[own]
-    return Considered(seven @ seven.T, value, parameter_std(solution.information, own, free))
+    return Considered(seven @ seven.T, shift, value, parameter_std(solution.information, own, free))
 
 
 def parameter_std(information: FloatArray, own: slice, free: FloatArray | None = None) -> FloatArray:

@@ -1,9 +1,9 @@
 """Whether parts of a recording agree beyond what noise explains, and along which direction they do not.
 
 The model's covariance takes residuals for independent. What is left of a real recording is not: a wall is bent at the same
-place in every sweep, a mount gives in one half of the minute. The factors are put together by what such an error would be
-common to (a stretch of time, a metre of a wall, a plane, near or far), and each cluster's pull on the seven (influence.py) is
-held against what noise allows it:
+place in every sweep, a mount gives in one half of the minute, a laser reads short in all of it. The factors are put together by
+what such an error would be common to (a stretch of time, a metre of a wall, a plane, near or far, a laser), and each cluster's
+pull on the seven (influence.py) is held against what noise allows it:
 
     T = sum |C^-1/2 u_k|^2,     under noise alone  E T = sum tr P_k,   var T = 2 sum tr P_k^2     (P_k in C's own units)
 
@@ -13,6 +13,7 @@ positive is added to C, along the directions in which the clusters disagree and 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ import scipy
 
 from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences
 from calib_core.full.assess.settings import PARTS
+from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNDETERMINED
@@ -45,7 +47,8 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class Apart:
-    """A solved recording in its parts. clusters: by the way of taking it apart, "time", "surfaces", "planes" and "range".
+    """A solved recording in its parts. clusters: by the way of taking it apart, "time", "surfaces", "planes", "range" and, where
+    points name them, "lasers".
 
     covariance: (7, 7) of the joint answer, the priors' share included, in units of 1 deg, 10 mm, 1 ms.   edges_s: (B + 1,)
     ends of the stretches of time, the IMU's clock.   ranges_m: (3,) nearest, middle and farthest.
@@ -57,14 +60,16 @@ class Apart:
     ranges_m: FloatArray
 
 
-def take_apart(problem: JointProblem, estimate: Estimate) -> Apart:
-    """Every way of it. Raises NotPositiveDefinite."""
-    of = factor_influences(problem, estimate)
+def take_apart(problem: JointProblem, estimate: Estimate, told_apart: Iterable[ByLaser] = ()) -> Apart:
+    """Every way of it. told_apart: the lidar's factors, laser by laser. Raises NotPositiveDefinite."""
+    of = factor_influences(problem, estimate, told_apart)
     block = np.arange(len(problem.readings.knots_s)) * PARTS.time_blocks // len(problem.readings.knots_s)
     space, ranges_m = _in_space(problem, estimate)
     clusters = {"time": _in_time(problem, of, block)}
     clusters |= {name: of.bins.summed(*numbered(key)) for name, key in space.items()}
     clusters["planes"] = of.bins.summed(problem.bins.plane, len(estimate.normals))
+    if len(of.lasers.moved):
+        clusters["lasers"] = of.lasers
     knots_s = problem.readings.knots_s
     starts_s = knots_s[np.minimum(np.searchsorted(block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]
     return Apart(clusters, of.covariance, np.append(starts_s, knots_s[-1]), ranges_m)

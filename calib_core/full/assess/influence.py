@@ -6,10 +6,15 @@ included, the first is zero and the second is the stated covariance: both are te
 
 A cluster of points on a plane has the residual a . y + f . v per point (factors/laser_features.py); with Q = (d a / d state) X
 and F = (d v / d state) X its part is the same in its moments: u = -(Q' M a + F' cross a), P = Q' M Q + Q' cross' F + ... .
+
+Laser by laser not all of M is kept, but its points' sums are: c + (1 - c) = 1 are two of the features. What a laser says on a
+plane within ten milliseconds is then the mean of it, one residual a . m + f . v of weight W with m and f the means: noise
+lets it pull by W (Q' m + F' f)(..)', exactly. What is off in a laser is off in the mean.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +22,13 @@ import numpy as np
 from calib_core.factors.imu import link_factors
 from calib_core.factors.laser_features import feature_changes
 from calib_core.factors.planes_seen import OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE
-from calib_core.full.assess.kernels import add_influences_kernel, add_own_influences_kernel
+from calib_core.full.assess.kernels import (
+    add_influences_kernel,
+    add_own_influences_kernel,
+    laser_influences_kernel,
+)
+from calib_core.full.joint.by_laser import ByLaser
+from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
@@ -43,15 +54,20 @@ class Influences:
 
 @dataclass(frozen=True)
 class FactorInfluences:
-    """links: one a link.   bins: one a bin, its lasers' part included.   covariance: (7, 7) of the seven, in their units."""
+    """links: one a link.   bins: one a bin, its lasers' part included.   lasers: one a laser, none where they are not told
+    apart.   covariance: (7, 7) of the seven, in their units.
+    """
 
     links: Influences
     bins: Influences
+    lasers: Influences
     covariance: FloatArray
 
 
-def factor_influences(problem: JointProblem, estimate: Estimate) -> FactorInfluences:
-    """Of every factor at the optimum. Raises NotPositiveDefinite."""
+def factor_influences(
+    problem: JointProblem, estimate: Estimate, told_apart: Iterable[ByLaser] = ()
+) -> FactorInfluences:
+    """Of every factor at the optimum. told_apart: the lidar's, laser by laser. Raises NotPositiveDefinite."""
     along, border = unit_responses(problem.linearise(estimate), CALIBRATION)
     layout = problem.layout(estimate)
     along = along + problem.unseen(estimate).falls(border[GRAVITY])
@@ -59,6 +75,7 @@ def factor_influences(problem: JointProblem, estimate: Estimate) -> FactorInflue
     return FactorInfluences(
         _of_links(problem, estimate, layout, along, border),
         _of_bins(problem, estimate, layout, along, border),
+        _of_lasers(problem, estimate, layout, along, border, told_apart),
         border[:CALIBRATION] / UNITS[:, None],
     )
 
@@ -99,11 +116,33 @@ def _of_bins(
     if len(lasers.laser) == 0:
         return Influences(moved, allowed)
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
-    F, change = _feature_response(problem, layout, border), feature_changes(problem.lidar.laser_changes(estimate))
+    F, change = _feature_response(problem.lidar, layout, border), feature_changes(problem.lidar.laser_changes(estimate))
     add_influences_kernel(
         lasers.bin, lasers.laser, lasers.cross, a, Q, F, change, moved, allowed,
     )  # fmt: skip
     add_own_influences_kernel(lasers.bin[lasers.of], lasers.laser[lasers.of], lasers.gram, F, change, moved, allowed)
+    return Influences(moved, allowed)
+
+
+def _of_lasers(
+    problem: JointProblem,
+    estimate: Estimate,
+    layout: Layout,
+    along: FloatArray,
+    border: FloatArray,
+    told_apart: Iterable[ByLaser],
+) -> Influences:
+    moved, allowed = np.zeros((0, CALIBRATION)), np.zeros((0, CALIBRATION, CALIBRATION))
+    for part in told_apart:
+        if len(moved) == 0:
+            moved, allowed = np.zeros((part.lasers, CALIBRATION)), np.zeros((part.lasers, CALIBRATION, CALIBRATION))
+        lidar, bins = part.factors, part.factors.bins
+        a, J = lidar.bins_seen(estimate)
+        Q = _response(J, bins.knot, bins.plane, problem, layout, along, border)
+        F, change = _feature_response(lidar, layout, border), feature_changes(lidar.laser_changes(estimate))
+        laser_influences_kernel(
+            bins.lasers.bin, bins.lasers.laser, bins.lasers.cross, a, Q, F, change, moved, allowed,
+        )  # fmt: skip
     return Influences(moved, allowed)
 
 
@@ -128,8 +167,8 @@ def _response(
     return np.asarray(out)
 
 
-def _feature_response(problem: JointProblem, layout: Layout, border: FloatArray) -> FloatArray:
+def _feature_response(lidar: LidarFactors, layout: Layout, border: FloatArray) -> FloatArray:
     """(lasers, 8, 7) what each laser's features follow of them."""
-    places = problem.sensors.laser_places
-    own = np.where(places[..., None] >= 0, border[layout.nuisance().start + np.maximum(places, 0)], 0.0)
-    return feature_changes(own)
+    places = lidar.sensors.laser_places
+    columns = np.vstack([border[layout.nuisance()], np.zeros(CALIBRATION)])  # the last is of what is not in play, -1
+    return feature_changes(columns[places])

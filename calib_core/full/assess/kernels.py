@@ -86,3 +86,46 @@ def add_own_influences_kernel(
                 way = F[j, f, s]
                 for t in range(seven):
                     allowed[q, s, t] += way * by_gram[f, t]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def laser_influences_kernel(
+    bins: IntArray,
+    laser: IntArray,
+    cross: FloatArray,
+    a: FloatArray,
+    Q: FloatArray,
+    F: FloatArray,
+    change: FloatArray,
+    moved: FloatArray,
+    allowed: FloatArray,
+) -> None:
+    """Adds to each laser's moved (L, 7) and allowed (L, 7, 7) what the means of its points have moved and allowed.
+
+    As above, but `laser` may count patch * L + laser, as F and change do.
+    """
+    features, seven, lasers = F.shape[1], F.shape[2], moved.shape[0]
+    response = np.empty(seven)
+    for b in range(bins.shape[0]):
+        q, j = bins[b], laser[b]
+        weight = cross[b, 0, 3] + cross[b, 4, 3]
+        if weight <= 0.0:
+            continue
+        residual, mine = 0.0, j % lasers
+        response[:] = 0.0
+        for c in range(5):
+            mean = (cross[b, 0, c] + cross[b, 4, c]) / weight
+            residual += mean * a[q, c]
+            if c < 4:
+                for s in range(seven):
+                    response[s] += mean * Q[q, c, s]
+        for f in range(features):
+            mean = cross[b, f, 3] / weight
+            residual += mean * change[j, f]
+            for s in range(seven):
+                response[s] += mean * F[j, f, s]
+        for s in range(seven):
+            pull = weight * response[s]
+            moved[mine, s] -= pull * residual
+            for t in range(seven):
+                allowed[mine, s, t] += pull * response[t]

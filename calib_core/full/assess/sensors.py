@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.full.assess.considered import Considered, parameter_std
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.settings import WORDING
+from calib_core.full.assess.shifts import shift_of
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.prepare.nuisance import priors_of, sensor_block
@@ -59,7 +60,10 @@ def sensor_findings(solved: Solved, considered: Considered | None, *, wider: flo
     parameters = []
     for each in sensors.blocks:
         place = sensors.places[each.block]
-        for name, value, own_std, prior in zip(each.names, values[place], std[place], each.prior_std, strict=True):
+        shifts = [None] * len(each.names) if considered is None else [shift_of(s) for s in considered.shift.T[place]]
+        for name, value, own_std, prior, shift in zip(
+            each.names, values[place], std[place], each.prior_std, shifts, strict=True
+        ):
             parameters.append(
                 Intrinsic.model_validate(
                     {
@@ -71,6 +75,7 @@ def sensor_findings(solved: Solved, considered: Considered | None, *, wider: flo
                         "prior_std": float(prior),
                         "state": state,
                         "significant": bool(abs(value) > WORDING.off_sigmas * own_std),
+                        "shift": shift,
                     }
                 )
             )
@@ -84,44 +89,49 @@ def sensor_findings(solved: Solved, considered: Considered | None, *, wider: flo
 
 
 def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tuple[str, str]]:
+    """Code and text, what is farthest off in its own sigmas first."""
     by = {str(block): [p for p in parameters if p.block == block and p.significant] for block in UNITS}
     ranges = "ranges were corrected for it" if corrected else "ranges were not corrected, the error bars count it"
     taken = "it was taken out" if corrected else "it is counted in the error bars"
-    told = []
+    told: list[tuple[float, str, str]] = []
+
+    def tell(off: Sequence[Intrinsic], code: str, text: str) -> None:
+        told.append((max(abs(p.value) / p.std for p in off), code, text))
+
     if lasers := by["laser_range_offset"]:
-        told.append(("sensor.laser_range", f"{_lasers(lasers)}; {ranges}"))
+        tell(lasers, "sensor.laser_range", f"{_lasers(lasers)}; {ranges}")
     if lasers := by["laser_elevation"]:
         most_deg = np.degrees(max(abs(p.value) for p in lasers))
         who = f"ring {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
         text = f"{who} {most_deg:.2f} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
-        told.append(("sensor.laser_elevation", text))
+        tell(lasers, "sensor.laser_elevation", text)
     if grazing := by["grazing"]:
         short_mm, how = grazing[0].value * 1e3, "short" if grazing[0].value > 0 else "long"
         text = f"walls met slantwise read {how}, by {abs(short_mm):.1f} mm a metre at 45 deg; {ranges}"
-        told.append(("sensor.grazing", text))
+        tell(grazing, "sensor.grazing", text)
     for kind in ("gyroscope", "accelerometer"):
         if off := by[f"{kind}_scale"]:
             worst = max(off, key=lambda p: abs(p.value))
             how = "much" if worst.value > 0 else "little"
             text = f"the {kind}'s {worst.name} axis reads {abs(worst.value):.2%} too {how}; {taken}"
-            told.append((f"sensor.{kind}_scale", text))
+            tell(off, f"sensor.{kind}_scale", text)
     if turned := [*by["gyroscope_rotation"], *by["gyroscope_axes"], *by["accelerometer_axes"]]:
         most_deg = np.degrees(max(abs(p.value) for p in turned))
         text = f"the IMU's axes are up to {most_deg:.2f} deg off square or against one another; {taken}"
-        told.append(("sensor.axes", text))
+        tell(turned, "sensor.axes", text)
     if late := by["accelerometer_delay"]:
         how = "behind" if late[0].value > 0 else "ahead of"
         text = f"the accelerometer is {abs(late[0].value) * 1e3:.2f} ms {how} the gyroscope; {taken}"
-        told.append(("sensor.delay", text))
+        tell(late, "sensor.delay", text)
     if felt := by["g_sensitivity"]:
         most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
         text = f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
-        told.append(("sensor.g_sensitivity", text))
+        tell(felt, "sensor.g_sensitivity", text)
     if rate := by["clock_rate"]:
         how = "gains" if rate[0].value > 0 else "loses"
         text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"
-        told.append(("sensor.clock", text))
-    return told
+        tell(rate, "sensor.clock", text)
+    return [(code, text) for _, code, text in sorted(told, key=lambda each: -each[0])]
 
 
 def cost_of_sensors(solved: Solved) -> FloatArray:

@@ -45,7 +45,8 @@ class Wording:
     #: said to be off. Words alone depend on it.
     off_sigmas: float = 3.0
     #: judged: what the sensors' own errors cost is said where some error bar is half as wide again for them, of all that are a
-    #: twentieth wider. Words alone depend on it.
+    #: twentieth wider; what one kind of them that was not estimated could do, where a bar is a twentieth wider for it. Words
+    #: alone depend on it.
     costly: float = 1.5
     counted: float = 1.05
 

@@ -12,6 +12,7 @@ from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
 from calib_core.full.assess.sensors import sensor_findings, told_cost
 from calib_core.full.assess.settings import PLAUSIBLE
+from calib_core.full.assess.shifts import told_considered
 from calib_core.full.initialise.profile import offset_profile
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
@@ -67,6 +68,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
     """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
     sensors = sensor_findings(solved, trust.considered, wider=trust.apart_times)
+    counted = told_considered(sensors.parameters, knowledge.covariance)
     cost = told_cost(run, solved, trust.considered)
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
@@ -95,7 +97,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         trajectory=trajectory_of(run.clocks, solved),
         remarks=(
             *(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak),
-            *(Message(code=code, level="info", text=text) for code, text in (*sensors.sentences, *cost)),
+            *(Message(code=code, level="info", text=text) for code, text in (*sensors.sentences, *counted, *cost)),
         ),
         intrinsics=sensors.parameters,
         imu_frame=sensors.imu_frame,

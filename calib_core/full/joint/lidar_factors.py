@@ -126,9 +126,8 @@ class LidarFactors:
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
         """(L, 8) of each laser's columns since the points were laid out."""
-        change = estimate.nuisance - self.bins.nuisance
-        places = self.sensors.laser_places
-        return np.where(places >= 0, change[places], 0.0)
+        change = np.append(estimate.nuisance - self.bins.nuisance, 0.0)  # the last is of what is not in play, -1
+        return np.asarray(change[self.sensors.laser_places])
 
     def planes_seen(self, estimate: Estimate) -> FloatArray:
         """A = [n_lidar, w_lidar, 1] of every bin, (B, 5)."""

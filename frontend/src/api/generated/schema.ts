@@ -1800,6 +1800,8 @@ export interface components {
             name: string;
             /** Prior Std */
             prior_std: number;
+            /** @description of what was only considered: by how much the answer is off where it is one prior_std above zero */
+            shift?: components["schemas"]["Shift"] | null;
             /** Significant */
             significant: boolean;
             /**
@@ -3237,6 +3239,18 @@ export interface components {
              * Format: date-time
              */
             until: string;
+        };
+        /**
+         * Shift
+         * @description A shift from the answer: turns about the lidar's axes, shifts along the IMU's.
+         */
+        Shift: {
+            /** Rotation Shift Deg */
+            rotation_shift_deg: number[];
+            /** Time Offset Shift S */
+            time_offset_shift_s: number;
+            /** Translation Shift M */
+            translation_shift_m: number[];
         };
         /**
          * Side

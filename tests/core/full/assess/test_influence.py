@@ -11,15 +11,18 @@ from calib_core.full.assess.considered import consider
 from calib_core.full.assess.disagreement import Disagreement, judge, roots, together
 from calib_core.full.assess.influence import Influences, factor_influences
 from calib_core.full.assess.kernels import add_influences_kernel, add_own_influences_kernel
+from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
+from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.solver.arrow import solve_arrow, unit_responses
 from calib_core.solver.information import covariance
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
-from tests.core.full.joint.test_sensors import Case
+from tests.core.full.joint import test_problem as plain
+from tests.core.full.joint.test_sensors import BENT, LASERS, NUISANCE, Case, _written_out
 
 
 def _solved() -> tuple[JointProblem, Estimate]:
@@ -81,6 +84,38 @@ def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
             P -= Q[q].T @ y[b, :, :4].T @ y[b, :, :4] @ Q[q]
         np.testing.assert_allclose(moved[q], u, rtol=1e-5, atol=1e-4)
         np.testing.assert_allclose(allowed[q], P, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize(("nuisance", "patches"), [(NUISANCE, 0), (BENT, 2)])
+def test_a_laser_pulls_by_the_means_of_its_points(nuisance: Nuisance, patches: int) -> None:
+    """Against single points, differenced numerically, in whole matrices: a laser's points on a plane at a knot are one residual,
+    their sum over the root of their number.
+
+    Mutations: a cluster's weight once more or once less; the parameters' part of a response or of a residual left out; a laser's
+    points on another patch to another laser; the lidar's columns of its neighbour.
+    """
+    case = Case(1, nuisance)
+    of = factor_influences(case.problem, case.estimate, [ByLaser(case.problem.lidar, LASERS)])
+    J, r = case.numerical_jacobian(), case.stacked(case.estimate)
+    H, _ = _written_out(case)
+    X = np.linalg.solve(H, np.eye(len(H))[:, 9 * plain.KNOTS :][:, :CALIBRATION]) / UNITS
+    links = 9 * len(case.problem.links.DR)
+    rows, residual = (J[links : links + len(case.pair)] @ X), r[links : links + len(case.pair)]
+    for laser in range(LASERS):
+        u, P = np.zeros(CALIBRATION), np.zeros((CALIBRATION, CALIBRATION))
+        for q in range(len(case.problem.bins.knot)):
+            for patch in range(patches + 1):
+                mine = (case.laser == laser) & (case.pair == q) & (case.patch == patch)
+                if mine.any():
+                    root = np.sqrt(mine.sum())
+                    one = rows[mine].sum(axis=0) / root
+                    u -= one * residual[mine].sum() / root
+                    P += np.outer(one, one)
+        unit = 1.0 / np.sqrt(np.diag(P))
+        np.testing.assert_allclose(
+            unit * of.lasers.moved[laser], unit * u, rtol=1e-3, atol=1e-3 * np.abs(unit * u).max()
+        )
+        np.testing.assert_allclose(unit[:, None] * of.lasers.allowed[laser] * unit, unit[:, None] * P * unit, atol=2e-3)
 
 
 def _clusters(rng: np.random.Generator, count: int, direction: FloatArray | None = None) -> Influences:

@@ -59,6 +59,17 @@ def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bo
     assert _sentences([_found(block, value, significant=False)], corrected=corrected) == []
 
 
+def test_what_is_farthest_off_in_its_own_sigmas_comes_first() -> None:
+    """A screen has room for a few. Mutations: in the order of the blocks; by size; the least first."""
+    found = [_found("laser_range_offset", -0.009), _found("clock_rate", -60.5), _found("gyroscope_scale", -4e-3)]
+    found = [one.model_copy(update={"std": std}) for one, std in zip(found, (2e-3, 10.0, 1e-4), strict=True)]
+    assert [code for code, _ in _sentences(found, corrected=True)] == [
+        "sensor.gyroscope_scale",
+        "sensor.clock",
+        "sensor.laser_range",
+    ]
+
+
 @pytest.mark.parametrize(
     ("count", "tail"),
     [(2, "short; ranges"), (3, "short (1 more is off); ranges"), (5, "short (3 more are off); ranges")],

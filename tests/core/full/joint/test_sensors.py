@@ -58,6 +58,7 @@ class Case:
             [rng.normal(size=(n, 3)), np.ones((n, 1)), 0.1 * rng.normal(size=(n, 1))], axis=1
         )
         self.f = ROOT_WEIGHT * rng.normal(size=(n, 8))
+        self.f[:, 4] = self.y[:, 3] - self.f[:, 0]  # cosine and incidence are one together
         self.patch = rng.integers(0, nuisance.patches + 1, n)
         unit = self.patch * LASERS + self.laser
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
