@@ -116,9 +116,10 @@ def _say_steps(run: Run, knowledge: Knowledge) -> None:
 def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
     torn = ", and may be too narrow all the same: do not rely on them, and record again" if is_torn(found) else ""
     parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
+    lasers = "lasers that read short or long, " if any(d.name == "lasers" and d.is_beyond_noise for d in found) else ""
     run.say(
         "warning",
         DISAGREEMENT,
         f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
-        f"gives, or a fault that nothing models; the error bars are widened, most for {named_direction(beyond)}{torn}",
+        f"gives, {lasers}or a fault that nothing models; the error bars are widened, most for {named_direction(beyond)}{torn}",
     )

@@ -69,7 +69,7 @@ def told_considered(parameters: Sequence[Intrinsic], covariance: FloatArray) -> 
             if times >= WORDING.counted
         )
         size = f"{_size(mine[0])}{' each' if len(mine) > 1 else ''}, 1 sigma"
-        text = f"not estimated: {called} ({size}) could move {moves}; the error bars count it"
+        text = f"not estimated but counted in the error bars: {called} ({size}) could move {moves}"
         found.append((float(wider.max()), (CONSIDERED, text)))
     return [told for _, told in sorted(found, key=lambda each: -each[0])]
 

@@ -51,12 +51,13 @@ def test_what_counts_is_said_with_its_size_and_what_it_could_do() -> None:
     ((code, text),) = told_considered([_one("laser_range_scale", seven)], covariance)
     assert code == "sensor.considered"
     assert text == (
-        "not estimated: range scales of lasers (0.10 %, 1 sigma) could move the translation by 0.50 mm; the error bars count it"
+        "not estimated but counted in the error bars: range scales of lasers (0.10 %, 1 sigma) could move the translation by "
+        "0.50 mm"
     )
     # Four lasers, each as much: twice as far, and of a covariance that has room for it.
     four = [_one("laser_range_scale", seven, name=str(k)) for k in range(4)]
     ((_, text),) = told_considered(four, 10.0 * covariance)
-    assert "(0.10 % each, 1 sigma) could move the translation by 1.0 mm;" in text
+    assert "(0.10 % each, 1 sigma) could move the translation by 1.0 mm" in text
     assert told_considered([_one("laser_range_scale", seven)], 100.0 * covariance) == []
     turning = np.concatenate([TURNS, np.zeros(3), [0.0]])
     both = [_one("clock_rate", seven, prior=40.0), _one("gyroscope_axes", turning, prior=np.radians(0.3))]
