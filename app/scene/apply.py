@@ -73,6 +73,10 @@ class ShownScene:
         self._labelled = False
         self._cycle = Cycle()
         self._server.scene.set_up_direction("+z")
+        # Nothing here mirrors a sky or throws a shadow worth seeing, and a browser that draws in software would work ten seconds
+        # on the viewer's own before its first picture.
+        self._server.scene.configure_environment_map(None)
+        self._server.scene.configure_default_lights(cast_shadow=False)
 
         def clicked(event: viser.SceneClickEvent) -> None:
             on_ray(np.array(event.ray_origin), np.array(event.ray_direction), event.modifier is not None)
