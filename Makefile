@@ -17,6 +17,9 @@ PIP_AUDIT_VERSION := 2.10.1
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
+# Where it is set, each of the hundreds of processes that the tests start compiles the program's sources anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help run test check format bench bench-accuracy bench-paper lock sbom audit clean system-run system-test client modules
 

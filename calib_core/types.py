@@ -83,12 +83,20 @@ class Scan:
     """One sweep: only valid returns, each with its own time.
 
     index: the message's place in its topic.   stamp_ns: time of the first point, lidar clock.
-    points: (N,) POINT_DTYPE.
+    points: (N,) POINT_DTYPE, not to be written to.
     """
 
     index: int
     stamp_ns: int
     points: PointArray
+
+    def __post_init__(self) -> None:
+        # A map of a file can only be read. What is in memory is like it, or each compiled loop would be compiled twice, once for
+        # either: the second time in somebody's first solve.
+        if self.points.flags.writeable:
+            points = self.points.view()
+            points.flags.writeable = False
+            object.__setattr__(self, "points", points)
 
 
 class KeptScans(Sequence[Scan]):

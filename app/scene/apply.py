@@ -35,6 +35,8 @@ BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204
 
 #: What viser's own panel, which nobody sees, is called once there is something to see.
 FIRST_PICTURE = "first picture"
+#: Light from everywhere, as bright as the viewer's own sky was: with less, a plane's face is not seen between its points.
+AMBIENT = 1.5
 
 
 def warm_up() -> None:
@@ -73,6 +75,11 @@ class ShownScene:
         self._labelled = False
         self._cycle = Cycle()
         self._server.scene.set_up_direction("+z")
+        # Nothing here mirrors a sky or throws a shadow worth seeing, and a browser that draws in software would work ten seconds
+        # on the viewer's own before its first picture. What the sky gave to surfaces, a light from everywhere gives.
+        self._server.scene.configure_environment_map(None)
+        self._server.scene.configure_default_lights(cast_shadow=False)
+        self._server.scene.add_light_ambient("/light", intensity=AMBIENT)
 
         def clicked(event: viser.SceneClickEvent) -> None:
             on_ray(np.array(event.ray_origin), np.array(event.ray_direction), event.modifier is not None)

@@ -1,4 +1,6 @@
-"""The command line as a person uses it: processes of their own, recordings on disk, answers held against the truth."""
+"""The command line as a person uses it: recordings on disk, answers held against the truth. Each command is a process of its own
+once; where another of its ends is looked at, it runs in this one, which has loaded already what a process takes seconds to load.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from app.cli import main as cli
 from calib_core import api
 from calib_core.result import CalibrationResult
 from calib_core.simulate import TruthFile
@@ -29,6 +33,22 @@ def unsweep(*words: object) -> subprocess.CompletedProcess[str]:
     """The command, run to its end."""
     command = [sys.executable, "-m", "app.cli", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
+
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def here(capsys: pytest.CaptureFixture[str]) -> Run:
+    """The same in this process."""
+
+    def run(*words: object) -> subprocess.CompletedProcess[str]:
+        capsys.readouterr()
+        command = [str(word) for word in words]
+        code = cli.run(command)
+        return subprocess.CompletedProcess(command, code, *capsys.readouterr())
+
+    return run
 
 
 def write_bag(path: Path, *, imu: int = 0, clouds: int = 0, fields: tuple[str, ...] = ("x", "y", "z", "time")) -> Path:
@@ -87,7 +107,7 @@ def answer(room: Path) -> Path:
     return out
 
 
-def test_the_whole_path_without_an_option(room: Path, answer: Path) -> None:
+def test_the_whole_path_without_an_option(room: Path, answer: Path, here: Run) -> None:
     """As near to the truth as the document says it is (one in ten thousand is not), which is 0.05 deg, 3 mm and 0.2 ms. Fails
     if a direction or a sign is turned anywhere between the bag and the document.
     """
@@ -105,12 +125,12 @@ def test_the_whole_path_without_an_option(room: Path, answer: Path) -> None:
     assert error @ np.linalg.solve(covariance, error) < chi2.ppf(0.9999, 7)
     assert (np.sqrt(np.diag(covariance)) < [*3 * [np.radians(0.05)], *3 * [0.003], 0.0002]).all()
     for name in api.export_names():
-        assert unsweep("export", out, "--format", name).returncode == 0
+        assert here("export", out, "--format", name).returncode == 0
 
 
-def test_inspect_reports_in_words_and_as_json(room: Path) -> None:
+def test_inspect_reports_in_words_and_as_json(room: Path, here: Run) -> None:
     """Fails if the two reports differ in their verdict, or JSON shares stdout with anything."""
-    words, document = unsweep("inspect", room, "--quiet"), unsweep("inspect", room, "--json")
+    words, document = here("inspect", room, "--quiet"), unsweep("inspect", room, "--json")
     assert (words.returncode, document.returncode) == (0, 0)
     assert json.loads(document.stdout)["verdict"] == "good"
     assert "Good: this recording can be calibrated." in words.stdout
@@ -168,25 +188,27 @@ def unusable(kind: str, folder: Path) -> Path:
         ("no-point-time", "time", True),
     ],
 )
-def test_what_cannot_be_calibrated_is_one_sentence(kind: str, word: str, opens: bool, tmp_path: Path) -> None:
+def test_what_cannot_be_calibrated_is_one_sentence(
+    kind: str, word: str, opens: bool, tmp_path: Path, here: Run
+) -> None:
     """`calibrate` exits 2 with a sentence that names the trouble; `inspect` exits 0 for whatever opens. Fails if any
     ends in a traceback, another code, or an answer."""
     path = unusable(kind, tmp_path)
-    done = unsweep("calibrate", path, "--quiet")
+    done = here("calibrate", path, "--quiet")
     assert done.returncode == 2
     assert done.stdout == ""
     assert len(done.stderr.splitlines()) == 1
     assert word in done.stderr
-    looked = unsweep("inspect", path, "--json", "--quiet")
+    looked = here("inspect", path, "--json", "--quiet")
     assert looked.returncode == (0 if opens else 2), looked.stderr
     if opens:
         assert json.loads(looked.stdout)["verdict"] == "unusable"
 
 
-def test_standing_still_is_refused_with_its_result(tmp_path: Path) -> None:
+def test_standing_still_is_refused_with_its_result(tmp_path: Path, here: Run) -> None:
     """Exit 3, the reason last, the document written all the same. Fails if standing still gives numbers."""
     bag, out = tmp_path / "static.bag", tmp_path / "result.json"
-    assert unsweep("simulate", "static", bag, "--duration-s", 6).returncode == 0
+    assert here("simulate", "static", bag, "--duration-s", 6).returncode == 0
     done = unsweep("calibrate", bag, "--output", out, "--quiet")
     assert done.returncode == 3
     assert len(done.stderr.splitlines()) == 1
@@ -199,7 +221,7 @@ def test_standing_still_is_refused_with_its_result(tmp_path: Path) -> None:
     assert (refused.returncode, refused.stdout) == (2, "")
 
 
-def test_deskew_keeps_every_scan(room: Path, answer: Path, tmp_path: Path) -> None:
+def test_deskew_keeps_every_scan(room: Path, answer: Path, tmp_path: Path, here: Run) -> None:
     """One file for each scan, all points in it. Fails if scans at the ends, or points without motion, are dropped."""
     out = tmp_path / "deskewed"
     done = unsweep("deskew", room, "--calibration", answer, "--output", out, "--quiet", "--end-s", 8)
@@ -208,6 +230,6 @@ def test_deskew_keeps_every_scan(room: Path, answer: Path, tmp_path: Path) -> No
     assert [file.name for file in files] == [f"{k:06d}.ply" for k in range(len(files))]
     assert len(files) >= 75
     assert b"element vertex 29184" in files[0].read_bytes()[:400]
-    again = unsweep("deskew", room, "--calibration", answer, "--output", out, "--quiet")
+    again = here("deskew", room, "--calibration", answer, "--output", out, "--quiet")
     assert again.returncode == 2
     assert "exists already" in again.stderr

@@ -30,3 +30,19 @@ def test_the_page_to_share_stands_upright_and_is_cut_open(monkeypatch) -> None:
     assert len(content.stage.walls) == len(result.quality.planes) > 0
     np.testing.assert_allclose(content.stage.up, wanted.up)
     assert behind, "what the first camera sees from behind is still drawn"
+
+
+def test_no_sky_is_mirrored_and_no_shadow_thrown() -> None:
+    """Oracle: viser's own messages, which every browser gets before anything that is drawn. Mutations: either left as viser has
+    it, in software ten seconds of work before the first picture; the lights put out; planes' faces left dark.
+    """
+    shown = ShownScene(on_patch=lambda *_: None, on_ray=lambda *_: None)
+    try:
+        buffer = shown._server._websock_server.get_message_buffer()
+        said = {type(message).__name__: message for message in buffer.message_from_id.values()}
+    finally:
+        shown.close()
+    assert said["EnvironmentMapMessage"].hdri_data is None
+    assert said["EnableLightsMessage"].enabled
+    assert not said["EnableLightsMessage"].cast_shadow
+    assert said["AmbientLightMessage"].props.intensity > 1.0

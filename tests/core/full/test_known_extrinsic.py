@@ -92,8 +92,9 @@ def test_a_wall_seen_by_lasers_that_are_off_gets_flat(monkeypatch: pytest.Monkey
     published_m = range_m * (1.0 + scale[laser]) + offset[laser] + every
     up, head = up - elevation[laser], head - azimuth[laser]
     xyz = published_m[:, None] * np.column_stack([np.cos(up) * np.cos(head), np.cos(up) * np.sin(head), np.sin(up)])
-    scan = scan_at(10_000_000_000, np.rint(t * 1e9).astype(np.int64), xyz)
-    scan.points["ring"] = laser
+    points = scan_at(10_000_000_000, np.rint(t * 1e9).astype(np.int64), xyz).points.copy()
+    points["ring"] = laser
+    scan = Scan(0, 10_000_000_000, points)
 
     knots_s = np.linspace(0.0, 0.2, 201)
     R = Rotation.from_rotvec(np.outer(rate_rad_s * knots_s, [0, 0, 1])).as_matrix()
