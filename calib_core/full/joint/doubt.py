@@ -82,15 +82,21 @@ def face_three_ways(normals: FloatArray) -> bool:
     return len(normals) >= 3 and bool(np.linalg.svd(normals, compute_uv=False)[-1] >= DOUBTING.least_spread)
 
 
-def require_three_ways(names: Sequence[str], faults: Sequence[Fault], normals: FloatArray) -> None:
-    """Raises Refused where some of the planes are faulty and the others do not face three ways. normals: (P, 3), unit length."""
-    said = [f"{name} {WORDS[fault]}" for name, fault in zip(names, faults, strict=True) if fault]
-    if said and not face_three_ways(normals[[not fault for fault in faults]]):
-        raise Refused(
-            "planes.doubtful",
-            f"the planes chosen do not hold the motion: {', '.join(said)}, and the others do not face three ways; choose walls, "
-            "floor and ceiling, or use the suggestion",
-        )
+def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], normals: FloatArray) -> None:
+    """Raises Refused where some of the planes are faulty and the others do not face three ways. normals: (P, 3), unit length.
+
+    What came into view is nobody's choice, and is not blamed on it.
+    """
+    if not any(faults) or face_three_ways(normals[[not fault for fault in faults]]):
+        return
+    said = [
+        f"{plane.name} {WORDS[fault]}" for plane, fault in zip(planes, faults, strict=True) if fault and not plane.late
+    ]
+    why = f"{', '.join(said)}, and the others do not face three ways" if said else "they do not face three ways"
+    raise Refused(
+        "planes.doubtful",
+        f"the planes chosen do not hold the motion: {why}; choose walls, floor and ceiling, or use the suggestion",
+    )
 
 
 def weigh_chosen(ctx: Run, solved: Solved) -> float:
@@ -99,20 +105,20 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
     Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane. Raises
     Refused where those beyond doubt do not hold three directions: the answer would be that of what moves or bends.
     """
-    problem, estimate, names = solved.problem, solved.estimate, [plane.name for plane in solved.planes]
+    problem, estimate = solved.problem, solved.estimate
     if not np.isfinite(estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
         return 1.0
     stand = standings(problem, estimate)
     doubt = doubts(stand)
     faults = [fault_of(row) for row in doubt]
     seen = [fault or plane.fault for fault, plane in zip(faults, solved.planes, strict=True)]
-    require_three_ways(names, faults, estimate.normals)
-    for plane, name, fault in zip(solved.planes, names, seen, strict=True):
+    require_three_ways(solved.planes, faults, estimate.normals)
+    for plane, fault in zip(solved.planes, seen, strict=True):
         if fault and plane.chosen:
             ctx.say(
                 "warning",
                 "planes.doubted",
-                f"{name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
+                f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
             )
     wider = widening(stand)
     if wider > 1.0:

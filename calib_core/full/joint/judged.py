@@ -74,5 +74,5 @@ def with_culprits_marked(data: JointData, state: Estimation, schedule: Schedule)
         left = replace(left, rounds=state.rounds)  # beside the way to the answer, whose rounds are bounded
         doubt = plane_doubts(gathered(data, left), left.estimate)
     planes = tuple(replace(plane, fault=faults.get(plane.name, "")) for plane in state.planes)
-    require_three_ways([plane.name for plane in planes], [plane.fault for plane in planes], state.estimate.normals)
+    require_three_ways(planes, [plane.fault for plane in planes], state.estimate.normals)
     return replace(state, planes=planes, iterations=left.iterations)

@@ -60,6 +60,10 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     assert schedule.settling is not None
     data, whole = data.portion(WATCHING.settled_share, 1.0), data
     state, problem = alternate(data, state, schedule.settling, schedule.sampling)
+    if (
+        schedule.chosen
+    ):  # boxes have sensors go astray, and what that does to the readings would be taken for tones, for long
+        require_sensors(state, whole.limits.sensor_sigmas)
     rules = schedule.tones
     for _ in range(rules.turns):
         after = admit_rest(data, state, rules, schedule.sensors, schedule.sampling)

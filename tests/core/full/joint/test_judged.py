@@ -9,7 +9,8 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full.joint import judged, plane_set, solve
-from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.doubt import require_three_ways
+from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.schedule import CHOSEN, FULL
 from calib_core.full.joint.state import Estimate
@@ -112,6 +113,17 @@ def test_a_choice_that_does_not_hold_the_motion_is_told_before_all_points_are_tr
     after = solve.settled(half.data, half.state, schedule)
     assert [plane.name for plane in after.planes if plane.fault] == (names if marked else [])
     assert len(after.planes) == len(half.state.planes)
+
+
+def test_what_came_into_view_is_not_blamed_on_a_choice() -> None:
+    """Seen: four boxes chosen, "wall 3 is not flat" of a fifth. Mutations: late planes named; not counted among the faulty."""
+    planes = [MapPlane("box", chosen=True), MapPlane("floor"), MapPlane("wall"), MapPlane("wall 2", late=True)]
+    normals = np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    require_three_ways(planes, ["bent", "", "", ""], normals)
+    with pytest.raises(Refused, match="motion: box is not flat, and the others do not face three ways;"):
+        require_three_ways(planes, ["bent", "", "", "bent"], normals)
+    with pytest.raises(Refused, match="motion: they do not face three ways;"):
+        require_three_ways(planes[1:], ["", "", "bent"], normals[1:])
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -14,7 +14,7 @@ from calib_core.full.joint import bounds, solve, surface
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
-from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
@@ -89,6 +89,30 @@ def test_the_last_step_from_a_file_ends_where_it_did_from_memory(half: Half, tmp
     assert same(ends[0].estimate, ends[1].estimate)
     assert ends[0].minimum.cost == ends[1].minimum.cost
     assert ends[0].rounds == ends[1].rounds
+
+
+@pytest.mark.parametrize(("schedule", "looks"), [(FULL, 1), (CHOSEN, 0)])
+def test_sensors_that_chosen_boxes_lead_astray_end_the_solve_at_its_first_rest(
+    half: Half, counted: list[Estimation], monkeypatch: pytest.MonkeyPatch, schedule: Schedule, looks: int
+) -> None:
+    """Four boxes took three times as long as the whole suggestion to be refused: tones were found and lost again in what the
+    sensors did. Where nobody chose, a tone may bring them back. Mutations: judged at the end alone; at once whoever chose.
+    """
+    looked: list[Estimation] = []
+
+    def look(_data: JointData, state: Estimation, *_: object) -> Estimation:
+        looked.append(state)
+        return state
+
+    def astray(*_: object) -> None:
+        raise Refused("solve.sensors_astray", "twelve times as large")
+
+    monkeypatch.setattr(solve, "admit_rest", look)
+    monkeypatch.setattr(solve, "require_solution", lambda _: None)
+    monkeypatch.setattr(solve, "require_sensors", astray)
+    with pytest.raises(Refused, match="twelve times"):
+        solve.at_rest(half.data, half.state, schedule)
+    assert (len(looked), len(counted)) == (looks, 1)
 
 
 @pytest.mark.parametrize(
