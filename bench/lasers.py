@@ -24,8 +24,8 @@ DURATION_S = 20.0
 TURNS = 2
 #: What is asked of every lidar.
 LIMIT = 1.5
-#: Measured with ten other processes on two cores: the same ratio twice, by up to 8 %.
-_SLACK = 0.15
+#: Measured with ten other processes on two cores: the ratio of one program behind one lidar went from 1.20 to 1.46.
+_SLACK = 0.25
 _MODES = ("off", "auto")
 #: As an OS0 or OS1 of 128 lasers, which looks 45 degrees far up and down together.
 OS_128 = replace(
@@ -79,6 +79,9 @@ def measure(duration_s: float = DURATION_S, turns: int = TURNS) -> list[Metric]:
             bag, result = Path(folder) / f"{lasers}.bag", Path(folder) / "result.json"
             scenario = replace(SCENARIOS["handheld"], slug=f"handheld-{lasers}", lidar=lidar)
             simulate(scenario, bag, seed=1, duration_s=duration_s)
+            if not found:  # loops that are not compiled yet would count as one mode's
+                for mode in _MODES:
+                    cpu_s(bag, result, mode)
             found[lasers] = {mode: [] for mode in _MODES}
             for _ in range(turns):
                 for mode in _MODES:

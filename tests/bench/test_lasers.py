@@ -17,7 +17,7 @@ def test_ratios_are_of_the_cheapest_turns_and_judged() -> None:
     assert metrics["lasers.over_limit"].value == pytest.approx(1.2)
     judged = [key for key, metric in metrics.items() if metric.is_judged()]
     assert judged == ["lasers.auto_over_off_16", "lasers.auto_over_off_128"]
-    turns[128]["auto"] = [42.0]
+    turns[128]["auto"] = [46.0]
     assert [slip.key for slip in slips(metrics_of(turns), metrics)] == ["lasers.auto_over_off_128"]
 
 
