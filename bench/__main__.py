@@ -2,7 +2,7 @@
 
     list                                what can be measured
     run [NAME...]                       measure, show, write bench/results/NAME.json
-    gate [NAME...]                      measure what is gated, passes too (bench/passes.py); exit 1 where a ratio slipped
+    gate [NAME...]                      measure what is gated, passes and lasers too; exit 1 where a ratio slipped
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's tables from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
@@ -26,13 +26,16 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, passes, starts
+from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, lasers, passes, starts
 from bench.metrics import Metric, slips
 from bench.readme import README, with_tables
 from bench.store import RESULTS, bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, Workload, metrics_of, runs_of
 from calib_core.errors import InputError
 from calib_core.threads import usable_cores
+
+#: What is measured beside the workloads.
+_COSTS = {passes.NAME: passes.measure, lasers.NAME: lasers.measure}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,6 +83,7 @@ def _run(chosen: argparse.Namespace) -> int:
         case "list":
             for workload in WORKLOADS.values():
                 sys.stdout.write(f"{workload.name:24}{workload.text} Seeds {workload.seeds}.\n")
+            sys.stdout.write(f"{lasers.NAME:24}CPU with the sensors' own parameters over that with ideal sensors.\n")
             sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":
             README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
@@ -214,12 +218,12 @@ def _add_faulty(command: argparse.ArgumentParser) -> None:
 
 
 def _workloads(command: str, names: Sequence[str], jobs: int) -> int:
-    known = [*WORKLOADS, passes.NAME]
+    known = [*WORKLOADS, *_COSTS]
     unknown = [name for name in names if name not in known]
     if unknown:
         sys.stderr.write(f"Unknown: {', '.join(unknown)}; known: {', '.join(known)}.\n")
         return 2
-    gated = [*(workload.name for workload in WORKLOADS.values() if workload.is_gated), passes.NAME]
+    gated = [*(workload.name for workload in WORKLOADS.values() if workload.is_gated), *_COSTS]
     measured = _measure(names or gated, jobs)
     if command == "gate":
         return _gate(measured)
@@ -232,7 +236,7 @@ def _measure(names: Iterable[str], jobs: int) -> list[Metric]:
     """Run the workloads, show and write each as it is done."""
     everything: list[Metric] = []
     for name in names:
-        metrics = passes.measure() if name == passes.NAME else _solve(WORKLOADS[name], jobs)
+        metrics = _COSTS[name]() if name in _COSTS else _solve(WORKLOADS[name], jobs)
         for metric in metrics:
             sys.stdout.write(f"{metric.key:44}{metric.value:12.5g} {metric.unit}\n")
         write_results(name, metrics)

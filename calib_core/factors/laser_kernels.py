@@ -269,61 +269,158 @@ def add_features_kernel(
 ) -> None:
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster: first..last (exclusive).
 
-    bins, laser: (B,).   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the bins.   cross: (B, 8, 5).
-    column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients since
-    the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
+    bins, laser: (B,), clusters of one bin in a row.   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the
+    bins.   cross: (B, 8, 5).   column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients
+    since the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
+
+    What all clusters of a bin say of one column is the same four numbers times the bin's J. They are laid side by side first, a
+    row for each of the four: what is then multiplied runs along memory, through stretches of columns that any cluster touches.
     """
-    width = J.shape[2]
-    lasers, size = column_of.shape[0], corner.shape[0]
-    by, pull = np.empty((FEATURES, width)), np.empty(width)
-    # What depends on the laser alone is summed up by lasers, and put in place once.
-    force = np.zeros((lasers, FEATURES))
-    common, mixed = np.zeros((lasers, FEATURES, width - 9)), np.zeros((size, size))
-    for b in range(first, last):
-        q, j = bins[b], laser[b]
-        k, at_plane = knot[q], planes_start + 3 * plane[q]
-        pull[:] = 0.0
-        for f in range(FEATURES):
-            w0, w1, w2, w3 = (
-                np.float64(cross[b, f, 0]), np.float64(cross[b, f, 1]), np.float64(cross[b, f, 2]), np.float64(cross[b, f, 3]),
+    width, size = J.shape[2], corner.shape[0]
+    start, end = _between_columns(column_of, size)
+    columns = end - start
+    moments, touched = np.zeros((5, columns)), np.zeros(columns, np.bool_)
+    begins, ends, u = np.empty(columns + 1, np.int64), np.empty(columns + 1, np.int64), np.empty(4)
+    # What all bins, or those of a plane, say of shared columns is summed up by itself, and put in place once.
+    common = np.zeros((COLUMNS_SEEN - 11, columns))
+    by_plane = np.zeros((3 * (plane.max() + 1 if plane.shape[0] > 0 else 0), columns))
+    force = np.zeros(columns)
+    b = first
+    while b < last:
+        q = bins[b]
+        k, at_plane = knot[q], 3 * plane[q]
+        u[:] = 0.0
+        while b < last and bins[b] == q:
+            _lay_beside(cross, b, column_of, change, laser[b], start, moments, touched, u)
+            b += 1
+        for i in range(width):
+            pull = J[q, 0, i] * u[0] + J[q, 1, i] * u[1] + J[q, 2, i] * u[2] + J[q, 3, i] * u[3]
+            if i < 9:
+                gradient[k, i] += pull
+            elif i < 16:
+                gradient_shared[i - 9] += pull
+            else:
+                gradient_shared[planes_start + at_plane + i - 16 if i < COLUMNS_SEEN else clock_column] += pull
+        for s in range(_runs(touched, begins, ends)):
+            begin, stop = begins[s], ends[s]
+            m0, m1, m2, m3, m4 = (
+                moments[0, begin:stop], moments[1, begin:stop], moments[2, begin:stop], moments[3, begin:stop],
+                moments[4, begin:stop],
             )  # fmt: skip
+            here = start - squeezed
             for i in range(width):
-                by[f, i] = J[q, 0, i] * w0 + J[q, 1, i] * w1 + J[q, 2, i] * w2 + J[q, 3, i] * w3
-            force[j, f] += w0 * a[q, 0] + w1 * a[q, 1] + w2 * a[q, 2] + w3 * a[q, 3] + cross[b, f, 4] * a[q, 4]
-            for e in range(width - 9):
-                common[j, f, e] += by[f, 9 + e]
-            moved = change[j, f]
-            if moved != 0.0:
-                for i in range(width):
-                    pull[i] += moved * by[f, i]
-        for t in range(TERMS):
-            column, f, sign = column_of[j, TERM_COLUMN[t]], TERM_FEATURE[t], TERM_SIGN[t]
-            if column >= 0:
-                for i in range(9):
-                    border[k, i, column - squeezed] += sign * by[f, i]
-                for e in range(3):
-                    mixed[column, at_plane + e] += sign * by[f, 16 + e]
-        for i in range(9):
-            gradient[k, i] += pull[i]
-        for e in range(7):
-            gradient_shared[e] += pull[9 + e]
-        for e in range(3):
-            gradient_shared[at_plane + e] += pull[16 + e]
-        if width > COLUMNS_SEEN:
-            gradient_shared[clock_column] += pull[COLUMNS_SEEN]
-    for j in range(lasers):
-        for t in range(TERMS):
-            column, f, sign = column_of[j, TERM_COLUMN[t]], TERM_FEATURE[t], TERM_SIGN[t]
-            if column < 0:
-                continue
-            gradient_shared[column] += sign * force[j, f]
-            for e in range(7):
-                mixed[column, e] += sign * common[j, f, e]
-            if width > COLUMNS_SEEN:
-                mixed[column, clock_column] += sign * common[j, f, COLUMNS_SEEN - 9]
-    for r in range(size):
-        for c in range(size):
-            corner[r, c] += mixed[r, c] + mixed[c, r]
+                if i < 9:
+                    row = border[k, i, here + begin : here + stop]
+                elif 16 <= i < COLUMNS_SEEN:
+                    row = by_plane[at_plane + i - 16, begin:stop]
+                else:
+                    row = common[i - 9 if i < 16 else 7, begin:stop]
+                _add_product(row, J[q, 0, i], J[q, 1, i], J[q, 2, i], J[q, 3, i], m0, m1, m2, m3)
+            _add_product(force[begin:stop], a[q, 0], a[q, 1], a[q, 2], a[q, 3], m0, m1, m2, m3)
+            _end_run(force[begin:stop], a[q, 4], m0, m1, m2, m3, m4, touched[begin:stop])
+    for c in range(columns):
+        gradient_shared[start + c] += force[c]
+    for at in range(common.shape[0] if width > COLUMNS_SEEN else 7):
+        _put_beside(at if at < 7 else clock_column, common, at, start, corner)
+    for at in range(by_plane.shape[0]):
+        _put_beside(planes_start + at, by_plane, at, start, corner)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _between_columns(column_of: IntArray, size: int) -> tuple[int, int]:
+    """The first of the columns that any laser has, and one beyond the last. size: of all shared ones."""
+    start, end = size, 0
+    for j in range(column_of.shape[0]):
+        for t in range(column_of.shape[1]):
+            if column_of[j, t] >= 0:
+                start, end = min(start, column_of[j, t]), max(end, column_of[j, t] + 1)
+    return min(start, end), end
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add_product(
+    row: FloatArray,
+    j0: float,
+    j1: float,
+    j2: float,
+    j3: float,
+    m0: FloatArray,
+    m1: FloatArray,
+    m2: FloatArray,
+    m3: FloatArray,
+) -> None:
+    """Adds a combination of four rows (C,) to one. Each in memory by itself: then a processor does several at a time."""
+    for c in range(row.shape[0]):
+        row[c] += j0 * m0[c] + j1 * m1[c] + j2 * m2[c] + j3 * m3[c]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _end_run(
+    force: FloatArray,
+    a4: float,
+    m0: FloatArray,
+    m1: FloatArray,
+    m2: FloatArray,
+    m3: FloatArray,
+    m4: FloatArray,
+    touched: BoolArray,
+) -> None:
+    """Adds a4 times the fifth row to force (C,), and makes room for the next bin."""
+    for c in range(force.shape[0]):
+        force[c] += a4 * m4[c]
+        m0[c] = m1[c] = m2[c] = m3[c] = m4[c] = 0.0
+        touched[c] = False
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _lay_beside(
+    cross: FloatArray,
+    b: int,
+    column_of: IntArray,
+    change: FloatArray,
+    j: int,
+    start: int,
+    moments: FloatArray,
+    touched: BoolArray,
+    u: FloatArray,
+) -> None:
+    """Adds cluster b of laser j to moments (5, C) by column, counted from `start`, and to u (4,) as the lasers have changed."""
+    for f in range(FEATURES):
+        moved = change[j, f]
+        if moved != 0.0:
+            for c in range(4):
+                u[c] += moved * cross[b, f, c]
+    for t in range(TERMS):
+        column, f, sign = column_of[j, TERM_COLUMN[t]] - start, TERM_FEATURE[t], TERM_SIGN[t]
+        if column >= 0:
+            touched[column] = True
+            for c in range(5):
+                moments[c, column] += sign * cross[b, f, c]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _runs(touched: BoolArray, begins: IntArray, ends: IntArray) -> int:
+    """Fills begins and ends with the stretches of columns that are touched, and nothing between: others fill those meanwhile."""
+    runs, before = 0, False
+    for c in range(touched.shape[0]):
+        if touched[c] and not before:
+            begins[runs] = c
+        if before and not touched[c]:
+            ends[runs] = c
+            runs += 1
+        before = touched[c]
+    if before:
+        ends[runs] = touched.shape[0]
+        runs += 1
+    return runs
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _put_beside(row: int, sums: FloatArray, of: int, start: int, corner: FloatArray) -> None:
+    """Adds one row of sums (R, C) to a row and a column of the corner, the columns counted from `start`."""
+    for c in range(sums.shape[1]):
+        corner[row, start + c] += sums[of, c]
+        corner[start + c, row] += sums[of, c]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

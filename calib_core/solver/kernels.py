@@ -72,6 +72,21 @@ def eliminate_kernel(diagonal: FloatArray, lower: FloatArray, W: FloatArray) -> 
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def forward_kernel(L: FloatArray, M: FloatArray, y: FloatArray) -> None:
+    """The forward pass of one more column in place: y (K, n) becomes L_k^-1 (y_k - M_k y_{k-1}). L, M: of eliminate_kernel."""
+    knots, n, _ = L.shape
+    for k in range(knots):
+        for i in range(n):
+            value = y[k, i]
+            if k > 0:
+                for c in range(n):
+                    value -= M[k - 1, i, c] * y[k - 1, c]
+            for j in range(i):
+                value -= L[k, i, j] * y[k, j]
+            y[k, i] = value / L[k, i, i]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def substitute_kernel(L: FloatArray, M: FloatArray, y: FloatArray) -> None:
     """The way back in place: y (K, n) becomes x with L_k' x_k = y_k - M_{k+1}' x_{k+1}. L, M: of eliminate_kernel."""
     knots, n, _ = L.shape

@@ -16,6 +16,7 @@ from calib_core.factors.laser_features import (
     feature_changes,
     features_squares,
 )
+from calib_core.factors.laser_kernels import add_features_kernel
 from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.types import FloatArray
 from tests.core.factors import test_bins as bins
@@ -214,3 +215,56 @@ def test_a_patch_s_height_shortens_every_distance_alike() -> None:
         assert coefficients @ cross[:, 3] == pytest.approx(-weight[mine].sum(), rel=1e-5)
         seen += int(mine.sum())
     assert seen == keep.sum()
+
+
+@pytest.mark.parametrize("width", [19, 20])
+def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> None:
+    """Against J' M J with every row written out, of clusters in two parts, lasers without columns of their own among them.
+
+    Mutations: stretches that reach over a column nobody touches (those of others are written then: here, of NaN); a bin's rows
+    not emptied for the next; the distance's moment left out of the force; the clocks' column where planes are.
+    """
+    rng = np.random.default_rng(11)
+    knots, planes, lasers, squeezed = 4, 3, 6, 2
+    knot, plane = np.array([0, 0, 1, 3]), np.array([0, 2, 1, 2])
+    which = [rng.permutation(lasers)[:4] for _ in knot]
+    laser, bins_ = np.concatenate([np.sort(w) for w in which]), np.repeat(np.arange(4), 4)
+    planes_start, clock = 12, 12 + 3 * planes
+    first = clock + 2  # one column that is nobody's of these
+    column_of = np.full((lasers, 10), -1)
+    column_of[:, 0], column_of[:, 1] = first + np.arange(lasers), first + lasers + np.arange(lasers)
+    column_of[2, 1] = -1
+    column_of[:, 4], column_of[:, 5] = first + 2 * lasers, first + 2 * lasers + 1
+    column_of[:3, 9] = first + 2 * lasers + 3
+    size = first + 2 * lasers + 4
+    J, a = rng.normal(size=(4, 4, width)), rng.normal(size=(4, 5))
+    cross, change = rng.normal(size=(len(bins_), 8, 5)), rng.normal(size=(lasers, 8))
+    coefficients = np.stack(
+        [feature_changes(column)[:, :] for column in np.eye(10)[:, None].repeat(lasers, 1)], axis=-1
+    )
+    border, gradient = np.zeros((knots, 9, size - squeezed)), np.zeros((knots, 9))
+    corner, shared = np.zeros((size, size)), np.zeros(size)
+    untouched = np.delete(np.arange(size), np.unique(column_of[column_of >= 0]))
+    border[:, :, untouched[untouched >= squeezed] - squeezed] = np.nan
+    want_border, want_gradient = np.where(np.isnan(border), np.nan, 0.0), np.zeros((knots, 9))
+    want_corner, want_shared = np.zeros((size, size)), np.zeros(size)
+    for b, q in enumerate(bins_):
+        j, k = laser[b], knot[q]
+        own = np.concatenate([np.arange(7), planes_start + 3 * plane[q] + np.arange(3), np.full(width - 19, clock)])
+        by = J[q].T @ cross[b, :, :4].T  # (width, 8)
+        want_gradient[k] += by[:9] @ change[j]
+        want_shared[own] += by[9:] @ change[j]
+        for c, column in enumerate(column_of[j]):
+            if column >= 0:
+                f = coefficients[j, :, c]
+                want_border[k, :, column - squeezed] += by[:9] @ f
+                want_corner[own, column] += by[9:] @ f
+                want_corner[column, own] += by[9:] @ f
+                want_shared[column] += f @ cross[b] @ a[q]
+    for some in ((0, 8), (8, len(bins_))):
+        add_features_kernel(
+            bins_, knot, plane, laser, J, a, cross, column_of, change, planes_start, clock, squeezed,
+            gradient, border, corner, shared, *some,
+        )  # fmt: skip
+    for got, want in ((gradient, want_gradient), (border, want_border), (corner, want_corner), (shared, want_shared)):
+        np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-12)
