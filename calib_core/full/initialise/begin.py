@@ -90,8 +90,8 @@ def begin(
 
 
 def choice_among(proposals: Sequence[Plane], given: Sequence[Plane] | None) -> Sequence[Plane] | None:
-    """What a person has chosen: None where that is nothing, who has touched none of the proposals has made no choice."""
-    if given is None or not all(plane.suggested for plane in given):
+    """What a person has chosen; None where that is nothing: none of the proposals was touched, and none was cut."""
+    if given is None or not all(plane.suggested and plane.outline_m is None for plane in given):
         return given
     return None if proposals and len(joined(given, proposals)) == len(given) else given
 

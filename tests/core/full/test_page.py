@@ -187,9 +187,10 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     others are thinned out, which is given up where that does not do; what came into view counts, and none of those dropped comes
     back. A touched plane chooses no other.
 
-    Mutations: a proposal as a choice; a choice thinned out; weighed whatever it is; tried again for a choice, and for an
-    untouched suggestion; all that was followed taken for proposed; what was dropped not told; what came late left out where
-    some were dropped, or taken for proposed; three boxes that are left of a suggestion answer; boxes are asked again.
+    Mutations: a proposal as a choice; one that was cut as none; a choice thinned out; weighed whatever it is; tried again for a
+    choice, and for an untouched suggestion; all that was followed taken for proposed; what was dropped not told; what came late
+    left out where some were dropped, or taken for proposed; three boxes that are left of a suggestion answer; boxes are asked
+    again.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
@@ -202,6 +203,8 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     # A floor was proposed, a wall came into view.
     renamed = [replace(proposed[0], name="hall")]
     assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "+wall"])], [], ("right", 1.0))
+    cut = [replace(proposed[0], outline_m=np.zeros((3, 3)))]
+    assert counted(monkeypatch, cut, "right", found=names)[0] == [(PARTLY, ["floor", "+wall"])]
     assert counted(monkeypatch, proposed, lost, found=names, of=2) == ([(FULL, names)], [], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
     late = counted(monkeypatch, proposed[:1], "right", found=[*names, "side"], of=2)
