@@ -18,7 +18,7 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
-from calib_core.full.initialise.begin import choice_among, dropped_of, named_as
+from calib_core.full.initialise.begin import choice_among, late_and_dropped, named
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.start import LidarTrack, Start
@@ -29,7 +29,6 @@ from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
-from calib_core.kinds import called
 from calib_core.types import InitialGuess, Plane
 
 
@@ -41,15 +40,16 @@ def calibrate_full(
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
-    found = called(named_as(planes or (), followed), up, followed.proposed)
-    choice = choice_among(followed.proposals, planes)
+    found = [replace(plane, suggested=True) for plane in named(followed, planes or (), up)]
+    # Only without a choice the map may be another scan's.
+    choice = choice_among(followed.proposals, planes) if followed.proposals else None
+    late, dropped = late_and_dropped(followed, found, choice) if choice else ([], [])
 
-    def answered(schedule: Schedule, proposed: Sequence[Plane], late: Sequence[Plane] = ()) -> Answer:
-        dropped = dropped_of(followed, choice, found) if choice else ()
-        counting = replace(followed, planes=[*proposed, *late], proposed=len(proposed), dropped=dropped)
+    def answered(schedule: Schedule, counting: Sequence[Plane], of_proposal: Sequence[int]) -> Answer:
+        track = replace(followed, planes=list(counting), of_proposal=tuple(of_proposal), dropped=dropped)
 
         def solved(run: Run) -> Solved:
-            return solve(run, counting, lidar, start, guess, schedule)
+            return solve(run, track, lidar, start, guess, schedule)
 
         def judged(run: Run, solved: Solved) -> Answer:
             wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
@@ -57,21 +57,19 @@ def calibrate_full(
 
         return with_sensors_held(run, solved, judged)
 
-    suggested = [replace(plane, suggested=True) for plane in found]
-    first, late = suggested[: followed.proposed], suggested[followed.proposed :]
     if choice is None:
-        return answered(FULL, first, late) if first else answered(FULL, late)
+        return answered(FULL, found, followed.of_proposal)
     by_hand = [replace(plane, suggested=False) for plane in choice]
     if not any(plane.suggested for plane in choice):
-        return answered(CHOSEN, by_hand)
+        return answered(CHOSEN, by_hand, ())
     try:
-        return answered(PARTLY, choice, late if first else ())
+        return answered(PARTLY, [*choice, *late], [0] * len(choice) + [-1] * len(late))
     except Refused as refused:
         if refused.code == "planes.doubtful":
             raise
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
-        return answered(CHOSEN, by_hand)
+        return answered(CHOSEN, by_hand, ())
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:

@@ -192,7 +192,7 @@ def _look(
     # In another reference scan's frame gravity says nothing of the proposals' planes, nor does the problem.
     if followed.reference != proposals.reference_scans[0]:
         return outlook
-    kept = foresight(problem, estimate, followed.proposed, share)
+    kept = foresight(problem, estimate, followed, share)
     return replace(outlook, gravity=start.linear.gravity, foresight=kept)
 
 

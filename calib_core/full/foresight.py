@@ -23,9 +23,10 @@ from calib_core.factors.laser_features import LaserFactors
 from calib_core.full.assess.observability import assess
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.odometry.reference import Followed
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
 from calib_core.threads import one_blas_thread
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 from calib_core.written import as_read, as_written
 
 _FILE = "foresight.npz"
@@ -34,13 +35,14 @@ _WORDS = "words"
 
 @dataclass(frozen=True)
 class Foresight:
-    """The problem of a forecast. proposed: so many of its planes, the first, are those of the proposals, in their order; others
-    came into view.   share: as `forecast` has it.
+    """The problem of a forecast. proposed: so many planes were proposed.   of_proposal: (P,) which of them each of the problem's
+    planes is, -1 for what came into view.   share: as `forecast` has it.
     """
 
     problem: JointProblem
     estimate: Estimate
     proposed: int
+    of_proposal: IntArray
     share: float
 
     def growth(self, places: Collection[int]) -> FloatArray:
@@ -52,7 +54,8 @@ class Foresight:
         chosen = set(places) & set(range(self.proposed))
         if len(chosen) == self.proposed:
             return np.ones(CALIBRATION)
-        return np.maximum(self._stds({*chosen, *range(self.proposed, len(self.estimate.normals))}) / self._of_all, 1.0)
+        counts = np.flatnonzero(np.isin(self.of_proposal, [-1, *chosen]))
+        return np.maximum(self._stds(counts.tolist()) / self._of_all, 1.0)
 
     @cached_property
     def _of_all(self) -> FloatArray:
@@ -75,10 +78,11 @@ class Foresight:
         return assess(information, self.problem.priors, inflation=float(np.sqrt(self.share))).data_std
 
 
-def foresight(problem: JointProblem, estimate: Estimate, proposed: int, share: float) -> Foresight:
-    """Of a forecast's problem, at the estimate that it was judged about."""
+def foresight(problem: JointProblem, estimate: Estimate, followed: Followed, share: float) -> Foresight:
+    """Of a forecast's problem, at the estimate that it was judged about. followed: whose planes it has."""
     bins = replace(problem.bins, lasers=LaserFactors.empty())
-    return Foresight(replace(problem, bins=bins), estimate, proposed, share)
+    of_proposal = np.array(followed.of_proposal, dtype=np.int64)
+    return Foresight(replace(problem, bins=bins), estimate, len(followed.proposals), of_proposal, share)
 
 
 def keep_foresight(folder: Path, kept: Foresight | None) -> None:

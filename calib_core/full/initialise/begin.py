@@ -37,9 +37,11 @@ from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.turning import Turning
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
+from calib_core.full.planes.settings import PATCHES
 from calib_core.full.run import Run
+from calib_core.kinds import PLAIN_NAME, called, kind_of, next_name
 from calib_core.planes.same import same_surface
-from calib_core.types import BoolArray, Plane, PlaneProposals
+from calib_core.types import BoolArray, FloatArray, IntArray, Plane, PlaneProposals
 
 #: A track, and how it stands beside the IMU where that can be told.
 Known = tuple[Followed, Judged | None]
@@ -70,14 +72,12 @@ def begin(
     led = _led_throughout(ctx, near, planes, reference, at_fault) if near.led else None
     best, agreed = led or _by_planes(ctx, planes, reference, at_fault, None if near.led else near)
     refuse_lost(ctx, best, agreed)
-    best = replace(best, proposals=proposed)
-    if given is not None and best.reference != reference:
-        seen = best.seen_from(reference)
-        if seen is not None:
-            return seen
-        best = replace(follow(ctx, planes, reference, may_leave=False), proposals=proposed)
+    best = replace(best, away=best.reference != reference)
+    if given is not None and best.away:
+        best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
     if best.reference == reference:
-        return replace(best, proposed=len(proposed))
+        best = replace(best, proposals=proposed)
+        return replace(best, of_proposal=tuple(matched(best.planes, proposed).tolist()))
     scans = ctx.recording.scans
     at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
     ctx.say(
@@ -96,11 +96,60 @@ def choice_among(proposals: Sequence[Plane], given: Sequence[Plane] | None) -> S
     return None if proposals and len(joined(given, proposals)) == len(given) else given
 
 
-def dropped_of(followed: Followed, given: Sequence[Plane], called: Sequence[Plane]) -> list[Plane]:
-    """The proposals that are not among those given, as they are known by now. called: the track's planes by their names."""
-    kept = np.any(_same(given, followed.proposals), axis=0)
-    now = called[: followed.proposed] or followed.proposals
-    return [plane for plane, is_kept in zip(now, kept, strict=True) if not is_kept]
+def matched(planes: Sequence[Plane], proposals: Sequence[Plane]) -> IntArray:
+    """(P,) which of the proposals each of the planes is, the nearest of those that it may be; -1 for none.
+
+    Those of a straightened scan are found anew: in another order, one of them twice, and as far from the proposals as a sweep
+    bends them.
+    """
+    normals, others = (np.array([p.normal for p in some]).reshape(-1, 3) for some in (planes, proposals))
+    offsets_m, theirs_m = (np.array([p.offset_m for p in some]) for some in (planes, proposals))
+    may_be = same_surface(
+        normals, offsets_m, of=(others, theirs_m), within_deg=PATCHES.distinct_deg, within_m=PATCHES.distinct_m
+    )
+    if not may_be.size:
+        return np.full(len(planes), -1)
+    turned = np.degrees(np.arccos(np.clip(normals @ others.T, -1.0, 1.0))) / PATCHES.distinct_deg
+    apart = np.where(may_be, turned + np.abs(offsets_m[:, None] - theirs_m) / PATCHES.distinct_m, np.inf)
+    return np.where(may_be.any(axis=1), np.argmin(apart, axis=1), -1)
+
+
+def named(followed: Followed, given: Sequence[Plane], up: FloatArray) -> list[Plane]:
+    """The track's planes, called as the proposals are that they are: by the names given, or by what they are. No two alike.
+
+    given: planes with names.   up: (3,) unit, in their frame.
+    """
+    if not followed.proposals:
+        return called(followed.planes, up, 0)
+    names = [plane.name for plane in called(_named_as(given, followed.proposals), up, len(followed.proposals))]
+    out, taken = list[Plane](), set[int]()
+    for plane, which in zip(followed.planes, followed.of_proposal, strict=True):
+        if which >= 0 and which not in taken:
+            name = names[which]
+        elif PLAIN_NAME.fullmatch(plane.name):
+            name = next_name(kind_of(plane.normal, up)[0], [*names, *(other.name for other in out)])
+        else:
+            name = plane.name
+        taken.add(which)
+        out.append(replace(plane, name=name))
+    return out
+
+
+def late_and_dropped(
+    followed: Followed, found: Sequence[Plane], choice: Sequence[Plane]
+) -> tuple[list[Plane], list[Plane]]:
+    """The track's planes that came into view, and are neither proposed nor chosen; and those that were dropped, as they are known
+    by now.
+
+    found: the track's planes by their names.   choice: what was not dropped.
+    """
+    kept = np.any(_same(choice, followed.proposals), axis=0)
+    of_proposal = np.array(followed.of_proposal, dtype=np.int64)
+    late = (of_proposal < 0) & ~_same(found, choice).any(axis=1)
+    gone = (of_proposal >= 0) & ~kept[of_proposal]
+    unseen = ~kept & ~np.isin(np.arange(len(kept)), of_proposal)
+    dropped = [*np.array(found, dtype=object)[gone], *np.array(followed.proposals, dtype=object)[unseen]]
+    return list(np.array(found, dtype=object)[late]), dropped
 
 
 def _led_throughout(
@@ -171,14 +220,12 @@ def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
     ]
 
 
-def named_as(given: Sequence[Plane], followed: Followed) -> list[Plane]:
-    """The track's planes, by the names of those given that are the same; as they are where the track is another scan's."""
-    if not followed.proposed:
-        return followed.planes
-    same = _same(given, followed.planes)
+def _named_as(given: Sequence[Plane], proposals: Sequence[Plane]) -> list[Plane]:
+    """The proposals, by the names of those given that are the same."""
+    same = _same(given, proposals)
     return [
         replace(plane, name=given[int(np.argmax(one))].name) if one.any() else plane
-        for plane, one in zip(followed.planes, same.T, strict=True)
+        for plane, one in zip(proposals, same.T, strict=True)
     ]
 
 

@@ -95,11 +95,10 @@ def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path 
     listening = replace(run, on_event=listen)
     found = propose_planes(run.recording, run.settings, on_event=listen, should_cancel=run.should_cancel)
     followed = begin(listening, given, found)
-    planes = followed.proposals
+    planes = tuple(patch.plane for patch in found.patches)
     given = choice_among(planes, given)
     extra = tuple(joined(planes, given or [])[len(planes) :])
-    left = followed.proposed == 0
-    write_kept(folder / _FILE, key, Kept(followed, planes, extra, given is not None, left, tuple(said)))
+    write_kept(folder / _FILE, key, Kept(followed, planes, extra, given is not None, followed.away, tuple(said)))
     return followed
 
 
@@ -124,7 +123,8 @@ def write_kept(path: Path, key: str, kept: Kept) -> None:
         "key": key,
         "chosen": kept.chosen,
         "left": kept.left,
-        "proposed": kept.followed.proposed,
+        "home": bool(kept.followed.proposals),
+        "of_proposal": kept.followed.of_proposal,
         "said": [event.model_dump() for event in kept.said],
         "names": [[plane.name for plane in some] for some in (planes, kept.found, kept.extra)],
     }
@@ -163,7 +163,12 @@ def read_kept(path: Path, key: str) -> Kept | None:
                 for at, R, (p, omega, v), numbers in columns
             ]
             followed = Followed(
-                int(stored["reference"]), planes, motions, proposals=tuple(found), proposed=int(words["proposed"])
+                int(stored["reference"]),
+                planes,
+                motions,
+                proposals=tuple(found) if words["home"] else (),
+                away=bool(words["left"]),
+                of_proposal=tuple(words["of_proposal"]),
             )
             said = tuple(LogEvent.model_validate(event) for event in words["said"])
             return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)

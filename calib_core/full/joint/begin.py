@@ -98,8 +98,8 @@ def begin(
         estimate=estimate,
         priors=standing_priors(run, estimate, guess),
         planes=tuple(
-            MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=place >= followed.proposed > 0)
-            for place, plane in enumerate(followed.planes)
+            MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=is_late)
+            for plane, is_late in zip(followed.planes, followed.late, strict=True)
         ),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(

@@ -33,9 +33,10 @@ Guided = Callable[[], Guide] | None
 class Followed:
     """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording.
 
-    led: whether its guide has led it somewhere.   proposals: the planes found in the reference scan that was looked at first, in
-    its frame, as they were found.   proposed: so many of the planes, the first, are those, and none came later; 0 where the
-    planes are another scan's.   dropped: planes that were dropped by a person, and shall not come back.
+    led: whether its guide has led it somewhere.   proposals: the planes found in the reference scan that was looked at first, as
+    they were found; none where the map is in another one's frame.   away: whether the planes were found in another one.
+    of_proposal: which proposal each of the planes is, -1 for none; () where it was not asked.   dropped: planes that were
+    dropped by a person, and shall not come back.
     """
 
     reference: int
@@ -43,8 +44,14 @@ class Followed:
     motions: list[ScanMotion]
     led: bool = False
     proposals: tuple[Plane, ...] = ()
-    proposed: int = 0
+    away: bool = False
+    of_proposal: tuple[int, ...] = ()
     dropped: Sequence[Plane] = ()
+
+    @property
+    def late(self) -> list[bool]:
+        """Which of the planes nobody was shown: they came into view."""
+        return [which < 0 for which in self.of_proposal] or [False] * len(self.planes)
 
     @property
     def seen(self) -> int:

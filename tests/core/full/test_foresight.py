@@ -73,7 +73,7 @@ def test_it_never_falls_where_planes_go(foresight: Foresight) -> None:
         assert (now >= before * (1.0 - 1e-9)).all() or not np.isfinite(before).all()
         before = now
     assert np.isinf(before).all()
-    late = replace(foresight, proposed=4)
+    late = replace(foresight, proposed=4, of_proposal=np.array([0, 1, 2, 3, -1, -1]))
     np.testing.assert_allclose(late.growth([0, 2]), foresight.growth([0, 2, 4, 5]))
 
 

@@ -160,7 +160,7 @@ def counted(
     left = list(outcomes)
 
     def solve(_run: object, followed: Followed, *rest: Any) -> Any:
-        names = [("+" if k >= followed.proposed else "") + plane.name for k, plane in enumerate(followed.planes)]
+        names = [("+" if late else "") + p.name for p, late in zip(followed.planes, followed.late, strict=True)]
         asked.append((rest[-1], names + [f"-{plane.name}" for plane in followed.dropped]))
         one = left.pop(0)
         if isinstance(one, Refused):
@@ -168,7 +168,8 @@ def counted(
         return one
 
     seen = [plane for plane in SEEN if plane.name in found]
-    followed = Followed(0, seen, [], proposals=tuple(seen[:of]), proposed=of)
+    of_proposal = tuple(k if k < of else -1 for k in range(len(seen)))
+    followed = Followed(0, seen, [], proposals=tuple(seen[:of]), of_proposal=of_proposal)
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)

@@ -44,8 +44,8 @@ class Following:
         motions = [ScanMotion(k, *(rng.normal(size=s) for s in ((3, 3), 3, 3, 3)), *rng.random(4)) for k in (3, 4)]
         planes, proposals = [WALL, FLOOR, *(given or [])], (WALL, FLOOR)
         if self.leaves:
-            return Followed(7, planes, motions, proposals=proposals)
-        return Followed(3, planes, motions, proposals=proposals, proposed=2)
+            return Followed(7, planes, motions, away=True)
+        return Followed(3, planes, motions, proposals=proposals, of_proposal=(0, 1, *(-1 for _ in given or [])))
 
 
 @pytest.fixture
