@@ -18,9 +18,9 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
-from calib_core.full.initialise.begin import choice_among, late_and_dropped, named
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
+from calib_core.full.initialise.proposed import choice_among, late_and_dropped, named
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.doubt import weigh_chosen
@@ -40,13 +40,13 @@ def calibrate_full(
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
-    found = [replace(plane, suggested=True) for plane in named(followed, planes or (), up)]
+    followed = named(followed, planes or (), up)
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
-    late, dropped = late_and_dropped(followed, found, choice) if choice else ([], [])
+    late, dropped = late_and_dropped(followed, choice) if choice else ([], [])
 
-    def answered(schedule: Schedule, counting: Sequence[Plane], of_proposal: Sequence[int]) -> Answer:
-        track = replace(followed, planes=list(counting), of_proposal=tuple(of_proposal), dropped=dropped)
+    def answered(schedule: Schedule, counting: Sequence[Plane], is_late: Sequence[bool] = ()) -> Answer:
+        track = replace(followed, planes=list(counting), late=tuple(is_late), dropped=dropped)
 
         def solved(run: Run) -> Solved:
             return solve(run, track, lidar, start, guess, schedule)
@@ -58,18 +58,19 @@ def calibrate_full(
         return with_sensors_held(run, solved, judged)
 
     if choice is None:
-        return answered(FULL, found, followed.of_proposal)
+        return answered(FULL, [replace(plane, suggested=True) for plane in followed.planes], followed.late)
     by_hand = [replace(plane, suggested=False) for plane in choice]
     if not any(plane.suggested for plane in choice):
-        return answered(CHOSEN, by_hand, ())
+        return answered(CHOSEN, by_hand)
+    came = [replace(plane, suggested=True) for plane in late]
     try:
-        return answered(PARTLY, [*choice, *late], [0] * len(choice) + [-1] * len(late))
+        return answered(PARTLY, [*choice, *came], [False] * len(choice) + [True] * len(came))
     except Refused as refused:
         if refused.code == "planes.doubtful":
             raise
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
-        return answered(CHOSEN, by_hand, ())
+        return answered(CHOSEN, by_hand)
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:

@@ -25,6 +25,7 @@ from calib_core.full.initialise.agreement import (
 )
 from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
 from calib_core.full.initialise.guide import Guide
+from calib_core.full.initialise.proposed import choice_among, joined, matched
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -37,11 +38,8 @@ from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.turning import Turning
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
-from calib_core.full.planes.settings import PATCHES
 from calib_core.full.run import Run
-from calib_core.kinds import PLAIN_NAME, called, kind_of, next_name
-from calib_core.planes.same import same_surface
-from calib_core.types import BoolArray, FloatArray, IntArray, Plane, PlaneProposals
+from calib_core.types import Plane, PlaneProposals
 
 #: A track, and how it stands beside the IMU where that can be told.
 Known = tuple[Followed, Judged | None]
@@ -76,8 +74,8 @@ def begin(
     if given is not None and best.away:
         best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
     if best.reference == reference:
-        best = replace(best, proposals=proposed)
-        return replace(best, of_proposal=tuple(matched(best.planes, proposed).tolist()))
+        of_proposal = tuple(matched(best.planes, proposed).tolist())
+        return replace(best, proposals=proposed, of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal))
     scans = ctx.recording.scans
     at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
     ctx.say(
@@ -87,69 +85,6 @@ def begin(
         f"{len(scans)} scans",
     )
     return best
-
-
-def choice_among(proposals: Sequence[Plane], given: Sequence[Plane] | None) -> Sequence[Plane] | None:
-    """What a person has chosen; None where that is nothing: none of the proposals was touched, and none was cut."""
-    if given is None or not all(plane.suggested and plane.outline_m is None for plane in given):
-        return given
-    return None if proposals and len(joined(given, proposals)) == len(given) else given
-
-
-def matched(planes: Sequence[Plane], proposals: Sequence[Plane]) -> IntArray:
-    """(P,) which of the proposals each of the planes is, the nearest of those that it may be; -1 for none.
-
-    Those of a straightened scan are found anew: in another order, one of them twice, and as far from the proposals as a sweep
-    bends them.
-    """
-    normals, others = (np.array([p.normal for p in some]).reshape(-1, 3) for some in (planes, proposals))
-    offsets_m, theirs_m = (np.array([p.offset_m for p in some]) for some in (planes, proposals))
-    may_be = same_surface(
-        normals, offsets_m, of=(others, theirs_m), within_deg=PATCHES.distinct_deg, within_m=PATCHES.distinct_m
-    )
-    if not may_be.size:
-        return np.full(len(planes), -1)
-    turned = np.degrees(np.arccos(np.clip(normals @ others.T, -1.0, 1.0))) / PATCHES.distinct_deg
-    apart = np.where(may_be, turned + np.abs(offsets_m[:, None] - theirs_m) / PATCHES.distinct_m, np.inf)
-    return np.where(may_be.any(axis=1), np.argmin(apart, axis=1), -1)
-
-
-def named(followed: Followed, given: Sequence[Plane], up: FloatArray) -> list[Plane]:
-    """The track's planes, called as the proposals are that they are: by the names given, or by what they are. No two alike.
-
-    given: planes with names.   up: (3,) unit, in their frame.
-    """
-    if not followed.proposals:
-        return called(followed.planes, up, 0)
-    names = [plane.name for plane in called(_named_as(given, followed.proposals), up, len(followed.proposals))]
-    out, taken = list[Plane](), set[int]()
-    for plane, which in zip(followed.planes, followed.of_proposal, strict=True):
-        if which >= 0 and which not in taken:
-            name = names[which]
-        elif PLAIN_NAME.fullmatch(plane.name):
-            name = next_name(kind_of(plane.normal, up)[0], [*names, *(other.name for other in out)])
-        else:
-            name = plane.name
-        taken.add(which)
-        out.append(replace(plane, name=name))
-    return out
-
-
-def late_and_dropped(
-    followed: Followed, found: Sequence[Plane], choice: Sequence[Plane]
-) -> tuple[list[Plane], list[Plane]]:
-    """The track's planes that came into view, and are neither proposed nor chosen; and those that were dropped, as they are known
-    by now.
-
-    found: the track's planes by their names.   choice: what was not dropped.
-    """
-    kept = np.any(_same(choice, followed.proposals), axis=0)
-    of_proposal = np.array(followed.of_proposal, dtype=np.int64)
-    late = (of_proposal < 0) & ~_same(found, choice).any(axis=1)
-    gone = (of_proposal >= 0) & ~kept[of_proposal]
-    unseen = ~kept & ~np.isin(np.arange(len(kept)), of_proposal)
-    dropped = [*np.array(found, dtype=object)[gone], *np.array(followed.proposals, dtype=object)[unseen]]
-    return list(np.array(found, dtype=object)[late]), dropped
 
 
 def _led_throughout(
@@ -209,33 +144,6 @@ def _led_on(ctx: Run, near: Followed, planes: Sequence[Plane], reference: int) -
             require_measured_sweeps(ctx, judged(ctx, near.motions, lidar, starts[0]).sound)
             return again
     return follow(ctx, planes, reference, known=near)
-
-
-def joined(found: Sequence[Plane], given: Sequence[Plane]) -> list[Plane]:
-    """The found planes, and those given that are not among them."""
-    known: BoolArray = np.any(_same(given, found), axis=1)
-    return [
-        *found,
-        *(Plane(p.name, p.normal, p.offset_m) for p, is_known in zip(given, known, strict=True) if not is_known),
-    ]
-
-
-def _named_as(given: Sequence[Plane], proposals: Sequence[Plane]) -> list[Plane]:
-    """The proposals, by the names of those given that are the same."""
-    same = _same(given, proposals)
-    return [
-        replace(plane, name=given[int(np.argmax(one))].name) if one.any() else plane
-        for plane, one in zip(proposals, same.T, strict=True)
-    ]
-
-
-def _same(planes: Sequence[Plane], others: Sequence[Plane]) -> BoolArray:
-    """(P, Q) which of the planes are which of the others."""
-    mine, theirs = (
-        (np.array([p.normal for p in some]).reshape(-1, 3), np.array([p.offset_m for p in some]))
-        for some in (planes, others)
-    )
-    return same_surface(*mine, of=theirs, within_deg=AGREEING.same_deg, within_m=AGREEING.same_m)
 
 
 def _aided(

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from calib_core.events import Event, LogEvent
-from calib_core.full.initialise.begin import begin, choice_among, joined
+from calib_core.full.initialise.begin import begin
+from calib_core.full.initialise.proposed import choice_among, joined
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
@@ -169,6 +170,7 @@ def read_kept(path: Path, key: str) -> Kept | None:
                 proposals=tuple(found) if words["home"] else (),
                 away=bool(words["left"]),
                 of_proposal=tuple(words["of_proposal"]),
+                late=tuple(which < 0 for which in words["of_proposal"]),
             )
             said = tuple(LogEvent.model_validate(event) for event in words["said"])
             return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)

@@ -99,7 +99,7 @@ def begin(
         priors=standing_priors(run, estimate, guess),
         planes=tuple(
             MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=is_late)
-            for plane, is_late in zip(followed.planes, followed.late, strict=True)
+            for plane, is_late in zip(followed.planes, followed.late or [False] * len(followed.planes), strict=True)
         ),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(

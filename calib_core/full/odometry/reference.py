@@ -35,8 +35,8 @@ class Followed:
 
     led: whether its guide has led it somewhere.   proposals: the planes found in the reference scan that was looked at first, as
     they were found; none where the map is in another one's frame.   away: whether the planes were found in another one.
-    of_proposal: which proposal each of the planes is, -1 for none; () where it was not asked.   dropped: planes that were
-    dropped by a person, and shall not come back.
+    of_proposal: which proposal each of the planes is, -1 for none.   late: which of them came into view, so that nobody was
+    shown them.   Both () where it is not known.   dropped: planes that a person has dropped: they shall not come back.
     """
 
     reference: int
@@ -46,12 +46,8 @@ class Followed:
     proposals: tuple[Plane, ...] = ()
     away: bool = False
     of_proposal: tuple[int, ...] = ()
+    late: tuple[bool, ...] = ()
     dropped: Sequence[Plane] = ()
-
-    @property
-    def late(self) -> list[bool]:
-        """Which of the planes nobody was shown: they came into view."""
-        return [which < 0 for which in self.of_proposal] or [False] * len(self.planes)
 
     @property
     def seen(self) -> int:

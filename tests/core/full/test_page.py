@@ -160,7 +160,8 @@ def counted(
     left = list(outcomes)
 
     def solve(_run: object, followed: Followed, *rest: Any) -> Any:
-        names = [("+" if late else "") + p.name for p, late in zip(followed.planes, followed.late, strict=True)]
+        late = followed.late or [False] * len(followed.planes)
+        names = [("+" if is_late else "") + p.name for p, is_late in zip(followed.planes, late, strict=True)]
         asked.append((rest[-1], names + [f"-{plane.name}" for plane in followed.dropped]))
         one = left.pop(0)
         if isinstance(one, Refused):
@@ -169,7 +170,9 @@ def counted(
 
     seen = [plane for plane in SEEN if plane.name in found]
     of_proposal = tuple(k if k < of else -1 for k in range(len(seen)))
-    followed = Followed(0, seen, [], proposals=tuple(seen[:of]), of_proposal=of_proposal)
+    followed = Followed(
+        0, seen, [], proposals=tuple(seen[:of]), of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal)
+    )
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.initialise.begin import late_and_dropped, matched, named
+from calib_core.full.initialise.proposed import late_and_dropped, matched, named
 from calib_core.full.odometry.reference import Followed
 from calib_core.types import Plane
 
@@ -39,7 +39,6 @@ FOLLOWED = Followed(
 def test_a_straightened_scan_s_planes_are_the_proposals_that_they_lie_on() -> None:
     """Seen: the first seven of eight taken for seven proposals. Mutations: by their order; the first that it may be; across."""
     assert FOLLOWED.of_proposal == (0, 2, 0, 1, -1)
-    assert FOLLOWED.late == [False, False, False, False, True]
     steep = [replace(PROPOSALS[0], offset_m=1.1), PROPOSALS[0]]
     assert matched([STRAIGHT[2]], steep).tolist() == [1]
     assert matched([STRAIGHT[1]], []).tolist() == [-1]
@@ -47,20 +46,20 @@ def test_a_straightened_scan_s_planes_are_the_proposals_that_they_lie_on() -> No
 
 def test_no_two_planes_have_one_name_and_each_has_its_proposal_s() -> None:
     """Seen: two slopes called "slope 1", a wall "slope 2". Mutations: both by the name given; numbered by their order."""
-    assert [p.name for p in named(FOLLOWED, (), UP)] == ["slope 1", "floor", "slope 3", "wall", "wall 2"]
+    assert [p.name for p in named(FOLLOWED, (), UP).planes] == ["slope 1", "floor", "slope 3", "wall", "wall 2"]
     given = [replace(PROPOSALS[0], name="roof"), replace(PROPOSALS[3], name="slope 2")]
-    assert [p.name for p in named(FOLLOWED, given, UP)] == ["roof", "floor", "slope", "wall", "wall 2"]
+    assert [p.name for p in named(FOLLOWED, given, UP).planes] == ["roof", "floor", "slope", "wall", "wall 2"]
     away = replace(FOLLOWED, proposals=(), of_proposal=())
-    assert [p.name for p in named(away, given, UP)] == ["slope", "floor", "slope 2", "wall", "wall 2"]
+    assert [p.name for p in named(away, given, UP).planes] == ["slope", "floor", "slope 2", "wall", "wall 2"]
 
 
 def test_what_was_dropped_is_dropped_as_often_as_it_is_seen() -> None:
     """And as it was proposed, where the track has lost it. Mutations: by their order; the second slope comes back; a chosen one
-    that nobody proposed counted twice.
+    that nobody proposed counted twice; the lost one without its name.
     """
-    found = named(FOLLOWED, (), UP)
-    late, dropped = late_and_dropped(FOLLOWED, found, PROPOSALS[1:3])
+    track = named(FOLLOWED, (), UP)
+    late, dropped = late_and_dropped(track, PROPOSALS[1:3])
     assert [p.name for p in late] == ["wall 2"]
-    assert [p.name for p in dropped] == ["slope 1", "slope 3", "plane 4"]
-    late, dropped = late_and_dropped(FOLLOWED, found, [*PROPOSALS, STRAIGHT[4]])
+    assert [p.name for p in dropped] == ["slope 1", "slope 3", "slope 2"]
+    late, dropped = late_and_dropped(track, [*PROPOSALS, STRAIGHT[4]])
     assert (late, dropped) == ([], [])
