@@ -43,7 +43,7 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
     A moment that the IMU missed at the beginning changes nothing: the planes stay in the frame of the scan they were shown in.
     The lidar's pose at the map's instant is no turn and no way; planes, outlines and gravity are told from there.
     Mutations: the longest range unknown, or the grid that left its points; keep the reference; move it for 0.3 s too; move the
-    planes and not the track, or not gravity; outlines left.
+    planes and not the track, or not gravity; outlines left, or what was dropped; nobody late, nothing dropped.
     """
     recording, truth = clean
     recording = replace(recording, imu=_late(recording.imu, late_s))
@@ -53,10 +53,17 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
     to_map = truth.lidar(np.array([(truth.map_time_ns - truth.epoch_ns) * 1e-9])).R_world[0].T
     rotation = RotationStart(clocks.offset_s(truth.time_offset_ns), truth.R_imu_lidar, np.zeros(3), 0.0, 1.0, None)
     linear = LinearStart(to_map @ truth.gravity_world_m_s2, truth.p_imu_lidar, np.zeros(3), 0.0)
-    followed = Followed(0, [_outlined(plane) for plane in truth.planes], motions)
+    planes = [_outlined(plane) for plane in truth.planes]
+    came_late = tuple(k == 4 for k in range(len(planes)))
+    followed = Followed(0, planes, motions, late=came_late, dropped=planes[:1])
     lidar = LidarTrack.of(motions, clocks.scan_s, clocks.sweep_s)
     data, state, _ = begin(replace(run, sieve_m=0.1), followed, lidar, Start(rotation, linear), None, PLANES_GIVEN)
     assert state.lidar_noise.sieve_m == 0.1
+    assert [plane.late for plane in state.planes] == list(came_late)
+    (dropped,) = data.dropped  # as the plane itself, which is told in the map's frame
+    np.testing.assert_allclose(
+        [*dropped.normal, dropped.offset_m], [*state.estimate.normals[0], state.estimate.offsets_m[0]]
+    )
     farthest_m = max(float(np.linalg.norm(scan.points["xyz"], axis=1).max()) for scan in recording.scans)
     assert farthest_m - 0.1 < state.lidar_noise.farthest_m <= farthest_m
     first = data.reference
