@@ -23,10 +23,11 @@ from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.proposed import choice_among, late_and_dropped, named
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
+from calib_core.full.joint.choice import with_choice
 from calib_core.full.joint.doubt import weigh_chosen
-from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
-from calib_core.full.joint.solve import estimate_jointly, estimate_sensors_too
+from calib_core.full.joint.solve import estimate_chosen, estimate_jointly, estimate_sensors_too, motion_by_all
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
@@ -44,12 +45,13 @@ def calibrate_full(
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     late, dropped = late_and_dropped(followed, choice) if choice else ([], [])
+    motion = None if choice is None else motion_by_everything(run, followed, lidar, start, guess)
 
     def answered(schedule: Schedule, counting: Sequence[Plane], is_late: Sequence[bool] = ()) -> Answer:
         track = replace(followed, planes=list(counting), late=tuple(is_late), dropped=dropped)
 
         def solved(run: Run) -> Solved:
-            return solve(run, track, lidar, start, guess, schedule)
+            return solve(run, track, lidar, start, guess, schedule, motion)
 
         def judged(run: Run, solved: Solved) -> Answer:
             wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
@@ -97,14 +99,42 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
     return judged(held, without)
 
 
+#: A motion that all structure has told, and the problem that it was told in.
+Motion = tuple[JointData, Estimation]
+
+
+def motion_by_everything(
+    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None
+) -> Motion | None:
+    """The motion that all planes tell that were followed, for a choice to begin from; None where they lead nowhere."""
+    freely = replace(run, settings=run.settings.model_copy(update={"estimate_planes": True}))
+    data, first, _ = begin(freely, followed, lidar, start, guess, FULL)
+    try:
+        return data, motion_by_all(data, first, FULL)
+    except Refused:
+        return None
+
+
 def solve(
-    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None, schedule: Schedule
+    run: Run,
+    followed: Followed,
+    lidar: LidarTrack,
+    start: Start,
+    guess: InitialGuess | None,
+    schedule: Schedule,
+    motion: Motion | None,
 ) -> Solved:
-    """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone."""
+    """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone.
+
+    motion: of which the planes followed are a choice; None where they tell it themselves.
+    """
     data, first, _ = begin(run, followed, lidar, start, guess, schedule)
     iterations = 0
     try:
-        solved = estimate_jointly(data, first, schedule)
+        if motion is None:
+            solved = estimate_jointly(data, first, schedule)
+        else:
+            solved = estimate_chosen(*with_choice(run, *motion, followed, schedule), schedule)
         if _all_followed(run, followed) or implausible(run, solved) is None:
             return solved
         iterations = solved.iterations

@@ -5,6 +5,7 @@
     estimation.py   what is known at one moment, as a value; begin.py makes the first, replay.py writes one down
     round.py        the steps of a round; settle.py to rest; bounds.py what may not run away; present.py what they look at
     propagate.py    over what the lidar alone could not follow: window.py, regain.py, drift.py, reach.py
+    choice.py       which planes count, once all structure has told the motion
     plane_set.py    planes that join and planes that leave; judged.py when, doubt.py why
     problem.py      what is minimised; state.py its unknowns, lidar_factors.py, priors.py, undetermined.py
     association.py  which point lies on which plane: view.py, many_scans.py, motion.py, moments.py, lidar_noise.py

@@ -12,6 +12,7 @@ from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
+from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
@@ -19,6 +20,7 @@ from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import knot_spacing_s, upsample
+from calib_core.planes.same import same_surface
 from calib_core.presets import random_walks
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import BoolArray, FloatArray, InitialGuess, Plane
@@ -49,6 +51,7 @@ class Beginning:
 
 
 BEGINNING = Beginning()
+_RULES = PlaneSet()
 
 
 def begin(
@@ -93,14 +96,12 @@ def begin(
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
     estimate = first_estimate(lidar, start, whole[:inside], followed.planes, len(nodes.times_s))
+    estimate = put_aside(estimate, followed.dropped)
     gauge = int(np.argmin(np.abs(whole[:inside] + offset_s - clocks.scan_s[followed.reference])))
     state = Estimation(
         estimate=estimate,
         priors=standing_priors(run, estimate, guess),
-        planes=tuple(
-            MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=is_late)
-            for plane, is_late in zip(followed.planes, followed.late or [False] * len(followed.planes), strict=True)
-        ),
+        planes=map_planes(followed),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(
             BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m, run.sieve_m
@@ -166,6 +167,32 @@ def first_estimate(
         accel_bias=np.repeat(start.linear.accel_bias[None], nodes, axis=0),
         normals=np.array([p.normal for p in planes]),
         offsets_m=np.array([p.offset_m for p in planes]),
+    )
+
+
+def map_planes(track: Followed) -> tuple[MapPlane, ...]:
+    """What the joint estimation has to know of each plane, but for where it is."""
+    return tuple(
+        MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=is_late)
+        for plane, is_late in zip(track.planes, track.late or [False] * len(track.planes), strict=True)
+    )
+
+
+def put_aside(estimate: Estimate, others: Sequence[Plane]) -> Estimate:
+    """With planes that do not count put aside: a floor that somebody dropped is there all the same, and what of it lies near a
+    wall is not the wall's. One that is parallel to a plane that counts, and near it, would claim that one's points.
+
+    others: in the frame of the estimate.
+    """
+    normals, offsets_m = np.array([p.normal for p in others]).reshape(-1, 3), np.array([p.offset_m for p in others])
+    twice = same_surface(
+        normals, offsets_m, of=(estimate.normals, estimate.offsets_m),
+        within_deg=_RULES.same_normal_deg, within_m=_RULES.same_surface_m,
+    ).any(axis=1)  # fmt: skip
+    return replace(
+        estimate,
+        aside_normals=np.vstack([estimate.aside_normals, normals[~twice]]),
+        aside_offsets_m=np.append(estimate.aside_offsets_m, offsets_m[~twice]),
     )
 
 

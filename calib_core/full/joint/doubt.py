@@ -85,7 +85,8 @@ def face_three_ways(normals: FloatArray) -> bool:
 def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], normals: FloatArray) -> None:
     """Raises Refused where some of the planes are faulty and the others do not face three ways. normals: (P, 3), unit length.
 
-    What came into view is nobody's choice, and is not blamed on it.
+    What came into view is nobody's choice, and is not blamed on it; nor is any plane called faulty by a motion that all of them
+    would not hold.
     """
     if not any(faults) or face_three_ways(normals[[not fault for fault in faults]]):
         return
@@ -93,6 +94,8 @@ def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], norm
         f"{plane.name} {WORDS[fault]}" for plane, fault in zip(planes, faults, strict=True) if fault and not plane.late
     ]
     why = f"{', '.join(said)}, and the others do not face three ways" if said else "they do not face three ways"
+    if not face_three_ways(normals):
+        why = "those that count face two ways at most"
     raise Refused(
         "planes.doubtful",
         f"the planes chosen do not hold the motion: {why}; choose walls, floor and ceiling, or use the suggestion",

@@ -57,13 +57,17 @@ def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rul
 
 
 def dropped_now(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
-    """Where the planes are that a person has dropped, in the frame of the solve: normals (D, 3), offsets (D,) [m]."""
-    normals = np.array([plane.normal for plane in data.dropped]).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in data.dropped])
-    if not len(normals):
-        return normals, offsets_m
+    """Where the planes are that a person has dropped, in the frame of the solve: normals (D, 3), offsets (D,) [m].
+
+    As they were proposed, in a sweep that is bent yet, and as the motion has told them where it has (choice.py).
+    """
+    e = state.estimate
+    if not data.dropped:
+        return e.aside_normals, e.aside_offsets_m
+    normals, offsets_m = np.array([q.normal for q in data.dropped]), np.array([q.offset_m for q in data.dropped])
     R, p = map_pose(data, state)
-    return normals @ R.T, offsets_m - normals @ (R.T @ p)
+    normals, offsets_m = normals @ R.T, offsets_m - normals @ (R.T @ p)
+    return np.vstack([normals, e.aside_normals]), np.append(offsets_m, e.aside_offsets_m)
 
 
 def new_ones(

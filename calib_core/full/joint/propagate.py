@@ -229,8 +229,13 @@ def solve_all(data: JointData, way: Propagated, schedule: Schedule, policy: Prop
 
 def let_go(data: JointData, way: Propagated, policy: Propagation) -> Estimation:
     """Without what was carried on after the last plane went out of sight for good."""
-    state, spacing_s = way.state, data.readings.spacing_s
-    keep = min(int(way.seen_at.max()) + round(STRAYING.kept_s / spacing_s), state.knots)
+    return until_seen(data, way.state, int(way.seen_at.max()), policy)
+
+
+def until_seen(data: JointData, state: Estimation, seen_at: int, policy: Propagation) -> Estimation:
+    """Without the knots long after the one at which a plane was last in view."""
+    spacing_s = data.readings.spacing_s
+    keep = min(seen_at + round(STRAYING.kept_s / spacing_s), state.knots)
     if (state.knots - keep) * spacing_s < policy.window_s:
         return state
     now_s = data.readings.knots_s[keep - 1] + state.estimate.time_offset_s

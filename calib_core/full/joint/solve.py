@@ -21,7 +21,7 @@ from calib_core.full.joint.plane_set import add_planes, drop_planes
 from calib_core.full.joint.policies import Round, Sampling
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.propagate import propagate
+from calib_core.full.joint.propagate import propagate, until_seen
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import one_round, watched_round
 from calib_core.full.joint.schedule import Schedule
@@ -38,11 +38,32 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
 
     first: the step to begin with, from the state that `data.on_state` was told before it.
     """
-    names = [name for name, _, _ in STEPS]
-    for name, share, step in STEPS[names.index(first) :]:
+    for name, share, step in STEPS[_names().index(first) :]:
         data.on_state(name, state)
         state = step(data.portion(*share), state, schedule)
     return at_rest(data, state, schedule)
+
+
+def motion_by_all(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """From start values to a motion over the whole recording: the steps before it matters which planes count. Raises Refused."""
+    for name, share, step in STEPS[: _names().index("planes")]:
+        data.on_state(name, state)
+        state = step(data.portion(*share), state, schedule)
+    return state
+
+
+def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
+    """From a motion by all to the fixed point of the planes that count (choice.py). Raises Refused."""
+    assert schedule.propagation is not None
+    here = _MOTION
+    part = data.portion(here, here)
+    state = with_outlines(data, state)
+    for each in (replace(schedule.motion, survey=True), schedule.coarse[-1]):
+        state = one_round(part, state, each, schedule.sampling)
+    assert state.observations is not None
+    last_s = float(state.observations.time_s.max()) - state.estimate.time_offset_s
+    seen_at = int(np.searchsorted(data.readings.knots_s, last_s))
+    return estimate_jointly(data, until_seen(data, state, seen_at, schedule.propagation), schedule, first="planes")
 
 
 def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved:
@@ -262,3 +283,7 @@ STEPS: tuple[tuple[str, tuple[float, float], Callable[[JointData, Estimation, Sc
     ("sensors", (_MOTION, _MOTION), with_sensors),
     ("settle", (_MOTION, WATCHING.settled_share), settled),
 )
+
+
+def _names() -> list[str]:
+    return [name for name, _, _ in STEPS]

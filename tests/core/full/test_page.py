@@ -41,15 +41,17 @@ class Estimator:
         return SimpleNamespace(name=outcome, iterations=7)
 
 
-def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: int) -> Any:
+def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: int, motion: Any = None) -> Any:
     """What the page makes of it. followed: of ten scans. An answer called "wrong" is not plausible."""
     monkeypatch.setattr(page, "estimate_jointly", estimator)
+    monkeypatch.setattr(page, "with_choice", lambda _run, *motion_and_rest: motion_and_rest[:2])
+    monkeypatch.setattr(page, "estimate_chosen", estimator)
     monkeypatch.setattr(page, "begin", lambda *_: (None, State(), 1.0))
     monkeypatch.setattr(page, "implausible", lambda _, end: "why" if end.name == "wrong" else None)
     run: Any = SimpleNamespace(recording=SimpleNamespace(scans=range(10)), say=lambda *_: None)
     track: Any = SimpleNamespace(motions=range(followed))
     unused: Any = None
-    return page.solve(run, track, unused, unused, None, FULL)
+    return page.solve(run, track, unused, unused, None, FULL, motion)
 
 
 def test_an_answer_that_can_be_true_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,6 +73,18 @@ def test_what_was_propagated_over_is_left_out_where_it_spoils_the_answer(
     assert again.planes is None
     assert again.settling is not None
     assert iterations == (7 if first == "wrong" else 0)
+
+
+def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where that leads nowhere, with those chosen alone, over what the lidar alone could follow.
+
+    Mutations: from start values, whatever is known; from the motion again, the second time.
+    """
+    estimator = Estimator("wrong", "right")
+    assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30))).name == "right"
+    (first, of_motion), (again, iterations) = estimator.asked
+    assert (first, of_motion, iterations) == (FULL, 30, 7)
+    assert again.propagation is None
 
 
 def test_where_every_scan_was_followed_there_is_nothing_to_leave_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,7 +176,8 @@ def counted(
     def solve(_run: object, followed: Followed, *rest: Any) -> Any:
         late = followed.late or [False] * len(followed.planes)
         names = [("+" if is_late else "") + p.name for p, is_late in zip(followed.planes, late, strict=True)]
-        asked.append((rest[-1], names + [f"-{plane.name}" for plane in followed.dropped]))
+        asked.append((rest[-2], names + [f"-{plane.name}" for plane in followed.dropped]))
+        assert (rest[-1] is None) == (rest[-2] is FULL)  # a choice begins from a motion that all planes have told
         one = left.pop(0)
         if isinstance(one, Refused):
             raise one
@@ -176,6 +191,7 @@ def counted(
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)
+    monkeypatch.setattr(page, "motion_by_everything", lambda _run, track, *_: len(track.planes) == len(seen) or None)
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
     monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))

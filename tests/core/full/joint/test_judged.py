@@ -126,6 +126,13 @@ def test_what_came_into_view_is_not_blamed_on_a_choice() -> None:
         require_three_ways(planes[1:], ["", "", "bent"], normals[1:])
 
 
+def test_two_planes_are_not_called_bent_by_a_motion_that_they_do_not_hold() -> None:
+    """Seen: a floor and a wall, "plane 1 is not flat", where the lidar slid along both. Mutation: blame them all the same."""
+    planes, normals = [MapPlane("floor", chosen=True), MapPlane("wall", chosen=True)], np.eye(3)[1:]
+    with pytest.raises(Refused, match="motion: those that count face two ways at most; choose walls, floor and"):
+        require_three_ways(planes, ["bent", ""], normals)
+
+
 @pytest.mark.parametrize("held", [True, False])
 def test_of_ideal_sensors_clutter_is_judged_once(monkeypatch: pytest.MonkeyPatch, half: Half, held: bool) -> None:
     """What was left out has no points until it is laid anew, which the sensors' round does: a second judgement found none and

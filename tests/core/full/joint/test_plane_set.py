@@ -225,16 +225,20 @@ def test_walls_that_scatter_as_noise_makes_them_stay_beside_a_floor_that_scatter
 
 
 def test_what_a_person_dropped_does_not_come_into_view_again(half: Half) -> None:
-    """A wall that is not among the planes is found among the points, unless it was dropped. The frame of the solve is not that
-    of the map: it was turned and moved. Mutations: those dropped not looked at; told in the map's frame.
+    """A wall that is not among the planes is found among the points, unless it was dropped, or is put aside: a proposal is as it
+    was seen in a bent sweep, and what lies beyond it was found for a plane. The frame of the solve is not that of the map: it
+    was turned and moved. Mutations: those dropped not looked at, or those aside; told in the map's frame.
     """
     truth = half.truth.planes
     wall = [plane.name for plane in truth].index("wall south")
     R, p = exp(np.array([0.1, -0.2, 1.0])), np.array([1.0, 2.0, -0.5])
     keep = np.arange(len(truth)) != wall
-    state = only_planes(half.state, keep, ~keep, PlaneSet())
-    state = replace(state, estimate=state.estimate.seen_from(R, p))
-    positions = state.positions
+    aside = only_planes(half.state, keep, ~keep, PlaneSet())
+    aside = replace(aside, estimate=aside.estimate.seen_from(R, p))
+    positions = aside.positions
+    assert add_planes(half.data, aside, positions, PlaneSet()) is aside
+    none = replace(aside.estimate, aside_normals=np.empty((0, 3)), aside_offsets_m=np.empty(0))
+    state = replace(aside, estimate=none)
     again = add_planes(half.data, state, positions, PlaneSet())
     assert len(again.planes) == len(truth)
     np.testing.assert_allclose(np.abs(again.estimate.normals[-1] @ R.T @ truth[wall].normal), 1.0, atol=1e-3)

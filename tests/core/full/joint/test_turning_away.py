@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.api import propose_planes
 from calib_core.calibrate import calibrate
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
@@ -44,3 +45,22 @@ def test_views_of_one_plane_and_of_none_are_bridged(turning_away: Scenario) -> N
     assert np.abs(error / sigma).max() < 5.0
     assert np.degrees(np.linalg.norm(error[:3])) < 0.3
     assert np.linalg.norm(error[3:6]) < 0.01
+
+
+def test_two_planes_of_a_corner_are_enough_where_the_third_has_told_the_motion(turning_away: Scenario) -> None:
+    """The floor is dropped, and neither counts nor comes back: what of it lies near the walls is not theirs. Seen: 200 mm off, by
+    ten of the stated sigmas, after ten attempts.
+
+    Mutations: begin from start values by the two alone; the floor not put aside, or only where it was proposed.
+    """
+    recording, truth = generate(replace(turning_away, duration_s=10.0), seed=2)
+    proposed = [patch.plane for patch in propose_planes(recording, CalibrateSettings()).patches]
+    floor = next(plane for plane in truth.planes if plane.name == "floor")
+    walls = [replace(plane, suggested=True) for plane in proposed if plane.normal @ floor.normal < 0.9]
+    assert len(walls) == 2
+    result = calibrate(recording, CalibrateSettings(intrinsics="off"), planes=walls).result
+    assert [plane.name for plane in result.quality.planes] == [plane.name for plane in walls]
+    error_m = np.array(result.T_imu_lidar.translation_m) - truth.p_imu_lidar  # type: ignore[union-attr]
+    assert np.abs(error_m / result.uncertainty.translation_std_m).max() < 5.0  # type: ignore[union-attr]
+    assert np.linalg.norm(error_m) < 0.01
+    assert result.quality.scans_used > 85
