@@ -237,6 +237,8 @@ def test_what_a_person_dropped_does_not_come_into_view_again(half: Half) -> None
     aside = replace(aside, estimate=aside.estimate.seen_from(R, p))
     positions = aside.positions
     assert add_planes(half.data, aside, positions, PlaneSet()) is aside
+    other = replace(half.data, dropped=[Plane("other", np.array([0.0, 0.0, 1.0]), 50.0)])
+    assert add_planes(other, aside, positions, PlaneSet()) is aside
     none = replace(aside.estimate, aside_normals=np.empty((0, 3)), aside_offsets_m=np.empty(0))
     state = replace(aside, estimate=none)
     again = add_planes(half.data, state, positions, PlaneSet())

@@ -48,10 +48,9 @@ def test_views_of_one_plane_and_of_none_are_bridged(turning_away: Scenario) -> N
 
 
 def test_two_planes_of_a_corner_are_enough_where_the_third_has_told_the_motion(turning_away: Scenario) -> None:
-    """The floor is dropped, and neither counts nor comes back: what of it lies near the walls is not theirs. Seen: 200 mm off, by
-    ten of the stated sigmas, after ten attempts.
+    """The floor is dropped, and neither counts nor comes back. Seen: 200 mm off, by ten of the stated sigmas, after ten attempts.
 
-    Mutations: begin from start values by the two alone; the floor not put aside, or only where it was proposed.
+    Mutations: begin from start values by the two alone; from a motion that they alone have told.
     """
     recording, truth = generate(replace(turning_away, duration_s=10.0), seed=2)
     proposed = [patch.plane for patch in propose_planes(recording, CalibrateSettings()).patches]
