@@ -30,6 +30,7 @@ from calib_core.full.joint.state import Estimate
 from calib_core.full.planes.standing import Standing, doubts
 from calib_core.geometry import exp
 from calib_core.planes.segment import PlaneFit
+from calib_core.types import Plane
 from tests.core.full.joint.conftest import Half
 
 
