@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from app.results.chance import zero_crossings_told
 from app.results.scans import GATE_M as SCAN_GATE_M
 from app.schemas.evidence import Binned, ImuComparison, Picture, Step
 from app.schemas.results import ScanQuality, Thickness
 from calib_core.intrinsics import KINDS, Block
-from calib_core.result import CalibrationResult, OffsetProfile, OwnAnswer, PlaneAnswer, RangeAnswer, TimeBlock
+from calib_core.result import CalibrationResult, OffsetProfile, PlaneAnswer, RangeAnswer, TimeBlock
 
 #: A mean beyond this, in millimetres, is more than chance and more than a good lidar's own bias.
 STRIKING_MM = 5.0
@@ -93,11 +93,10 @@ def over_time(scans: ScanQuality) -> str:
 
 def time_blocks(blocks: Sequence[TimeBlock]) -> str:
     """Of the stretches' answers."""
-    crossing, bars = crossing_zero(blocks)
     return (
         f"The recording is cut into {len(blocks)} stretches. Shown is what each of them alone would answer, minus the joint "
         "answer; bars are one standard deviation and are long where the rig hardly turned. Two thirds of the bars or more should "
-        f"cross zero, without a trend: {crossing} of {bars} do, {as_chance_has(crossing, bars)}. "
+        f"cross zero, without a trend: {zero_crossings_told(blocks)}. "
         "A drift over time points to a mount that flexes, or to clocks "
         "that run apart."
     )
@@ -105,40 +104,12 @@ def time_blocks(blocks: Sequence[TimeBlock]) -> str:
 
 def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswer]) -> str:
     """Of the planes' answers."""
-    crossing, bars = crossing_zero([*planes, *ranges])
     return (
-        "The same for each plane alone, and for the nearer and the farther half of the points alone: "
-        f"{crossing} of {bars} bars cross zero, {as_chance_has(crossing, bars)}. "
+        "The same for each plane alone, and for the nearer and the farther half of the points alone; two thirds of the bars "
+        f"should cross zero: {zero_crossings_told([*planes, *ranges])}. "
         "A plane whose short bar lies far from zero is bent or has moved; a difference "
         "between near and far is an error of the lidar's ranges. A row without bars says too little to be drawn on this scale."
     )
-
-
-#: Of readings that noise alone tells apart, so many lie within one standard deviation.
-WITHIN_ONE_SIGMA = 0.6827
-#: Fewer than what chance alone leaves in all but one recording of so many are too few.
-ONE_IN = 100
-
-
-def as_chance_has(crossing: int, bars: int) -> str:
-    """Whether so few bars crossing zero are what noise explains, by the binomial law; the page's `partsof.ts` has the same."""
-    p = WITHIN_ONE_SIGMA
-    so_few = sum(math.comb(bars, k) * p**k * (1.0 - p) ** (bars - k) for k in range(crossing + 1))
-    return "fewer than noise explains" if so_few < 1.0 / ONE_IN else "as noise has it"
-
-
-def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:
-    """How many of the bars of one standard deviation hold zero, and how many there are."""
-    within = [
-        abs(shift) <= std
-        for part in parts
-        for shift, std in zip(
-            [*part.rotation_shift_deg, *part.translation_shift_m, part.time_offset_shift_s],
-            [*part.rotation_std_deg, *part.translation_std_m, part.time_offset_std_s],
-            strict=True,
-        )
-    ]
-    return sum(within), len(within)
 
 
 def offset_profile(profile: OffsetProfile) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from app.results.chance import zero_crossings_told
 from app.schemas.jobs import SolveOutcome, Tone
 from app.weak_limits import AXIS_NAMES
 from calib_core.counts import counted
@@ -118,12 +119,14 @@ def _whole(text: str) -> str:
 def solve_outcome(result: CalibrationResult) -> SolveOutcome:
     """The result's summary."""
     transform, uncertainty = result.T_imu_lidar, result.uncertainty
+    blocks = result.evidence.parts.time_blocks if result.evidence is not None else []
     return SolveOutcome(
         status=result.status,
         verdict=verdict(result),
         tone=tone(result),
         codes=sorted({message.code for message in result.messages if message.level != "info"}),
         planes_used=len(result.quality.planes),
+        stretches=zero_crossings_told(blocks) if blocks else "",
         translation_m=None if transform is None else transform.translation_m,
         euler_xyz_deg=None if transform is None else transform.euler_xyz_deg,
         time_offset_s=result.time_offset_s,

@@ -51,6 +51,9 @@ class SolveOutcome(WireModel):
     tone: Tone | None = Field(default=None, description="the verdict's colour; None of runs of an older version")
     codes: list[str] = Field(default_factory=list, description="of the result's warnings and errors")
     planes_used: int | None = Field(default=None, description="planes that the answer rests on; None of older runs")
+    stretches: str = Field(
+        default="", description="how many bars of stretches' own answers cross zero, and whether noise explains it"
+    )
     translation_m: list[float] | None
     euler_xyz_deg: list[float] | None
     time_offset_s: float | None

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { asChanceHas, crossingZero, offsetsOf, plotsOf, type Part } from "../src/features/result/partsof";
+import { offsetsOf, plotsOf, type Part } from "../src/features/result/partsof";
 
 function part(turnStd: number): Part {
   return {
@@ -24,26 +24,6 @@ describe("answers of parts", () => {
     expect(place?.range).toEqual([-1.1 * 3.5, 1.1 * 3.5]);
     expect(late?.lines[0]?.values[0]).toBeCloseTo(-0.2);
     expect(late?.lines[0]?.sigmas?.[0]).toBeCloseTo(0.3);
-  });
-
-  // Fails when shifts are counted without their size.
-  it("cross zero where the shift is within the bar", () => {
-    expect(crossingZero([part(0.03), part(0.015)])).toEqual([6 + 5, 14]);
-  });
-
-  // Oracle: the binomial law's first percentile, as the report's test has it. Fails with two thirds themselves as the limit.
-  it("are said to cross zero as often as noise has it, or more seldom", () => {
-    const few = "fewer than noise explains";
-    const fine = "as noise has it";
-    expect([35, 48, 56, 29].map((crossing) => asChanceHas(crossing, 56))).toEqual([fine, fine, fine, few]);
-    for (const [bars, fewest] of [
-      [7, 2],
-      [21, 9],
-      [56, 30],
-      [140, 83],
-    ] as const) {
-      expect([fewest - 1, fewest].map((crossing) => asChanceHas(crossing, bars))).toEqual([few, fine]);
-    }
   });
 
   it("have offsets in milliseconds from the answer", () => {

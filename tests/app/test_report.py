@@ -17,12 +17,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
-from app.results import captions, plot_parts, plots
+from app.results import captions, chance, plot_parts, plots
 from app.results.evidence import StepListener, measure_evidence
 from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import Beside, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
+from app.results.verdict import solve_outcome
 from calib_core import api
 from calib_core.intrinsics import NAMES, UNITS
 from calib_core.result import Crispness, Intrinsic, Message, RoomCrispness
@@ -139,20 +140,22 @@ def test_parts_that_say_nothing_do_not_press_the_others_flat():
     assert plot_parts.reach(shift, std) == pytest.approx(1.1 * 3.5)
     assert looks["time offset"][1].shape == (8, 1)
     # Of each stretch the position along y is 2 mm off with a bar of 1 mm; all others are within theirs.
-    assert captions.crossing_zero(blocks) == (8 * 6, 8 * 7)
-    assert "48 of 56 do, as noise has it." in captions.time_blocks(blocks)
+    assert chance.crossing_zero(blocks) == (8 * 6, 8 * 7)
+    assert "48 of 56 bars do, as noise has it." in captions.time_blocks(blocks)
+    # The page shows what is served: mutation: none, or of the planes.
+    answered = world.make_result().model_copy(update={"evidence": world.make_evidence()})
+    assert solve_outcome(answered).stretches == "48 of 56 bars do, as noise has it"
+    assert solve_outcome(answered.model_copy(update={"evidence": None})).stretches == ""
 
 
 def test_it_is_said_whether_as_many_bars_cross_zero_as_should():
-    """Oracle: the binomial law's first percentile, from SciPy. Mutations: two thirds themselves as the limit; the other tail. The
-    page's tests have the same numbers.
-    """
+    """Oracle: the binomial law's first percentile, from SciPy. Mutations: two thirds themselves as the limit; the other tail."""
     for bars in (7, 21, 56, 140):
         fewest = int(binom.ppf(0.01, bars, 0.6827))
-        told = [captions.as_chance_has(crossing, bars) for crossing in (fewest - 1, fewest, bars)]
+        told = [chance.as_chance_has(crossing, bars) for crossing in (fewest - 1, fewest, bars)]
         assert told == ["fewer than noise explains", "as noise has it", "as noise has it"]
-    assert captions.as_chance_has(35, 56) == "as noise has it"
-    assert captions.as_chance_has(29, 56) == "fewer than noise explains"
+    assert chance.as_chance_has(35, 56) == "as noise has it"
+    assert chance.as_chance_has(29, 56) == "fewer than noise explains"
 
 
 def test_every_axis_has_three_ticks_however_low(beside):

@@ -3306,6 +3306,12 @@ export interface components {
              * @enum {string}
              */
             status: "calibrated" | "weak" | "refused";
+            /**
+             * Stretches
+             * @description how many bars of stretches' own answers cross zero, and whether noise explains it
+             * @default
+             */
+            stretches: string;
             /** Time Offset S */
             time_offset_s: number | null;
             /** Time Offset Std S */

@@ -1,15 +1,17 @@
 import type { CalibrationResult } from "../../api/client";
 import { fixed } from "../../ui/format";
 import { LinePlot } from "../../ui/lineplot";
-import { asChanceHas, crossingZero, offsetsOf, plotsOf, type Profile } from "./partsof";
+import { offsetsOf, plotsOf, type Profile } from "./partsof";
 import css from "./result.module.css";
 
-/** What stretches of the recording answer by themselves, and what the turning alone says of the time offset. */
-export function PartsSection({ result }: { result: CalibrationResult }) {
+/**
+ * What stretches of the recording answer by themselves, and what the turning alone says of the time offset.
+ * crossings: how many of their bars cross zero, as the server tells it; of runs of an older version it does not.
+ */
+export function PartsSection({ result, crossings }: { result: CalibrationResult; crossings: string }) {
   const evidence = result.evidence ?? null;
   if (evidence === null || evidence.parts.time_blocks.length === 0) return null;
   const blocks = evidence.parts.time_blocks;
-  const [crossing, bars] = crossingZero(blocks);
   const middles = blocks.map((block) => Math.round(50 * (block.t_start_s + block.t_end_s)) / 100);
   const ends = [blocks[0]?.t_start_s ?? 0, blocks.at(-1)?.t_end_s ?? 1] as const;
   return (
@@ -17,8 +19,7 @@ export function PartsSection({ result }: { result: CalibrationResult }) {
       <h2>Stretch by stretch</h2>
       <p className={css.seen}>
         What each of {blocks.length} stretches would answer alone, less the answer above; bars are one standard
-        deviation. Two thirds or more should cross zero, without a trend: {crossing} of {bars} do,{" "}
-        {asChanceHas(crossing, bars)}.
+        deviation. Two thirds of the bars or more should cross zero, without a trend{crossings && `: ${crossings}`}.
       </p>
       <div className={css.parts}>
         {plotsOf(blocks).map((plot) => (

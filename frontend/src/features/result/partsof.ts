@@ -62,32 +62,6 @@ function rangeOf(lines: readonly { values: number[]; sigmas: number[] }[]): read
   return [-reach, reach];
 }
 
-/** How many bars of one standard deviation hold zero, and how many there are. */
-export function crossingZero(parts: readonly Part[]): [number, number] {
-  const within = parts.flatMap((part) => {
-    const shifts = [...part.rotation_shift_deg, ...part.translation_shift_m, part.time_offset_shift_s];
-    const stds = [...part.rotation_std_deg, ...part.translation_std_m, part.time_offset_std_s];
-    return shifts.map((shift, i) => Math.abs(shift) <= (stds[i] ?? 0));
-  });
-  return [within.filter(Boolean).length, within.length];
-}
-
-/** Of readings that noise alone tells apart, so many lie within one standard deviation. */
-const withinOneSigma = 0.6827;
-/** Fewer than what chance alone leaves in all but one recording of so many are too few. */
-const oneIn = 100;
-
-/** Whether so few bars crossing zero are what noise explains, by the binomial law, as the report says it. */
-export function asChanceHas(crossing: number, bars: number): string {
-  let log = bars * Math.log(1 - withinOneSigma);
-  let soFew = 0;
-  for (let k = 0; k <= crossing; k += 1) {
-    soFew += Math.exp(log);
-    log += Math.log((bars - k) / (k + 1)) + Math.log(withinOneSigma / (1 - withinOneSigma));
-  }
-  return soFew < 1 / oneIn ? "fewer than noise explains" : "as noise has it";
-}
-
 /** Milliseconds from the answer's time offset of every value of a profile. */
 export function offsetsOf(profile: Profile): number[] {
   return profile.likeness.map((_, i) => Math.round(1e6 * (profile.first_s + i * profile.step_s)) / 1e3);

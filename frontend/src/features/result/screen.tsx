@@ -129,7 +129,8 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
   const [direction, setDirection] = useState<Direction>("imu_lidar");
   const pose = poseOf(result, direction);
   // What is weak has a list of its own; for those who read the file alone it is among the messages too.
-  const verdict = run.job.result?.kind === "solve" ? run.job.result.verdict : "";
+  const outcome = run.job.result?.kind === "solve" ? run.job.result : null;
+  const verdict = outcome?.verdict ?? "";
   const weak = new Set(result.observability.weak_directions?.map((one) => one.text));
   return (
     <div className={css.document}>
@@ -150,7 +151,7 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
       />
       <Advice observability={result.observability} />
       <OwnErrors result={result} />
-      <PartsSection result={result} />
+      <PartsSection result={result} crossings={outcome?.stretches ?? ""} />
       <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>
   );

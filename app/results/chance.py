@@ -1,0 +1,40 @@
+"""Whether parts of a recording answer as far from one another as noise has it: the sentence of the report and of the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from calib_core.result import OwnAnswer
+
+#: Of readings that noise alone tells apart, so many lie within one standard deviation.
+WITHIN_ONE_SIGMA = 0.6827
+#: Fewer than what chance alone leaves in all but one recording of so many are too few.
+ONE_IN = 100
+
+
+def zero_crossings_told(parts: Sequence[OwnAnswer]) -> str:
+    """How many of the bars of one standard deviation hold zero, and whether noise explains so few."""
+    crossing, bars = crossing_zero(parts)
+    return f"{crossing} of {bars} bars do, {as_chance_has(crossing, bars)}"
+
+
+def as_chance_has(crossing: int, bars: int) -> str:
+    """Whether so few bars crossing zero are what noise explains, by the binomial law."""
+    p = WITHIN_ONE_SIGMA
+    so_few = sum(math.comb(bars, k) * p**k * (1.0 - p) ** (bars - k) for k in range(crossing + 1))
+    return "fewer than noise explains" if so_few < 1.0 / ONE_IN else "as noise has it"
+
+
+def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:
+    """How many of the bars of one standard deviation hold zero, and how many there are."""
+    within = [
+        abs(shift) <= std
+        for part in parts
+        for shift, std in zip(
+            [*part.rotation_shift_deg, *part.translation_shift_m, part.time_offset_shift_s],
+            [*part.rotation_std_deg, *part.translation_std_m, part.time_offset_std_s],
+            strict=True,
+        )
+    ]
+    return sum(within), len(within)
