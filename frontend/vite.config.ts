@@ -22,5 +22,8 @@ export default defineConfig({
     environment: "jsdom",
     include: ["tests/**/*.test.{ts,tsx}"],
     setupFiles: ["tests/setup.ts"],
+    // A machine with other work takes five times as long: no test is about time.
+    testTimeout: 60_000,
+    hookTimeout: 60_000,
   },
 });
