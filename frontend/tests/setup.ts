@@ -1,4 +1,4 @@
-import { cleanup } from "@testing-library/react";
+import { cleanup, configure } from "@testing-library/react";
 import { afterEach, vi } from "vitest";
 
 // What jsdom lacks and Mantine asks for.
@@ -23,5 +23,8 @@ Object.defineProperty(document, "fonts", {
 });
 
 Element.prototype.scrollIntoView = () => undefined;
+
+// A machine with other work takes many times as long: no test is about time.
+configure({ asyncUtilTimeout: 30_000 });
 
 afterEach(cleanup);
