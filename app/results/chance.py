@@ -11,6 +11,8 @@ from calib_core.result import OwnAnswer
 WITHIN_ONE_SIGMA = 0.6827
 #: Fewer than what chance alone leaves in all but one recording of so many are too few.
 ONE_IN = 100
+#: What noise leaves in one recording of six, beyond one standard deviation of the count, is seldom.
+SELDOM = 0.16
 
 
 def zero_crossings_told(parts: Sequence[OwnAnswer]) -> str:
@@ -23,7 +25,9 @@ def as_chance_has(crossing: int, bars: int) -> str:
     """Whether so few bars crossing zero are what noise explains, by the binomial law."""
     p = WITHIN_ONE_SIGMA
     so_few = sum(math.comb(bars, k) * p**k * (1.0 - p) ** (bars - k) for k in range(crossing + 1))
-    return "fewer than noise explains" if so_few < 1.0 / ONE_IN else "as noise has it"
+    if so_few < 1.0 / ONE_IN:
+        return "fewer than noise explains"
+    return "as noise has it" if so_few > SELDOM else "few, which noise alone may come to"
 
 
 def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:

@@ -20,7 +20,7 @@ from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
-from calib_core.full.initialise.proposed import choice_among, late_and_dropped, named
+from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, tracked
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.choice import with_choice
@@ -49,9 +49,10 @@ def calibrate_full(
 
     def answered(schedule: Schedule, counting: Sequence[Plane], is_late: Sequence[bool] = ()) -> Answer:
         track = replace(followed, planes=list(counting), late=tuple(is_late), dropped=dropped)
+        which: list[int] = tracked(followed, counting).tolist()
 
         def solved(run: Run) -> Solved:
-            return solve(run, track, lidar, start, guess, schedule, motion)
+            return solve(run, track, lidar, start, guess, schedule, None if motion is None else (*motion, which))
 
         def judged(run: Run, solved: Solved) -> Answer:
             wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
@@ -60,6 +61,8 @@ def calibrate_full(
         return with_sensors_held(run, solved, judged)
 
     if choice is None:
+        for plane in lost(followed):
+            run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
         return answered(FULL, [replace(plane, suggested=True) for plane in followed.planes], followed.late)
     by_hand = [replace(plane, suggested=False) for plane in choice]
     if not any(plane.suggested for plane in choice):
@@ -101,6 +104,8 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
 
 #: A motion that all structure has told, and the problem that it was told in.
 Motion = tuple[JointData, Estimation]
+#: The same, and which of its planes those are that count.
+Chosen = tuple[JointData, Estimation, Sequence[int]]
 
 
 def motion_by_everything(
@@ -108,7 +113,8 @@ def motion_by_everything(
 ) -> Motion | None:
     """The motion that all planes tell that were followed, for a choice to begin from; None where they lead nowhere."""
     freely = replace(run, settings=run.settings.model_copy(update={"estimate_planes": True}))
-    data, first, _ = begin(freely, followed, lidar, start, guess, FULL)
+    found = replace(followed, planes=[replace(plane, suggested=True) for plane in followed.planes])
+    data, first, _ = begin(freely, found, lidar, start, guess, FULL)
     try:
         return data, motion_by_all(data, first, FULL)
     except Refused:
@@ -122,19 +128,19 @@ def solve(
     start: Start,
     guess: InitialGuess | None,
     schedule: Schedule,
-    motion: Motion | None,
+    chosen: Chosen | None,
 ) -> Solved:
     """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone.
 
-    motion: of which the planes followed are a choice; None where they tell it themselves.
+    chosen: the motion of which the planes followed are a choice; None where they tell it themselves.
     """
     data, first, _ = begin(run, followed, lidar, start, guess, schedule)
     iterations = 0
     try:
-        if motion is None:
+        if chosen is None:
             solved = estimate_jointly(data, first, schedule)
         else:
-            solved = estimate_chosen(*with_choice(run, *motion, followed, schedule), schedule)
+            solved = estimate_chosen(*with_choice(run, chosen, followed, schedule), schedule)
         if _all_followed(run, followed) or implausible(run, solved) is None:
             return solved
         iterations = solved.iterations

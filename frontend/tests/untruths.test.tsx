@@ -155,7 +155,7 @@ describe("both clouds of two runs", () => {
 describe("the list of runs", () => {
   // Fails when the planes that were used stand for those that were chosen; when what a refused run used, which is none or some
   // on the way, is counted.
-  it("counts the planes chosen, and of them those that were used", () => {
+  it("counts the planes used, and those that were chosen, where these differ", () => {
     const run = (id: string, status: string, used: number | null, chosen: number) => ({
       job: {
         id,
@@ -200,7 +200,7 @@ describe("the list of runs", () => {
     // Sentences elsewhere speak of "run 2".
     expect(said).toEqual([
       "Run 4: full, 9 planes",
-      "Run 3: full, 8 of 9 planes",
+      "Run 3: full, 8 planes, 9 chosen",
       "Run 2: full, 9 planes",
       "Run 1: full, 5 planes",
     ]);

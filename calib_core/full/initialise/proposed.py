@@ -84,8 +84,31 @@ def late_and_dropped(followed: Followed, choice: Sequence[Plane]) -> tuple[list[
     planes = list(zip(followed.planes, followed.of_proposal, is_chosen, strict=True))
     late = [plane for plane, which, chosen in planes if which < 0 and not chosen]
     dropped = [plane for plane, which, _ in planes if which >= 0 and not kept[which]]
-    lost = [plane for k, plane in enumerate(followed.proposals) if not kept[k] and k not in followed.of_proposal]
-    return late, dropped + lost
+    return late, dropped + [plane for plane in lost(followed) if not _same(choice, [plane]).any()]
+
+
+def lost(followed: Followed) -> list[Plane]:
+    """The proposals that are none of the track's planes: of their own they were in the sweep as it was taken alone."""
+    return [plane for k, plane in enumerate(followed.proposals) if k not in followed.of_proposal]
+
+
+def tracked(followed: Followed, planes: Sequence[Plane]) -> IntArray:
+    """(P,) which of the track's planes each of these is, chosen ones by the proposal that they are; -1 for none.
+
+    Where it was proposed says no more than that: what is clutter, or a corner, the motion may have turned to another surface.
+    """
+    same = _same(planes, followed.planes)
+    if followed.proposals:
+        of = np.array(followed.of_proposal, int)
+        proposed = _same(planes, followed.proposals)
+        by_proposal = np.where(of >= 0, proposed[:, np.maximum(of, 0)], False)
+        # A plane that came into view is near no proposal, one that was chosen may be near its neighbour by now.
+        is_proposed: BoolArray = np.any(proposed, axis=1)
+        same = np.where(is_proposed[:, None], by_proposal, same & (of < 0))
+    normals, others = (np.array([p.normal for p in some]).reshape(-1, 3) for some in (planes, followed.planes))
+    offsets_m, theirs_m = (np.array([p.offset_m for p in some]) for some in (planes, followed.planes))
+    apart = np.linalg.norm(normals[:, None] - others, axis=2) + np.abs(offsets_m[:, None] - theirs_m)
+    return np.where(np.any(same, axis=1), np.argmin(np.where(same, apart, np.inf), axis=1), -1)
 
 
 def _named_as(given: Sequence[Plane], proposals: Sequence[Plane]) -> list[Plane]:

@@ -23,13 +23,14 @@ from calib_core.types import FloatArray, Plane
 
 
 def with_choice(
-    run: Run, data: JointData, state: Estimation, track: Followed, schedule: Schedule
+    run: Run, motion: tuple[JointData, Estimation, Sequence[int]], track: Followed, schedule: Schedule
 ) -> tuple[JointData, Estimation]:
-    """The problem in which these planes count. state: of the motion by all.   track: the planes, and what was dropped, in the map
-    frame.
+    """The problem in which these planes count. track: the planes, and what was dropped, in the map frame.   motion: the problem
+    and the state of the motion by all, and which of its planes each of these is, -1 for none.
 
     What joined on the way counts where the schedule lets planes join. All others are put aside: what lies near them is theirs.
     """
+    data, state, which = motion
     data = replace(data, run=run, limits=schedule.limits, dropped=track.dropped)
     held = not run.settings.estimate_planes
     if held:  # the frame is that of the planes given
@@ -38,7 +39,6 @@ def with_choice(
     e, planes = state.estimate, map_planes(track)
     known = [Plane(m.name, n, float(w)) for m, n, w in zip(state.planes, e.normals, e.offsets_m, strict=True)]
     counting = _moved(track.planes, R, p)
-    which: list[int] = matched(counting, known).tolist()
     if not held:
         # Two that are drawn on one surface are told apart by where they are drawn.
         counting = [

@@ -44,7 +44,7 @@ class Estimator:
 def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: int, motion: Any = None) -> Any:
     """What the page makes of it. followed: of ten scans. An answer called "wrong" is not plausible."""
     monkeypatch.setattr(page, "estimate_jointly", estimator)
-    monkeypatch.setattr(page, "with_choice", lambda _run, *motion_and_rest: motion_and_rest[:2])
+    monkeypatch.setattr(page, "with_choice", lambda _run, motion, *_: motion)
     monkeypatch.setattr(page, "estimate_chosen", estimator)
     monkeypatch.setattr(page, "begin", lambda *_: (None, State(), 1.0))
     monkeypatch.setattr(page, "implausible", lambda _, end: "why" if end.name == "wrong" else None)
@@ -191,7 +191,11 @@ def counted(
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(page, "solve", solve)
-    monkeypatch.setattr(page, "motion_by_everything", lambda _run, track, *_: len(track.planes) == len(seen) or None)
+    monkeypatch.setattr(
+        page,
+        "motion_by_everything",
+        lambda _run, track, *_: (track.planes,) if len(track.planes) == len(seen) else None,
+    )
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
     monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))

@@ -205,13 +205,15 @@ function Failed({ recording, job }: { recording: Recording; job: Job | null }) {
   const retry = useRetryJob();
   const change = useChangeRecording(recording.id);
   const candidates = recording.error?.details?.candidates ?? [];
+  // What was stopped says nothing of the recording.
+  const stopped = job?.state === "interrupted" || job?.state === "cancelled";
   return (
     <div className={css.failed}>
-      <h1>This recording cannot be used as it is</h1>
-      <Notice level="error">{recording.error?.text ?? "The server gave no reason; its log says more."}</Notice>
+      <h1>{stopped ? "This recording has not been read yet" : "This recording cannot be used as it is"}</h1>
+      <Notice level={stopped ? "warning" : "error"}>{recording.error?.text ?? "The server gave no reason; its log says more."}</Notice>
       <div className={css.failedActions}>
         {job !== null && (
-          <Button variant="default" loading={retry.isPending} onClick={() => retry.mutate(job.id)}>
+          <Button variant={stopped ? "filled" : "default"} loading={retry.isPending} onClick={() => retry.mutate(job.id)}>
             Try again
           </Button>
         )}

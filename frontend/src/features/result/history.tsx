@@ -71,14 +71,17 @@ function choices(run: Run): string {
     .join("");
 }
 
-/** On how many planes an answer rests, and of how many that were chosen; of a run without an answer, how many were chosen. */
+/** On how many planes an answer rests, some of which may have come into view, and how many were chosen; of a run without an answer,
+ *  how many were chosen. */
 function planesText({ job }: Run): string {
   const chosen = job.planes?.length ?? 0;
   const answer = job.result?.kind === "solve" && job.result.status !== "refused" ? job.result : null;
   // Older runs do not tell how many they used.
   const used = answer?.planes_used ?? chosen;
-  const planes = used < chosen && used > 0 ? `${used} of ${chosen}` : String(used > 0 ? used : chosen);
-  return planes === "0" ? "" : `${planes} ${planes === "1" ? "plane" : "planes"}`;
+  const planes = used > 0 ? used : chosen;
+  if (planes === 0) return "";
+  const told = `${planes} ${planes === 1 ? "plane" : "planes"}`;
+  return planes === chosen ? told : `${told}, ${chosen} chosen`;
 }
 
 function difference(run: Run, latest: boolean): string {

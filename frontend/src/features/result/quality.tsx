@@ -9,7 +9,7 @@ export function Quality({ result, asked }: { result: CalibrationResult; asked: n
   // A run without an answer used nothing: its zeros would look like a perfect fit.
   const fit: [string, string][] = [
     ["Points used", count(quality.points_used)],
-    ["Planes used", asked > used ? `${count(used)} of ${count(asked)}` : count(used)],
+    ["Planes used", asked > 0 && asked !== used ? `${count(used)}, ${count(asked)} chosen` : count(used)],
     ["Points to planes, rms", `${fixed(quality.point_to_plane_rms_m * 1000, 2)} mm`],
   ];
   const facts: [string, string][] = [

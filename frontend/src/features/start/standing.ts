@@ -58,6 +58,12 @@ function comingIn({ origin, received_bytes: here, size_bytes: all }: Recording):
   return `Upload at ${all === 0 ? 0 : Math.floor((100 * here) / all)} %`;
 }
 
+/** Why a recording has not been read: what was stopped says nothing of it. */
+function unread(state: Job["state"] | undefined): Pick<Standing, "tone" | "text"> {
+  if (state !== "interrupted" && state !== "cancelled") return { tone: "error", text: "Cannot be read" };
+  return { tone: "warning", text: `Reading ${endings[state] ?? ""}` };
+}
+
 /** Where a recording stands, in two words, and the screen to go on with. */
 export function standingOf(recording: Recording): Standing {
   switch (recording.state) {
@@ -66,7 +72,7 @@ export function standingOf(recording: Recording): Standing {
     case "inspecting":
       return { tone: "info", text: "Being read", screen: "recording" };
     case "failed":
-      return { tone: "error", text: "Cannot be read", screen: "recording" };
+      return { ...unread(recording.latest_job?.state), screen: "recording" };
     case "ready":
       break;
   }

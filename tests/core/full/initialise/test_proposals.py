@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.initialise.proposed import late_and_dropped, matched, named
+from calib_core.full.initialise.proposed import late_and_dropped, lost, matched, named, tracked
 from calib_core.full.odometry.reference import Followed
 from calib_core.types import Plane
 
@@ -63,3 +63,21 @@ def test_what_was_dropped_is_dropped_as_often_as_it_is_seen() -> None:
     assert [p.name for p in dropped] == ["slope 1", "slope 3", "slope 2"]
     late, dropped = late_and_dropped(track, [*PROPOSALS, STRAIGHT[4]])
     assert (late, dropped) == ([], [])
+    assert [p.name for p in lost(track)] == ["slope 2"]
+
+
+def test_what_is_chosen_is_the_track_s_plane_of_that_proposal() -> None:
+    """However far the motion has turned it. Seen: a slope turned by 21 deg counted twice, once as a choice of nobody's.
+
+    Mutations: by where it lies alone; by the proposal alone; the first that it may be; one for which there is none.
+    """
+    track = named(FOLLOWED, (), UP)
+    wall_2 = track.planes[4]
+    hand = Plane("by hand", np.array([0.0, 0.6, 0.8]), 5.0)
+    chosen = [PROPOSALS[3], PROPOSALS[1], PROPOSALS[2], wall_2, hand]
+    assert tracked(track, chosen).tolist() == [-1, 3, 1, 4, -1]
+    assert tracked(track, [PROPOSALS[0]]).tolist() == [2]  # of two that are this slope, the nearer
+    away = replace(track, proposals=(), of_proposal=())
+    assert tracked(away, chosen).tolist() == [-1, 3, 1, 4, -1]
+    turned = replace(track, planes=[replace(p, normal=p.normal[[1, 2, 0]]) for p in track.planes])
+    assert tracked(turned, [PROPOSALS[1], wall_2]).tolist() == [3, -1]

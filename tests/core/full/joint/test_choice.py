@@ -58,7 +58,7 @@ def test_what_is_chosen_counts_and_the_rest_is_put_aside(half: Half, schedule: S
     track = Followed(
         0, [floor, replace(wall, suggested=True, outline_m=outline_m), drawn, beside], [], dropped=[truth[2], lost]
     )
-    data, chosen = with_choice(data.run, data, state, track, schedule)
+    data, chosen = with_choice(data.run, (data, state, [0, 1, -1, 1]), track, schedule)
     assert data.dropped == [truth[2], lost]
     counting = ["came"] if schedule is PARTLY else []
     assert [p.name for p in chosen.planes] == [floor.name, wall.name, "drawn", "beside", *counting]
@@ -83,7 +83,7 @@ def test_planes_that_are_held_stay_where_they_are_given(half: Half) -> None:
     """Mutations: the motion's own estimate of them; the frame of the solve, which has drifted."""
     run = replace(half.data.run, settings=half.data.run.settings.model_copy(update={"estimate_planes": False}))
     given = [Plane(p.name, p.normal, p.offset_m + 0.01) for p in half.truth.planes[:3]]
-    data, chosen = with_choice(run, half.data, drifted(half), Followed(0, given, []), CHOSEN)
+    data, chosen = with_choice(run, (half.data, drifted(half), range(3)), Followed(0, given, []), CHOSEN)
     np.testing.assert_array_equal(chosen.estimate.normals, [p.normal for p in given])
     np.testing.assert_array_equal(chosen.estimate.offsets_m, [p.offset_m for p in given])
     R, p = map_pose(data, chosen)
