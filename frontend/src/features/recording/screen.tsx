@@ -210,10 +210,16 @@ function Failed({ recording, job }: { recording: Recording; job: Job | null }) {
   return (
     <div className={css.failed}>
       <h1>{stopped ? "This recording has not been read yet" : "This recording cannot be used as it is"}</h1>
-      <Notice level={stopped ? "warning" : "error"}>{recording.error?.text ?? "The server gave no reason; its log says more."}</Notice>
+      <Notice level={stopped ? "warning" : "error"}>
+        {recording.error?.text ?? "The server gave no reason; its log says more."}
+      </Notice>
       <div className={css.failedActions}>
         {job !== null && (
-          <Button variant={stopped ? "filled" : "default"} loading={retry.isPending} onClick={() => retry.mutate(job.id)}>
+          <Button
+            variant={stopped ? "filled" : "default"}
+            loading={retry.isPending}
+            onClick={() => retry.mutate(job.id)}
+          >
             Try again
           </Button>
         )}
