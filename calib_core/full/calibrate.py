@@ -20,11 +20,11 @@ from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
-from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, tracked
+from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, merged, named, tracked
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.choice import with_choice
-from calib_core.full.joint.doubt import weigh_chosen
+from calib_core.full.joint.doubt import face_three_ways, weigh_chosen
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.solve import estimate_chosen, estimate_jointly, estimate_sensors_too, motion_by_all
@@ -61,21 +61,31 @@ def calibrate_full(
         return with_sensors_held(run, solved, judged)
 
     if choice is None:
-        for plane in lost(followed):
-            run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
+        say_merged(run, lost(followed))
         return answered(FULL, [replace(plane, suggested=True) for plane in followed.planes], followed.late)
     by_hand = [replace(plane, suggested=False) for plane in choice]
     if not any(plane.suggested for plane in choice):
         return answered(CHOSEN, by_hand)
     came = [replace(plane, suggested=True) for plane in late]
+    own = [plane for plane, is_merged in zip(choice, merged(followed, choice), strict=True) if not is_merged]
+    if face_three_ways(np.array([plane.normal for plane in [*own, *came]])):
+        say_merged(run, [plane for plane in choice if not any(plane is one for one in own)])
+    else:
+        own = list(choice)
     try:
-        return answered(PARTLY, [*choice, *came], [False] * len(choice) + [True] * len(came))
+        return answered(PARTLY, [*own, *came], [False] * len(own) + [True] * len(came))
     except Refused as refused:
         if refused.code == "planes.doubtful":
             raise
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)
+
+
+def say_merged(run: Run, planes: Sequence[Plane]) -> None:
+    """Name the proposals that are no planes of their own."""
+    for plane in planes:
+        run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:

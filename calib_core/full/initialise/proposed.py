@@ -111,6 +111,18 @@ def tracked(followed: Followed, planes: Sequence[Plane]) -> IntArray:
     return np.where(np.any(same, axis=1), np.argmin(np.where(same, apart, np.inf), axis=1), -1)
 
 
+def merged(followed: Followed, choice: Sequence[Plane]) -> list[bool]:
+    """Which of a choice were proposed and are no planes of their own in the track: each lost, or the same as one before it.
+
+    Both would be laid where a bent sweep showed them, beside the true ones, whose points they claim.
+    """
+    which = tracked(followed, choice).tolist()
+    return [
+        bool(followed.proposals) and plane.suggested and (k < 0 or k in which[:i])
+        for i, (plane, k) in enumerate(zip(choice, which, strict=True))
+    ]
+
+
 def _named_as(given: Sequence[Plane], proposals: Sequence[Plane]) -> list[Plane]:
     """The proposals, by the names of those given that are the same."""
     same = _same(given, proposals)

@@ -164,10 +164,12 @@ def counted(
     *outcomes: Refused | str,
     found: Sequence[str] = ("found",),
     of: int = 1,
+    more: Sequence[Plane] = (),
 ) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
     """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it.
 
-    A plane that came late has a plus before its name, one that shall not come back a minus.   of: so many were proposed.
+    A plane that came late has a plus before its name, one that shall not come back a minus.   of: so many were proposed, and
+    more, which the track does not have.
     """
     asked: list[tuple[Schedule, list[str]]] = []
     said: list[str] = []
@@ -186,7 +188,7 @@ def counted(
     seen = [plane for plane in SEEN if plane.name in found]
     of_proposal = tuple(k if k < of else -1 for k in range(len(seen)))
     followed = Followed(
-        0, seen, [], proposals=tuple(seen[:of]), of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal)
+        0, seen, [], proposals=(*seen[:of], *more), of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal)
     )
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
@@ -241,3 +243,24 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     )
     boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion")
     assert counted(monkeypatch, proposed[:1], boxes, found=names, of=2) == (both[:1], [], "planes.doubtful")
+
+
+def test_proposals_that_are_no_planes_of_their_own_are_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an untouched suggestion as of what is left of one, where the others face three ways; what is insisted on counts.
+
+    Mutations: not said of either; they count beside the others; left out though they are needed; those insisted on.
+    """
+    bent = Plane("bent", np.array([0.6, 0.0, 0.8]), 2.5, suggested=True)
+    names = ["floor", "wall", "side"]
+    proposed = [replace(plane, suggested=True) for plane in SEEN[1:]]
+    merged = ["planes.merged"]
+
+    def of(planes: list[Plane], *more: Plane) -> Any:
+        return counted(monkeypatch, planes, "right", found=names, of=3, more=more)[:2]
+
+    assert of([*proposed, bent], bent) == ([(FULL, names)], merged)
+    other = replace(bent, name="other", normal=np.array([0.0, 0.6, 0.8]))
+    assert of([*proposed, bent], bent, other) == ([(PARTLY, [*names, "-other"])], merged)
+    assert of([*proposed[:2], bent, other], bent, other) == ([(PARTLY, [*names[:2], "bent", "other", "-side"])], [])
+    insisted = replace(bent, suggested=False)
+    assert of([*proposed, insisted], bent) == ([(PARTLY, [*names, "bent"])], [])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.initialise.proposed import late_and_dropped, lost, matched, named, tracked
+from calib_core.full.initialise.proposed import late_and_dropped, lost, matched, merged, named, tracked
 from calib_core.full.odometry.reference import Followed
 from calib_core.types import Plane
 
@@ -81,3 +81,16 @@ def test_what_is_chosen_is_the_track_s_plane_of_that_proposal() -> None:
     assert tracked(away, chosen).tolist() == [-1, 3, 1, 4, -1]
     turned = replace(track, planes=[replace(p, normal=p.normal[[1, 2, 0]]) for p in track.planes])
     assert tracked(turned, [PROPOSALS[1], wall_2]).tolist() == [3, -1]
+
+
+def test_proposals_that_the_straightened_sweep_does_not_have_are_merged() -> None:
+    """Seen: a floor proposed twice, and a bent sweep's wall beside the true one, which then did not fit. Mutations: those
+    insisted on too; one that is there twice kept; the first of two goes.
+    """
+    track = named(FOLLOWED, (), UP)
+    again = replace(PROPOSALS[2], name="floor again", offset_m=1.0)
+    choice = [PROPOSALS[2], again, PROPOSALS[3], PROPOSALS[1], track.planes[4]]
+    assert merged(track, choice) == [False, True, True, False, False]
+    insisted = [replace(p, suggested=False) for p in choice]
+    assert merged(track, insisted) == [False] * 5
+    assert merged(replace(track, proposals=(), of_proposal=()), choice) == [False] * 5
