@@ -38,6 +38,9 @@ def calibrate_full(
 ) -> Answer:
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
+    if not run.settings.estimate_planes and not (planes and all(not plane.suggested for plane in planes)):
+        text = "the planes are held where a single scan shows them, which may be centimetres off: let them be estimated too, "
+        run.say("warning", "planes.held", text + "unless they were surveyed")
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)

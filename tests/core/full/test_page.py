@@ -165,6 +165,7 @@ def counted(
     found: Sequence[str] = ("found",),
     of: int = 1,
     more: Sequence[Plane] = (),
+    held: bool = False,
 ) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
     """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it.
 
@@ -201,7 +202,8 @@ def counted(
     monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
     monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
-    run: Any = SimpleNamespace(settings=CalibrateSettings(), say=lambda _level, code, _text: said.append(code))
+    settings = CalibrateSettings(estimate_planes=not held)
+    run: Any = SimpleNamespace(settings=settings, say=lambda _level, code, _text: said.append(code))
     try:
         return asked, said, page.calibrate_full(run, planes, None)
     except Refused as refused:
@@ -264,3 +266,14 @@ def test_proposals_that_are_no_planes_of_their_own_are_left_out_and_named(monkey
     assert of([*proposed[:2], bent, other], bent, other) == ([(PARTLY, [*names[:2], "bent", "other", "-side"])], [])
     insisted = replace(bent, suggested=False)
     assert of([*proposed, insisted], bent) == ([(PARTLY, [*names, "bent"])], [])
+
+
+def test_planes_that_are_held_where_a_scan_shows_them_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen: a true floor called bent, and sigmas eight times as wide, beside planes held as they were proposed. Mutations: never;
+    of planes that somebody has surveyed too; of those that are estimated.
+    """
+    proposed = [replace(plane, suggested=True) for plane in GIVEN]
+    for planes in (None, [], proposed, [proposed[0], GIVEN[1]]):
+        assert counted(monkeypatch, planes, "right", held=True)[1][0] == "planes.held"
+    assert "planes.held" not in counted(monkeypatch, GIVEN, "right", held=True)[1]
+    assert "planes.held" not in counted(monkeypatch, proposed, "right")[1]
