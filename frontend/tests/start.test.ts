@@ -14,6 +14,20 @@ describe("where a recording stands", () => {
     expect(standingOf(solving("failed")).tone).toBe("error");
   });
 
+  // Seen: a server that was stopped meanwhile. Fails when what was not read for that is called unreadable.
+  it("does not blame a recording whose reading was stopped", () => {
+    const unread = (state: string | undefined) =>
+      standingOf({
+        state: "failed",
+        latest_job: state && { kind: "inspect", state, result: null },
+      } as unknown as Recording);
+    expect(unread("interrupted")).toEqual({ tone: "warning", text: "Reading was interrupted", screen: "recording" });
+    expect(unread("cancelled").text).toBe("Reading was cancelled");
+    for (const state of ["failed", undefined]) {
+      expect(unread(state)).toEqual({ tone: "error", text: "Cannot be read", screen: "recording" });
+    }
+  });
+
   // Fails when a run that came to nothing hides the answer that the result's page has, or leads to the page of another run.
   it("keeps an answer whatever was tried since", () => {
     const solve = (id: string, status: string | null, state = "done") => ({
