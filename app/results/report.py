@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import shlex
 from dataclasses import dataclass
 from datetime import datetime
@@ -208,35 +207,63 @@ def _unit_signs(text: str) -> str:
     return text.replace("m/s2", "m/s²").replace("/sqrt(Hz)", "/√Hz")
 
 
-#: Settings without which there is no bound; what else is not given is found in the recording.
-UNBOUNDED = {"points_per_plane_per_scan": "all", "field_of_view_deg": "all around"}
+#: What the page calls each setting, and what it means that nothing is given.
+SETTINGS: dict[str, tuple[str, str]] = {
+    "method": ("method", ""),
+    "points_per_plane_per_scan": ("points per plane and scan", "all"),
+    "field_of_view_deg": ("field of view, ±°", "all around"),
+    "gravity": ("gravity", ""),
+    "imu_noise": ("IMU noise", "as measured"),
+    "estimate_time_offset": ("estimate the time offset", ""),
+    "estimate_planes": ("estimate the planes", ""),
+    "bias_model": ("biases", ""),
+    "imu_sampling": ("IMU sampling", ""),
+    "lidar_sampling": ("lidar sampling", ""),
+    "cloud": ("points", ""),
+    "intrinsics": ("sensors' own errors", ""),
+    "lidar": ("lidar", "as recognised"),
+    "priors": ("what is known", "nothing"),
+    "random_seed": ("seed of the plane search", ""),
+    "max_rounds": ("most rounds", ""),
+    "crispness": ("measure how crisp the room is", ""),
+    "excluded_spans_s": ("spans left out, s", "none"),
+}
+#: What the page calls the values that have a word in the document.
+VALUES: dict[str, str] = {
+    "full": "full",
+    "paper": "as published",
+    "random-walk": "drift slowly",
+    "constant": "constant",
+    "detect": "as found",
+    "as-stamped": "as stamped",
+    "as-sent": "taken as sent",
+    "even": "evenly",
+    "auto": "where they show",
+    "consider": "in the error bars only",
+    "off": "taken as none",
+}
 
 
 def _settings(result: CalibrationResult) -> list[tuple[str, str, bool]]:
     """Name, value, and whether it is not the default."""
     defaults = CalibrateSettings().model_dump(mode="json")
+    given = result.provenance.settings
     return [
-        (_name(name), _value(value, absent=UNBOUNDED.get(name, "as found")), value != defaults.get(name))
-        for name, value in result.provenance.settings.items()
+        (name, _value(given[key], absent=absent), given[key] != defaults[key])
+        for key, (name, absent) in SETTINGS.items()
+        if key in given
     ]
-
-
-def _name(setting: str) -> str:
-    """Of a setting as people write it: its unit, which the last word is, in brackets."""
-    return re.sub(r"_(s|m|deg)$", r" [\1]", setting).replace("_", " ")
 
 
 def _value(value: object, *, absent: str) -> str:
     """A setting as people write it.   absent: what it means that nothing is given."""
     match value:
-        case None:
+        case None | []:
             return absent
         case True | False:
             return "yes" if value else "no"
         case str():
-            return value
+            return VALUES.get(value, value)
         case {"magnitude_m_s2": magnitude, "std_m_s2": std}:
             return f"{magnitude:g} ± {std:g} m/s²"
-        case [] | {}:
-            return "none"
     return json.dumps(value)

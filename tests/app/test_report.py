@@ -20,7 +20,7 @@ from scipy.stats import binom
 from app.results import captions, chance, plot_parts, plots
 from app.results.evidence import StepListener, measure_evidence
 from app.results.imu_evidence import compare_imu, imu_motion
-from app.results.report import Beside, report_page
+from app.results.report import SETTINGS, Beside, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
@@ -72,8 +72,8 @@ def test_the_page_says_what_one_signs_for(page):
     """Mutations: the date, the settings, the hash or the command left out; the recording's name not escaped."""
     for said in (
         "2026-03-04 05:06 UTC",
-        "<b>random seed 7</b>",
-        "; imu sampling",
+        "<b>seed of the plane search: 7</b>",
+        "; IMU sampling",
         "room&lt;b&gt;.bag",
         "unsweep calibrate",
         "signature",
@@ -456,13 +456,17 @@ def test_the_worst_distance_is_told_where_it_is_with_its_unit(beside):
     assert re.search(r"at range [\d.]+ m[,;]", report_page(world.make_result(), beside))
 
 
-def test_settings_are_told_in_words(page):
-    """Mutations: null and true as JSON has them; gravity's spread left out; what has no bound called found; a
-    unit as a word of the name."""
-    assert "gravity 9.807 ± 0.02 m/s²" in page
-    assert "estimate planes yes" in page
-    assert "imu noise as found" in page
-    assert "priors none" in page
-    assert "points per plane per scan all;" in page
-    assert "field of view [deg] all around;" in page
-    assert "excluded spans [s] none" in page
+def test_settings_are_told_in_the_page_s_words(page):
+    """Mutations: null and true as JSON has them; gravity's spread left out; what has no bound called found; a setting without
+    a word of its own; one that is not told.
+    """
+    assert "gravity: 9.807 ± 0.02 m/s²" in page
+    assert "estimate the planes: yes" in page
+    assert "IMU noise: as measured" in page
+    assert "what is known: nothing" in page
+    assert "points per plane and scan: all;" in page
+    assert "field of view, ±°: all around;" in page
+    assert "spans left out, s: none" in page
+    assert "biases: drift slowly" in page
+    assert "sensors' own errors: where they show" in html.unescape(page)
+    assert set(SETTINGS) == set(CalibrateSettings.model_fields)
