@@ -99,10 +99,10 @@ describe("a run that ended", () => {
 
 describe("parameters", () => {
   // Fails when metres are shown as millimetres, or the offset's sigma as the value.
-  it("come in the units people read, in the contract's order", () => {
+  it("come in the units people read, in the answer's order", () => {
     const rows = parametersOf([iteration(1, 1)]);
-    expect(rows.map((row) => row.key)).toEqual(["rx", "ry", "rz", "tx", "ty", "tz", "dt"]);
-    expect(rows[3]?.values).toEqual([100]);
+    expect(rows.map((row) => row.key)).toEqual(["tx", "ty", "tz", "rx", "ry", "rz", "dt"]);
+    expect(rows[0]?.values).toEqual([100]);
     expect(rows[6]?.values).toEqual([4]);
     expect(rows[6]?.sigmas).toEqual([1]);
   });

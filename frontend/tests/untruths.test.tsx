@@ -242,7 +242,7 @@ describe("what a round holds", () => {
     const rows = () => screen.getAllByRole("row").map((row) => row.textContent);
     const view = show(<ParameterTable parameters={parametersOf([step])} />);
     expect(rows().filter((text) => text.includes("held"))).toEqual(["Position y200.0heldmm"]);
-    expect(rows()[3]).toContain("± 1.0");
+    expect(rows()[0]).toContain("± 1.0");
     view.unmount();
     const outcome = { ...step, translation_std_m: [0.001, 0.001, 0.001] } as never;
     show(<ParameterTable parameters={parametersOf([step, ...answerOf(outcome, true)])} />);

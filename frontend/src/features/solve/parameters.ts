@@ -1,5 +1,5 @@
 import type { IterationEvent, SolveOutcome } from "../../api/client";
-import { axes, unitOf, type Axis } from "../../ui/axes";
+import { unitOf, type Axis } from "../../ui/axes";
 
 export interface Parameter {
   name: string;
@@ -20,16 +20,17 @@ interface Answer {
   time_offset_std_s: number | null;
 }
 
-/** As the answer is told: as a pose, its turn by roll, pitch and yaw. */
+/** As the answer is told, and in its order: as a pose, its turn by roll, pitch and yaw. */
 const names: Readonly<Record<Axis, string>> = {
-  rx: "Roll",
-  ry: "Pitch",
-  rz: "Yaw",
   tx: "Position x",
   ty: "Position y",
   tz: "Position z",
+  rx: "Roll",
+  ry: "Pitch",
+  rz: "Yaw",
   dt: "Time offset",
 };
+const told = Object.keys(names) as readonly Axis[];
 
 /** An axis's value and standard deviation in one answer, in the unit people read. */
 function shownOf(axis: Axis, answer: Answer): readonly [number, number | null] {
@@ -48,7 +49,7 @@ function shownOf(axis: Axis, answer: Answer): readonly [number, number | null] {
  *  shows is how fast the answer settles; the result has the covariance itself.
  */
 export function parametersOf(answers: readonly Answer[]): Parameter[] {
-  return axes.map((key): Parameter => {
+  return told.map((key): Parameter => {
     const shown = answers.map((answer) => shownOf(key, answer));
     const values = shown.map(([value]) => value);
     return {
