@@ -118,7 +118,7 @@ describe("a plane's name", () => {
     const rename = vi.fn((_: number, name: string) => Promise.resolve(name));
     render(
       <QueryClientProvider client={client}>
-        <MantineProvider>
+        <MantineProvider env="test">
           <PatchList planes={planesAt(0, true, true)} apply={vi.fn()} rename={rename} onRestrict={vi.fn()} />
         </MantineProvider>
       </QueryClientProvider>,

@@ -49,7 +49,7 @@ function show(what: React.ReactNode, at = "/") {
   const page = (inner: React.ReactNode) => (
     <MemoryRouter initialEntries={[at]}>
       <QueryClientProvider client={client}>
-        <MantineProvider>{inner}</MantineProvider>
+        <MantineProvider env="test">{inner}</MantineProvider>
       </QueryClientProvider>
     </MemoryRouter>
   );

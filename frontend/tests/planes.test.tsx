@@ -47,7 +47,7 @@ function show(rename = vi.fn((_: number, name: string) => Promise.resolve(name))
   told.setQueryData(keys.facts, { usual });
   render(
     <QueryClientProvider client={told}>
-      <MantineProvider>
+      <MantineProvider env="test">
         <PatchList planes={some} apply={apply} rename={rename} onRestrict={vi.fn()} />
       </MantineProvider>
     </QueryClientProvider>,
@@ -143,7 +143,7 @@ describe("the way on without a confirmed plane", () => {
   const shown = (found: number) => {
     const [onSuggestion, onGrow] = [vi.fn(), vi.fn()];
     render(
-      <MantineProvider>
+      <MantineProvider env="test">
         <NoneConfirmed found={found} onSuggestion={onSuggestion} onGrow={onGrow} />
       </MantineProvider>,
     );
@@ -196,7 +196,7 @@ describe("the meter of what planes determine", () => {
       text: weak ? "Tilt the rig." : "",
     } as const;
     const { unmount } = render(
-      <MantineProvider>
+      <MantineProvider env="test">
         <DeterminacyMeter determinacy={planes.determinacy} foreseen={axis} hopeless={hopeless} />
       </MantineProvider>,
     );
@@ -310,7 +310,7 @@ describe("what the last solve left out", () => {
     const asked = { apply: vi.fn(), rename: vi.fn(), onRestrict: vi.fn() };
     render(
       <QueryClientProvider client={client}>
-        <MantineProvider>
+        <MantineProvider env="test">
           <PatchList planes={planes} remarks={new Map([[0, "left out by run 2: not flat"]])} {...asked} />
         </MantineProvider>
       </QueryClientProvider>,

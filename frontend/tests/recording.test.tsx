@@ -61,7 +61,7 @@ function show(report: DoctorReport) {
   };
   render(
     <QueryClientProvider client={new QueryClient()}>
-      <MantineProvider>
+      <MantineProvider env="test">
         <Report recording={recording} report={report} planes={undefined}>
           <p>Reading it</p>
         </Report>

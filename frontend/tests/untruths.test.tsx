@@ -23,7 +23,7 @@ function show(inner: ReactNode, client = new QueryClient()) {
   return render(
     <MemoryRouter>
       <QueryClientProvider client={client}>
-        <MantineProvider>
+        <MantineProvider env="test">
           <ShortcutProvider>{inner}</ShortcutProvider>
         </MantineProvider>
       </QueryClientProvider>
