@@ -48,7 +48,12 @@ def calibrate_full(
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     late, dropped = late_and_dropped(followed, choice) if choice else ([], [])
-    motion = None if choice is None else motion_by_everything(run, followed, lidar, start, guess)
+    motion: Motion | None = None
+    if choice is not None:
+        # Where all planes are chosen by hand, what comes into view has told the motion and is not used.
+        joins = any(plane.suggested for plane in choice)
+        saying = run if joins else run.keeping("planes.found")
+        motion = motion_by_everything(saying, followed, lidar, start, guess)
 
     def answered(schedule: Schedule, counting: Sequence[Plane], is_late: Sequence[bool] = ()) -> Answer:
         track = replace(followed, planes=list(counting), late=tuple(is_late), dropped=dropped)

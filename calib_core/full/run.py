@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.errors import Cancelled
-from calib_core.events import LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
+from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.settings import CalibrateSettings
@@ -152,3 +152,12 @@ class Run:
     def say(self, level: Level, code: str, text: str) -> None:
         """A sentence for a person."""
         self.on_event(LogEvent(level=level, code=code, text=text))
+
+    def keeping(self, code: str) -> Run:
+        """The same run, which keeps one kind of sentence to itself: what it says would not be true of how it is used."""
+
+        def tell(event: Event) -> None:
+            if not (isinstance(event, LogEvent) and event.code == code):
+                self.on_event(event)
+
+        return replace(self, on_event=tell)

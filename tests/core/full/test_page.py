@@ -166,11 +166,12 @@ def counted(
     of: int = 1,
     more: Sequence[Plane] = (),
     held: bool = False,
+    comes: bool = False,
 ) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
     """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it.
 
     A plane that came late has a plus before its name, one that shall not come back a minus.   of: so many were proposed, and
-    more, which the track does not have.
+    more, which the track does not have.   comes: one comes into view.
     """
     asked: list[tuple[Schedule, list[str]]] = []
     said: list[str] = []
@@ -203,7 +204,15 @@ def counted(
     monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
-    run: Any = SimpleNamespace(settings=settings, say=lambda _level, code, _text: said.append(code))
+    unused: Any = None
+    run = Run(unused, settings, unused, unused, unused, lambda event: said.append(getattr(event, "code", "")), unused)
+
+    def motion(run: Run, track: Followed, *_: Any) -> Any:
+        if comes:
+            run.say("info", "planes.found", "one more plane came into view after the start and is used")
+        return (track.planes,) if len(track.planes) == len(seen) else None
+
+    monkeypatch.setattr(page, "motion_by_everything", motion)
     try:
         return asked, said, page.calibrate_full(run, planes, None)
     except Refused as refused:
@@ -277,3 +286,23 @@ def test_planes_that_are_held_where_a_scan_shows_them_are_said(monkeypatch: pyte
         assert counted(monkeypatch, planes, "right", held=True)[1][0] == "planes.held"
     assert "planes.held" not in counted(monkeypatch, GIVEN, "right", held=True)[1]
     assert "planes.held" not in counted(monkeypatch, proposed, "right")[1]
+
+
+def test_what_comes_into_view_is_not_said_to_be_used_beside_a_choice_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has told the motion alone. Mutations: said always; kept beside a suggestion too; all sentences kept."""
+    partly = [replace(GIVEN[0], suggested=True), GIVEN[1]]
+    assert counted(monkeypatch, GIVEN, "right", comes=True)[1] == []
+    assert counted(monkeypatch, partly, "right", comes=True)[1] == ["planes.found"]
+    told: list[str] = []
+    unused: Any = None
+    run = Run(
+        unused,
+        CalibrateSettings(),
+        unused,
+        unused,
+        unused,
+        lambda event: told.append(getattr(event, "code", "")),
+        unused,
+    )
+    run.keeping("planes.found").say("warning", "planes.lost", "out of sight")
+    assert told == ["planes.lost"]
