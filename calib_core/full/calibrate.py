@@ -20,7 +20,7 @@ from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall
-from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, merged, named, tracked
+from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged, tracked
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.choice import with_choice
@@ -48,6 +48,11 @@ def calibrate_full(
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     late, dropped = late_and_dropped(followed, choice) if choice else ([], [])
+    own, gone = ([], lost(followed)) if choice is None else own_and_merged(followed, choice)
+    if choice is not None and not face_three_ways(np.array([plane.normal for plane in [*own, *late]])):
+        own, gone = list(choice), []
+    for plane in gone:
+        run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
     motion: Motion | None = None
     if choice is not None:
         # Where all planes are chosen by hand, what comes into view has told the motion and is not used.
@@ -57,10 +62,9 @@ def calibrate_full(
 
     def answered(schedule: Schedule, counting: Sequence[Plane], is_late: Sequence[bool] = ()) -> Answer:
         track = replace(followed, planes=list(counting), late=tuple(is_late), dropped=dropped)
-        which: list[int] = tracked(followed, counting).tolist()
 
         def solved(run: Run) -> Solved:
-            return solve(run, track, lidar, start, guess, schedule, None if motion is None else (*motion, which))
+            return solve(run, track, lidar, start, guess, schedule, motion)
 
         def judged(run: Run, solved: Solved) -> Answer:
             wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
@@ -69,17 +73,11 @@ def calibrate_full(
         return with_sensors_held(run, solved, judged)
 
     if choice is None:
-        say_merged(run, lost(followed))
         return answered(FULL, [replace(plane, suggested=True) for plane in followed.planes], followed.late)
     by_hand = [replace(plane, suggested=False) for plane in choice]
     if not any(plane.suggested for plane in choice):
         return answered(CHOSEN, by_hand)
     came = [replace(plane, suggested=True) for plane in late]
-    own = [plane for plane, is_merged in zip(choice, merged(followed, choice), strict=True) if not is_merged]
-    if face_three_ways(np.array([plane.normal for plane in [*own, *came]])):
-        say_merged(run, [plane for plane in choice if not any(plane is one for one in own)])
-    else:
-        own = list(choice)
     try:
         return answered(PARTLY, [*own, *came], [False] * len(own) + [True] * len(came))
     except Refused as refused:
@@ -88,12 +86,6 @@ def calibrate_full(
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)
-
-
-def say_merged(run: Run, planes: Sequence[Plane]) -> None:
-    """Name the proposals that are no planes of their own."""
-    for plane in planes:
-        run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
@@ -120,10 +112,8 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
     return judged(held, without)
 
 
-#: A motion that all structure has told, and the problem that it was told in.
-Motion = tuple[JointData, Estimation]
-#: The same, and which of its planes those are that count.
-Chosen = tuple[JointData, Estimation, Sequence[int]]
+#: A motion that all structure has told, the problem that it was told in, and the track's planes.
+Motion = tuple[JointData, Estimation, Followed]
 
 
 def motion_by_everything(
@@ -134,7 +124,7 @@ def motion_by_everything(
     found = replace(followed, planes=[replace(plane, suggested=True) for plane in followed.planes])
     data, first, _ = begin(freely, found, lidar, start, guess, FULL)
     try:
-        return data, motion_by_all(data, first, FULL)
+        return data, motion_by_all(data, first, FULL), followed
     except Refused:
         return None
 
@@ -146,19 +136,21 @@ def solve(
     start: Start,
     guess: InitialGuess | None,
     schedule: Schedule,
-    chosen: Chosen | None,
+    motion: Motion | None,
 ) -> Solved:
     """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone.
 
-    chosen: the motion of which the planes followed are a choice; None where they tell it themselves.
+    motion: of which the planes followed are a choice; None where they tell it themselves.
     """
     data, first, _ = begin(run, followed, lidar, start, guess, schedule)
     iterations = 0
     try:
-        if chosen is None:
+        if motion is None:
             solved = estimate_jointly(data, first, schedule)
         else:
-            solved = estimate_chosen(*with_choice(run, chosen, followed, schedule), schedule)
+            of_all, state, everything = motion
+            which: list[int] = tracked(everything, followed.planes).tolist()
+            solved = estimate_chosen(*with_choice(run, (of_all, state, which), followed, schedule), schedule)
         if _all_followed(run, followed) or implausible(run, solved) is None:
             return solved
         iterations = solved.iterations

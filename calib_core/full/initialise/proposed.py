@@ -111,16 +111,18 @@ def tracked(followed: Followed, planes: Sequence[Plane]) -> IntArray:
     return np.where(np.any(same, axis=1), np.argmin(np.where(same, apart, np.inf), axis=1), -1)
 
 
-def merged(followed: Followed, choice: Sequence[Plane]) -> list[bool]:
-    """Which of a choice were proposed and are no planes of their own in the track: each lost, or the same as one before it.
+def own_and_merged(followed: Followed, choice: Sequence[Plane]) -> tuple[list[Plane], list[Plane]]:
+    """Those of a choice that are planes of their own; and those that were proposed and are none in the track: each lost, or the
+    same as one before it.
 
     Both would be laid where a bent sweep showed them, beside the true ones, whose points they claim.
     """
     which = tracked(followed, choice).tolist()
-    return [
-        bool(followed.proposals) and plane.suggested and (k < 0 or k in which[:i])
-        for i, (plane, k) in enumerate(zip(choice, which, strict=True))
-    ]
+    own, merged = list[Plane](), list[Plane]()
+    for i, (plane, k) in enumerate(zip(choice, which, strict=True)):
+        is_merged = bool(followed.proposals) and plane.suggested and (k < 0 or k in which[:i])
+        (merged if is_merged else own).append(plane)
+    return own, merged
 
 
 def _named_as(given: Sequence[Plane], proposals: Sequence[Plane]) -> list[Plane]:

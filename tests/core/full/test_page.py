@@ -44,12 +44,13 @@ class Estimator:
 def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: int, motion: Any = None) -> Any:
     """What the page makes of it. followed: of ten scans. An answer called "wrong" is not plausible."""
     monkeypatch.setattr(page, "estimate_jointly", estimator)
-    monkeypatch.setattr(page, "with_choice", lambda _run, motion, *_: motion)
+    monkeypatch.setattr(page, "with_choice", lambda _run, motion, *_: motion[:2])
+    monkeypatch.setattr(page, "tracked", lambda *_: np.zeros(0))
     monkeypatch.setattr(page, "estimate_chosen", estimator)
     monkeypatch.setattr(page, "begin", lambda *_: (None, State(), 1.0))
     monkeypatch.setattr(page, "implausible", lambda _, end: "why" if end.name == "wrong" else None)
     run: Any = SimpleNamespace(recording=SimpleNamespace(scans=range(10)), say=lambda *_: None)
-    track: Any = SimpleNamespace(motions=range(followed))
+    track: Any = SimpleNamespace(motions=range(followed), planes=())
     unused: Any = None
     return page.solve(run, track, unused, unused, None, FULL, motion)
 
@@ -81,7 +82,7 @@ def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch:
     Mutations: from start values, whatever is known; from the motion again, the second time.
     """
     estimator = Estimator("wrong", "right")
-    assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30))).name == "right"
+    assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30), None)).name == "right"
     (first, of_motion), (again, iterations) = estimator.asked
     assert (first, of_motion, iterations) == (FULL, 30, 7)
     assert again.propagation is None

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.initialise.proposed import late_and_dropped, lost, matched, merged, named, tracked
+from calib_core.full.initialise.proposed import late_and_dropped, lost, matched, named, own_and_merged, tracked
 from calib_core.full.odometry.reference import Followed
 from calib_core.types import Plane
 
@@ -90,7 +90,9 @@ def test_proposals_that_the_straightened_sweep_does_not_have_are_merged() -> Non
     track = named(FOLLOWED, (), UP)
     again = replace(PROPOSALS[2], name="floor again", offset_m=1.0)
     choice = [PROPOSALS[2], again, PROPOSALS[3], PROPOSALS[1], track.planes[4]]
-    assert merged(track, choice) == [False, True, True, False, False]
+    own, merged = own_and_merged(track, choice)
+    assert [p.name for p in own] == ["plane 3", "plane 2", "wall 2"]
+    assert [p.name for p in merged] == ["floor again", "plane 4"]
     insisted = [replace(p, suggested=False) for p in choice]
-    assert merged(track, insisted) == [False] * 5
-    assert merged(replace(track, proposals=(), of_proposal=()), choice) == [False] * 5
+    assert own_and_merged(track, insisted)[1] == []
+    assert own_and_merged(replace(track, proposals=(), of_proposal=()), choice)[1] == []
