@@ -44,8 +44,13 @@ class Estimator:
 def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: int, motion: Any = None) -> Any:
     """What the page makes of it. followed: of ten scans. An answer called "wrong" is not plausible."""
     monkeypatch.setattr(page, "estimate_jointly", estimator)
-    monkeypatch.setattr(page, "with_choice", lambda _run, motion, *_: motion[:2])
-    monkeypatch.setattr(page, "tracked", lambda *_: np.zeros(0))
+
+    def with_choice(_run: Run, motion: Any, *_: object) -> Any:
+        assert motion[2] == ["everything"]  # which of them count
+        return motion[:2]
+
+    monkeypatch.setattr(page, "with_choice", with_choice)
+    monkeypatch.setattr(page, "tracked", lambda track, _: np.array([track]))
     monkeypatch.setattr(page, "estimate_chosen", estimator)
     monkeypatch.setattr(page, "begin", lambda *_: (None, State(), 1.0))
     monkeypatch.setattr(page, "implausible", lambda _, end: "why" if end.name == "wrong" else None)
@@ -79,10 +84,10 @@ def test_what_was_propagated_over_is_left_out_where_it_spoils_the_answer(
 def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where that leads nowhere, with those chosen alone, over what the lidar alone could follow.
 
-    Mutations: from start values, whatever is known; from the motion again, the second time.
+    Mutations: from start values, whatever is known; from the motion again, the second time; which planes told of the choice alone.
     """
     estimator = Estimator("wrong", "right")
-    assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30), None)).name == "right"
+    assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30), "everything")).name == "right"
     (first, of_motion), (again, iterations) = estimator.asked
     assert (first, of_motion, iterations) == (FULL, 30, 7)
     assert again.propagation is None
