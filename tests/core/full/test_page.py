@@ -84,7 +84,7 @@ def test_what_was_propagated_over_is_left_out_where_it_spoils_the_answer(
 def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where that leads nowhere, with those chosen alone, over what the lidar alone could follow.
 
-    Mutations: from start values, whatever is known; from the motion again, the second time; which planes told of the choice alone.
+    Mutations: from start values, whatever is known; from the motion again, the second time; which of the choice alone.
     """
     estimator = Estimator("wrong", "right")
     assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30), "everything")).name == "right"
