@@ -48,11 +48,7 @@ def calibrate_full(
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     late, dropped = late_and_dropped(followed, choice) if choice else ([], [])
-    own, gone = ([], lost(followed)) if choice is None else own_and_merged(followed, choice)
-    if choice is not None and not face_three_ways(np.array([plane.normal for plane in [*own, *late]])):
-        own, gone = list(choice), []
-    for plane in gone:
-        run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
+    own = own_planes(run, followed, choice, late)
     motion: Motion | None = None
     if choice is not None:
         # Where all planes are chosen by hand, what comes into view has told the motion and is not used.
@@ -86,6 +82,17 @@ def calibrate_full(
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)
+
+
+def own_planes(run: Run, followed: Followed, choice: Sequence[Plane] | None, late: Sequence[Plane]) -> list[Plane]:
+    """Those of a choice that are planes of their own, and others are named; all of it where these and what came late do not face
+    three ways. choice: None for the untouched suggestion, of which the track has its own already."""
+    own, gone = ([], lost(followed)) if choice is None else own_and_merged(followed, choice)
+    if choice is not None and not face_three_ways(np.array([plane.normal for plane in [*own, *late]])):
+        return list(choice)
+    for plane in gone:
+        run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
+    return own
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
@@ -142,11 +149,12 @@ def solve(
 
     motion: of which the planes followed are a choice; None where they tell it themselves.
     """
-    data, first, _ = begin(run, followed, lidar, start, guess, schedule)
+    begun = None
     iterations = 0
     try:
         if motion is None:
-            solved = estimate_jointly(data, first, schedule)
+            begun = begin(run, followed, lidar, start, guess, schedule)
+            solved = estimate_jointly(*begun[:2], schedule)
         else:
             of_all, state, everything = motion
             which: list[int] = tracked(everything, followed.planes).tolist()
@@ -159,6 +167,7 @@ def solve(
             raise
     run.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
     alone = replace(schedule, planes=None, propagation=None)
+    data, first, _ = begun or begin(run, followed, lidar, start, guess, schedule)
     return estimate_jointly(data, replace(first, iterations=iterations), alone)
 
 

@@ -59,7 +59,9 @@ def test_two_planes_of_a_corner_are_enough_where_the_third_has_told_the_motion(t
     assert len(walls) == 2
     result = calibrate(recording, CalibrateSettings(intrinsics="off"), planes=walls).result
     assert [plane.name for plane in result.quality.planes] == [plane.name for plane in walls]
-    error_m = np.array(result.T_imu_lidar.translation_m) - truth.p_imu_lidar  # type: ignore[union-attr]
-    assert np.abs(error_m / result.uncertainty.translation_std_m).max() < 5.0  # type: ignore[union-attr]
+    assert result.T_imu_lidar is not None
+    assert result.uncertainty is not None
+    error_m = np.array(result.T_imu_lidar.translation_m) - truth.p_imu_lidar
+    assert np.abs(error_m / result.uncertainty.translation_std_m).max() < 5.0
     assert np.linalg.norm(error_m) < 0.01
     assert result.quality.scans_used > 85
