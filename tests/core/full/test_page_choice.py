@@ -1,0 +1,174 @@
+"""Which planes count under which schedule, and what is said of the others: the page's decisions about a choice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import Refused
+from calib_core.full import calibrate as page
+from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
+from calib_core.full.odometry.reference import Followed
+from calib_core.full.run import Run
+from calib_core.settings import CalibrateSettings
+from calib_core.types import Plane
+
+GIVEN = [Plane("floor", np.array([0.0, 0.0, 1.0]), 1.0), Plane("wall", np.array([1.0, 0.0, 0.0]), 3.0)]
+#: Gravity along a wall: nothing here is upright.
+START = SimpleNamespace(linear=SimpleNamespace(gravity=np.array([0.0, -9.8, 0.0])))
+SEEN = [Plane("found", np.array([0.0, 0.0, 1.0]), 1.0), *GIVEN, Plane("side", np.array([0.0, 1.0, 0.0]), 2.0)]
+
+
+def counted(
+    monkeypatch: pytest.MonkeyPatch,
+    planes: list[Plane] | None,
+    *outcomes: Refused | str,
+    found: Sequence[str] = ("found",),
+    of: int = 1,
+    more: Sequence[Plane] = (),
+    held: bool = False,
+    comes: bool = False,
+) -> tuple[list[tuple[Schedule, list[str]]], list[str], Any]:
+    """Under which schedules a solve was asked for with which planes, what was said meanwhile, and what came of it.
+
+    A plane that came late has a plus before its name, one that shall not come back a minus.   of: so many were proposed, and
+    more, which the track does not have.   comes: one comes into view.
+    """
+    asked: list[tuple[Schedule, list[str]]] = []
+    said: list[str] = []
+    left = list(outcomes)
+
+    def solve(_run: object, followed: Followed, *rest: Any) -> Any:
+        late = followed.late or [False] * len(followed.planes)
+        names = [("+" if is_late else "") + p.name for p, is_late in zip(followed.planes, late, strict=True)]
+        asked.append((rest[-2], names + [f"-{plane.name}" for plane in followed.dropped]))
+        assert (rest[-1] is None) == (rest[-2] is FULL)  # a choice begins from a motion that all planes have told
+        one = left.pop(0)
+        if isinstance(one, Refused):
+            raise one
+        return one
+
+    seen = [plane for plane in SEEN if plane.name in found]
+    of_proposal = tuple(k if k < of else -1 for k in range(len(seen)))
+    followed = Followed(
+        0, seen, [], proposals=(*seen[:of], *more), of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal)
+    )
+    monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
+    monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
+    monkeypatch.setattr(page, "solve", solve)
+    monkeypatch.setattr(
+        page,
+        "motion_by_everything",
+        lambda _run, track, *_: (track.planes,) if len(track.planes) == len(seen) else None,
+    )
+    monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
+    monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
+    monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
+    settings = CalibrateSettings(estimate_planes=not held)
+    unused: Any = None
+    run = Run(unused, settings, unused, unused, unused, lambda event: said.append(getattr(event, "code", "")), unused)
+
+    def motion(run: Run, track: Followed, *_: Any) -> Any:
+        if comes:
+            run.say("info", "planes.found", "one more plane came into view after the start and is used")
+        return (track.planes,) if len(track.planes) == len(seen) else None
+
+    monkeypatch.setattr(page, "motion_by_everything", motion)
+    try:
+        return asked, said, page.calibrate_full(run, planes, None)
+    except Refused as refused:
+        return asked, said, refused.code
+
+
+def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A choice counts as it is, and is weighed as one; an untouched suggestion is no choice. Where planes were dropped, the
+    others are thinned out, which is given up where that does not do; what came into view counts, and none of those dropped comes
+    back. A touched plane chooses no other.
+
+    Mutations: a proposal as a choice; one that was cut as none; a choice thinned out; weighed whatever it is; tried again for a
+    choice, and for an untouched suggestion; all that was followed taken for proposed; what was dropped not told; what came late
+    left out where some were dropped, or taken for proposed; three boxes that are left of a suggestion answer; boxes are asked
+    again.
+    """
+    proposed = [replace(plane, suggested=True) for plane in GIVEN]
+    names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
+    assert counted(monkeypatch, None, "right") == ([(FULL, ["found"])], [], ("right", 1.0))
+    assert counted(monkeypatch, GIVEN, "right") == ([(CHOSEN, names)], [], ("right", 2.0))
+    partly = [proposed[0], GIVEN[1]]
+    assert counted(monkeypatch, partly, "right") == ([(PARTLY, names)], [], ("right", 2.0))
+    both = [(PARTLY, names), (CHOSEN, names)]
+    assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", 2.0))
+    # A floor was proposed, a wall came into view.
+    renamed = [replace(proposed[0], name="hall")]
+    assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "+wall"])], [], ("right", 1.0))
+    cut = [replace(proposed[0], outline_m=np.zeros((3, 3)))]
+    assert counted(monkeypatch, cut, "right", found=names)[0] == [(PARTLY, ["floor", "+wall"])]
+    assert counted(monkeypatch, proposed, lost, found=names, of=2) == ([(FULL, names)], [], "planes.too_few")
+    assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
+    late = counted(monkeypatch, proposed[:1], "right", found=[*names, "side"], of=2)
+    assert late == ([(PARTLY, ["floor", "+side", "-wall"])], [], ("right", 2.0))
+    both = [(PARTLY, ["floor", "-wall"]), (CHOSEN, ["floor", "-wall"])]
+    assert counted(monkeypatch, proposed[:1], lost, "right", found=names, of=2) == (
+        both,
+        ["planes.open"],
+        ("right", 2.0),
+    )
+    boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion")
+    assert counted(monkeypatch, proposed[:1], boxes, found=names, of=2) == (both[:1], [], "planes.doubtful")
+
+
+def test_proposals_that_are_no_planes_of_their_own_are_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an untouched suggestion as of what is left of one, where the others face three ways; what is insisted on counts.
+
+    Mutations: not said of either; they count beside the others; left out though they are needed; those insisted on.
+    """
+    bent = Plane("bent", np.array([0.6, 0.0, 0.8]), 2.5, suggested=True)
+    names = ["floor", "wall", "side"]
+    proposed = [replace(plane, suggested=True) for plane in SEEN[1:]]
+    merged = ["planes.merged"]
+
+    def of(planes: list[Plane], *more: Plane) -> Any:
+        return counted(monkeypatch, planes, "right", found=names, of=3, more=more)[:2]
+
+    assert of([*proposed, bent], bent) == ([(FULL, names)], merged)
+    other = replace(bent, name="other", normal=np.array([0.0, 0.6, 0.8]))
+    assert of([*proposed, bent], bent, other) == ([(PARTLY, [*names, "-other"])], merged)
+    assert of([*proposed[:2], bent, other], bent, other) == ([(PARTLY, [*names[:2], "bent", "other", "-side"])], [])
+    insisted = replace(bent, suggested=False)
+    assert of([*proposed, insisted], bent) == ([(PARTLY, [*names, "bent"])], [])
+
+
+def test_planes_that_are_held_where_a_scan_shows_them_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen: a true floor called bent, and sigmas eight times as wide, beside planes held as they were proposed. Mutations: never;
+    of planes that somebody has surveyed too; of those that are estimated.
+    """
+    proposed = [replace(plane, suggested=True) for plane in GIVEN]
+    for planes in (None, [], proposed, [proposed[0], GIVEN[1]]):
+        assert counted(monkeypatch, planes, "right", held=True)[1][0] == "planes.held"
+    assert "planes.held" not in counted(monkeypatch, GIVEN, "right", held=True)[1]
+    assert "planes.held" not in counted(monkeypatch, proposed, "right")[1]
+
+
+def test_what_comes_into_view_is_not_said_to_be_used_beside_a_choice_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has told the motion alone. Mutations: said always; kept beside a suggestion too; all sentences kept."""
+    partly = [replace(GIVEN[0], suggested=True), GIVEN[1]]
+    assert counted(monkeypatch, GIVEN, "right", comes=True)[1] == []
+    assert counted(monkeypatch, partly, "right", comes=True)[1] == ["planes.found"]
+    told: list[str] = []
+    unused: Any = None
+    run = Run(
+        unused,
+        CalibrateSettings(),
+        unused,
+        unused,
+        unused,
+        lambda event: told.append(getattr(event, "code", "")),
+        unused,
+    )
+    run.keeping("planes.found").say("warning", "planes.lost", "out of sight")
+    assert told == ["planes.lost"]
