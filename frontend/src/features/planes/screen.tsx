@@ -1,8 +1,8 @@
 import { ActionIcon, Button, Skeleton, Tooltip } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useRef } from "react";
-import { useNavigate } from "react-router";
-import type { DoctorReport, Operation, Planes } from "../../api/client";
+import { Link, useNavigate } from "react-router";
+import type { DoctorReport, Operation, Planes, Recording } from "../../api/client";
 import { isFinal, useJobStream } from "../../api/jobstream";
 import { asFault } from "../../api/fault";
 import { useClickRefusal } from "../../api/feed";
@@ -16,6 +16,7 @@ import { useShortcuts } from "../../ui/shortcuts";
 import { planesOf } from "../../ui/words";
 import { JobProgress } from "../jobs/progress";
 import { stagesOfPlanes } from "../jobs/timeleft";
+import { standingOf } from "../start/standing";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
 import { determines, DeterminacyMeter } from "./determinacy";
@@ -161,6 +162,8 @@ export function PlanesScreen() {
           >
             {job.error?.text ?? job.state_text}
           </Notice>
+        ) : recording.state === "receiving" || recording.state === "failed" ? (
+          <NotHere recording={recording} />
         ) : (
           <ListSkeleton />
         )}
@@ -243,6 +246,23 @@ function History({ planes, apply }: { planes: Planes; apply: (operation: Operati
         </ActionIcon>
       </Tooltip>
     </div>
+  );
+}
+
+/** Why nothing is looked for: whoever reloads a page that sends has cut the upload, and would wait for planes for ever. */
+export function NotHere({ recording }: { recording: Recording }) {
+  const { text, tone } = standingOf(recording);
+  return (
+    <Notice
+      level={tone === "error" ? "error" : "warning"}
+      actions={
+        <Button component={Link} to={`/r/${recording.id}/recording`} size="compact-sm" variant="default">
+          Back to the recording
+        </Button>
+      }
+    >
+      {`${text}: there are no planes before the recording has been read.`}
+    </Notice>
   );
 }
 
