@@ -105,7 +105,9 @@ def forecast_of(recording: Recording) -> Forecast:
     """The doctor's forecast of a recording in memory, from the same sample that it takes of a file."""
     sampled = SampledScans.of(recording)
     outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns, whole=recording.scans)
-    return forecast_report(outlook, planes_report(outlook.proposals, outlook.gravity), share=sampled.share)
+    return forecast_report(
+        outlook, planes_report(outlook.proposals, outlook.gravity, outlook.faults), share=sampled.share
+    )
 
 
 def solved(result: CalibrationResult) -> list[tuple[float, bool]]:

@@ -29,12 +29,13 @@ class _Event(BaseModel):
 
 
 class StageEvent(_Event):
-    """Progress within a stage. `fraction` is of this stage, 0..1."""
+    """Progress within a stage. `fraction` is of this stage, 0..1.   kept: nothing had to be done, as an earlier run had."""
 
     event: Literal["stage"] = "stage"
     stage: Stage
     fraction: float
     text: str = ""
+    kept: bool = False
 
 
 class PlaneResidual(_Event):

@@ -184,7 +184,7 @@ class PlaneService:
         mark, room = self._rooms[recording_id]
         growth = self._strength.growth(room, mark, history.current, suggested(proposals))
         known = foreseen(room.forecast, growth)
-        return wire_planes(history, static=proposals.static, up=room.up, known=known)
+        return wire_planes(history, static=proposals.static, up=room.up, known=known, doubts=room.doubts)
 
     def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> Room:
         """What the doctor calls these planes; worked out anew when there is another report."""

@@ -30,7 +30,8 @@ class Room:
     """names: of a proposal's patches, by their place.   up: (3,) unit vector, map frame; None where it is not known.
 
     forecast: what a solve would know with the planes as they were suggested.   ranks: in the report, of a proposal's patches.
-    foresight: folder where the inspection kept what tells how the forecast changes with the planes.
+    foresight: folder where the inspection kept what tells how the forecast changes with the planes.   doubts: of a proposal's
+    patches that a solve would leave out, by their place, what seems wrong with them.
     """
 
     names: dict[int, str] = field(default_factory=dict)
@@ -38,6 +39,7 @@ class Room:
     forecast: Forecast | None = None
     ranks: dict[int, int] = field(default_factory=dict)
     foresight: Path | None = None
+    doubts: dict[int, str] = field(default_factory=dict)
 
 
 def room_of(report: PlanesReport | None, proposals: PlaneProposals, forecast: Forecast | None = None) -> Room:
@@ -59,7 +61,8 @@ def room_of(report: PlanesReport | None, proposals: PlaneProposals, forecast: Fo
     up = np.array(report.up)
     order = sorted(range(len(proposals.patches)), key=lambda place: (ranks.get(place, len(report.planes)), place))
     kinds = [kind_of(proposals.patches[place].plane.normal, up)[0] for place in order]
-    return Room(dict(zip(order, names_of(kinds), strict=True)), up, forecast, ranks)
+    doubts = {place: report.planes[rank].doubt for place, rank in ranks.items() if report.planes[rank].doubt}
+    return Room(dict(zip(order, names_of(kinds), strict=True)), up, forecast, ranks, doubts=doubts)
 
 
 def named(history: PlaneHistory, room: Room) -> PlaneHistory:

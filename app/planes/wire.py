@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,9 +16,16 @@ from calib_core.types import FloatArray
 
 
 def wire_planes(
-    history: PlaneHistory, *, static: bool, up: FloatArray | None = None, known: Foreseen | None = None
+    history: PlaneHistory,
+    *,
+    static: bool,
+    up: FloatArray | None = None,
+    known: Foreseen | None = None,
+    doubts: Mapping[int, str] = MappingProxyType({}),
 ) -> Planes:
-    """The planes as every browser sees them. up: (3,) against gravity, map frame; None where that is not known."""
+    """The planes as every browser sees them. up: (3,) against gravity, map frame; None where that is not known.   doubts: what
+    seems wrong with a proposal, by its place.
+    """
     fixed = determinacy(history.current, up)
     if known is not None and not fixed.ok:
         known = known.model_copy(update={"text": ""})  # what is missing is said there
@@ -35,6 +44,7 @@ def wire_planes(
                 confirmed=patch.confirmed,
                 restricted=bool(patch.region),
                 insisted=patch.insisted,
+                doubt=next((doubts[member] for member in patch.members if member in doubts), ""),
                 color=plane_hex(patch.color),
             )
             for index, patch in enumerate(history.current.patches)

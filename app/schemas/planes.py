@@ -26,6 +26,11 @@ class Patch(WireModel):
     confirmed: bool
     restricted: bool = Field(description="whether a box of its own leaves part of it out")
     insisted: bool = Field(default=False, description="whether it counts even where it turns out to be doubtful")
+    doubt: str = Field(
+        default="",
+        description="what seems wrong with it before a solve, which leaves it out unless it is insisted on",
+        examples=["does not seem to stand still"],
+    )
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
 
 

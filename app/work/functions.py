@@ -211,7 +211,9 @@ def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Rec
     folder = recording_arrays(order.cache)
     try:
         if has_recording(folder):
-            return replace(read_recording(folder), name=order.recording_name)
+            recording = replace(read_recording(folder), name=order.recording_name)
+            on_event(StageEvent(stage="read", fraction=1.0, kept=True))
+            return recording
     except DamagedArrays:
         discard(folder)
     recording = api.load(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)

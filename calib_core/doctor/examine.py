@@ -207,7 +207,7 @@ def _look_ahead(
 
     whole = WholeScans(state, sampled, recording, settings)
     outlook = foresee(sampled, imu, offset_ns, whole=whole, on_event=later, should_cancel=should_cancel)
-    planes = planes_report(outlook.proposals, outlook.gravity)
+    planes = planes_report(outlook.proposals, outlook.gravity, outlook.faults)
     if imu is None:
         return Ahead(planes)
     forecast = forecast_report(outlook, planes, share=sampled.share)

@@ -14,6 +14,7 @@ from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.plausibility import borne_out
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
+from calib_core.full.planes.standing import SEEMS, Fault
 from calib_core.kinds import kind_of, names_of
 from calib_core.planes.segment import determinacy
 from calib_core.result import COVARIANCE_ORDER
@@ -56,10 +57,13 @@ def foresee(
         return Outlook(NO_PLANES, code="forecast.failed", reason=reason)
 
 
-def planes_report(proposals: PlaneProposals, gravity: FloatArray | None) -> PlanesReport:
-    """The expected planes. gravity: (3,) [m/s2] in the planes' frame, None where it is not known."""
+def planes_report(proposals: PlaneProposals, gravity: FloatArray | None, faults: Sequence[Fault] = ()) -> PlanesReport:
+    """The expected planes. gravity: (3,) [m/s2] in the planes' frame, None where it is not known.   faults: what seems wrong with
+    each, () where that is not known.
+    """
     up = None if gravity is None else -gravity / np.linalg.norm(gravity)
     found = [kind_of(patch.plane.normal, up) for patch in proposals.patches]
+    no_faults: Sequence[Fault] = [""] * len(found)
     planes = [
         PlaneReport(
             name=name,
@@ -70,8 +74,11 @@ def planes_report(proposals: PlaneProposals, gravity: FloatArray | None) -> Plan
             points=patch.n_points,
             rms_m=patch.rms_m,
             normal=_rounded(patch.plane.normal),
+            doubt=SEEMS.get(fault, ""),
         )
-        for patch, name, (kind, tilt) in zip(proposals.patches, names_of([k for k, _ in found]), found, strict=True)
+        for patch, name, (kind, tilt), fault in zip(
+            proposals.patches, names_of([k for k, _ in found]), found, faults or no_faults, strict=True
+        )
     ]
     normals = np.array([patch.plane.normal for patch in proposals.patches])
     spread = 3.0 * determinacy(normals) if len(normals) >= 3 else 0.0
@@ -117,14 +124,16 @@ def _planes_in_words(planes: Sequence[PlaneReport], *, determined: bool) -> str:
     said = number if listed == number else f"{number} ({listed})" if len(planes) > 1 else f"{number} ({planes[0].name})"
     seen = f"{said[0].upper()}{said[1:]} {'are' if len(planes) > 1 else 'is'} seen"
     if determined:
-        return f"{seen}; together they fix where the lidar is."
+        doubtful = [f"{plane.name} {plane.doubt}" for plane in planes if plane.doubt]
+        left_out = f" Likely to be left out by a solve: {joined(doubtful)}." if doubtful else ""
+        return f"{seen}; together they fix where the lidar is.{left_out}"
     open_to = "leave" if len(planes) > 1 else "leaves"
     return f"{seen}, which {open_to} a direction of the lidar's motion open: turn towards planes that face another way."
 
 
 def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> Forecast:
     """The forecast. share: of the recording that was looked at."""
-    names = tuple(plane.name for plane in planes.planes)
+    names = tuple(plane.name for plane in planes.planes if not plane.doubt)
     knowledge = outlook.knowledge
     if knowledge is None:
         return Forecast(

@@ -243,7 +243,8 @@ class PlaneReport(_Model):
 
     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
     the lidar.   points, rms_m: of the sampled points on it.   normal: of unit length, towards the lidar, lidar axes at the
-    reference scan; None in reports of older versions.
+    reference scan; None in reports of older versions.   doubt: what seems wrong with it, so that a solve would leave it out, as
+    said of it: "does not seem to stand still"; "" where nothing does.
     """
 
     name: str
@@ -254,6 +255,7 @@ class PlaneReport(_Model):
     points: int
     rms_m: float
     normal: Axes | None = None
+    doubt: str = ""
 
 
 class PlanesReport(_Model):

@@ -28,11 +28,14 @@ from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
+from calib_core.full.joint.doubt import face_three_ways, plane_doubts
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import gather
+from calib_core.full.joint.plane_set import only_planes
+from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.round import associate, measure, survey
+from calib_core.full.joint.round import associate, gathered, measure, survey
 from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TRANSLATION, Estimate
@@ -42,6 +45,7 @@ from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion, evenly_spread
 from calib_core.full.odometry.travelled import stood_text, travelled
 from calib_core.full.planes.propose import no_planes, scan_points
+from calib_core.full.planes.standing import Fault, fault_of
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.run import Run
 from calib_core.planes.segment import segment_planes
@@ -83,13 +87,16 @@ class Forecasting:
 
 
 FORECASTING = Forecasting()
+#: The gate while planes' reach and the lidar's noise are learnt.
+LEARNING = Gate(extra_m=FORECASTING.learning_m)
 
 
 @dataclass(frozen=True)
 class Outlook:
     """What a solve would find to work with, and to know.
 
-    proposals: the expected planes.   foresight: what tells how the numbers change with the choice of planes; None where it would
+    proposals: the expected planes.   faults: what seems wrong with each, so that a solve would leave it out; () where that is not
+    known.   foresight: what tells how the numbers change with the choice of planes; None where it would
     not fit the proposals.   gravity: (3,) [m/s2] in their frame.   knowledge: None where `reason` says why, under
     the stable `code`.   advice: what to record for what would stay unknown.   covered_s: seconds that could be followed,
     standstill included.   range_std_m: the lidar's noise, seen on the planes.
@@ -104,6 +111,7 @@ class Outlook:
     covered_s: float = 0.0
     range_std_m: float | None = None
     foresight: Foresight | None = None
+    faults: tuple[Fault, ...] = ()
 
 
 def sample_scan(scan: Scan, count: int) -> Scan:
@@ -179,6 +187,7 @@ def _look(
     tell(0.7, "what a solve would know")
     run, stands_for = _thinned(run, points_per_scan)
     data, state, share = _smoothed(run, followed, lidar, start, share)
+    state, faults = _without_doubtful(data, state)
     knowledge, problem, estimate = _knowledge(data, state, stands_for, share)
     require_rotation(knowledge)
     rate = recording.imu.gyro_rad_s
@@ -192,8 +201,20 @@ def _look(
     # In another reference scan's frame gravity says nothing of the proposals' planes, nor does the problem.
     if followed.reference != proposals.reference_scans[0]:
         return outlook
-    kept = foresight(problem, estimate, followed, share)
-    return replace(outlook, gravity=start.linear.gravity, foresight=kept)
+    proposed = len(followed.proposals)
+    used = [which for which, fault in zip(followed.of_proposal, faults, strict=True) if not fault]
+    kept = foresight(problem, estimate, proposed, used, share)
+    told = _of_proposals(followed.of_proposal, faults, proposed)
+    return replace(outlook, gravity=start.linear.gravity, faults=told, foresight=kept)
+
+
+def _of_proposals(of_proposal: Sequence[int], faults: Sequence[Fault], proposed: int) -> tuple[Fault, ...]:
+    """What seems wrong with each of so many proposals: with all of the planes (P,) that it is."""
+    told: list[Fault] = [""] * proposed
+    for which, fault in zip(of_proposal, faults, strict=True):
+        if fault and which >= 0 and which not in [w for w, f in zip(of_proposal, faults, strict=True) if not f]:
+            told[which] = fault
+    return tuple(told)
 
 
 def _require_motion(motions: Sequence[ScanMotion]) -> None:
@@ -230,10 +251,23 @@ def _smoothed(
     assert FORECAST.propagation is not None
     if state.knots > data.knots - FORECAST.propagation.least_rest_s / data.readings.spacing_s:
         share *= looked
-    learning = Gate(extra_m=FORECASTING.learning_m)
-    state = measure(data, survey(data, state, learning, FORECAST.sampling), learning, FORECAST.sampling)
+    state = measure(data, survey(data, state, LEARNING, FORECAST.sampling), LEARNING, FORECAST.sampling)
     # A gate that is wider than the noise would count its width as noise.
     return data, associate(data, admit_sensors(data, state), Gate(), stride=1), share
+
+
+def _without_doubtful(data: JointData, state: Estimation) -> tuple[Estimation, list[Fault]]:
+    """The same, without the planes that a solve would leave out; and what is wrong with each of all, "" where nothing is.
+
+    Of few planes each bends the motion that all are judged by: unless the others hold it, all stay.
+    """
+    doubt = plane_doubts(gathered(data, state), state.estimate)
+    keep = doubt.max(axis=1) <= 1.0
+    if keep.all() or not face_three_ways(state.estimate.normals[keep]):
+        return state, [""] * len(keep)
+    state = only_planes(state, keep, doubt[:, 2] < 1.0, PlaneSet())
+    state = survey(data, state, LEARNING, FORECAST.sampling)
+    return associate(data, state, Gate(), stride=1), [fault_of(row) for row in doubt]
 
 
 def _knowledge(

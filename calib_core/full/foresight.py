@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +23,6 @@ from calib_core.factors.laser_features import LaserFactors
 from calib_core.full.assess.observability import assess
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
-from calib_core.full.odometry.reference import Followed
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
 from calib_core.threads import one_blas_thread
 from calib_core.types import FloatArray, IntArray
@@ -35,8 +34,8 @@ _WORDS = "words"
 
 @dataclass(frozen=True)
 class Foresight:
-    """The problem of a forecast. proposed: so many planes were proposed.   of_proposal: (P,) which of them each of the problem's
-    planes is, -1 for what came into view.   share: as `forecast` has it.
+    """The problem of a forecast, of the planes that a solve would use. proposed: so many were proposed.   of_proposal: (P,) which
+    of them each of the problem's is, -1 for what came into view.   share: as `forecast` has it.
     """
 
     problem: JointProblem
@@ -78,11 +77,12 @@ class Foresight:
         return assess(information, self.problem.priors, inflation=float(np.sqrt(self.share))).data_std
 
 
-def foresight(problem: JointProblem, estimate: Estimate, followed: Followed, share: float) -> Foresight:
-    """Of a forecast's problem, at the estimate that it was judged about. followed: whose planes it has."""
+def foresight(
+    problem: JointProblem, estimate: Estimate, proposed: int, of_proposal: Sequence[int], share: float
+) -> Foresight:
+    """Of a forecast's problem, at the estimate that it was judged about. The others: as in the record."""
     bins = replace(problem.bins, lasers=LaserFactors.empty())
-    of_proposal = np.array(followed.of_proposal, dtype=np.int64)
-    return Foresight(replace(problem, bins=bins), estimate, len(followed.proposals), of_proposal, share)
+    return Foresight(replace(problem, bins=bins), estimate, proposed, np.array(of_proposal, dtype=np.int64), share)
 
 
 def keep_foresight(folder: Path, kept: Foresight | None) -> None:

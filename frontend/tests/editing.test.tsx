@@ -23,6 +23,7 @@ const planesAt = (revision: number, ...confirmed: boolean[]): Planes => ({
     confirmed: used,
     restricted: false,
     insisted: false,
+    doubt: "",
     color: "#0072b2",
   })),
   determinacy: { ok: true, text: "", smallest_eigenvalue: 0.3 },

@@ -3,6 +3,7 @@ import type { IterationEvent, Job, JobMessage, StageEvent } from "../src/api/cli
 import { addMessages, emptyRun } from "../src/api/jobstream";
 import { parametersOf, unwrap } from "../src/features/solve/parameters";
 import {
+  promised,
   secondsLeft,
   stagesOf,
   stagesOfSolve,
@@ -17,6 +18,7 @@ const stage = (name: StageEvent["stage"], fraction: number): StageEvent => ({
   stage: name,
   fraction,
   text: "",
+  kept: false,
 });
 const iteration = (round: number, number: number): IterationEvent => ({
   event: "iteration",
@@ -73,11 +75,21 @@ describe("a run from its messages", () => {
     expect(secondsLeft(0.01, 30)).toBeNull();
     expect(secondsLeft(0.25, 10)).toBeCloseTo(30, 9);
   });
+
+  // Fails when the time left rises while the bar stands still; when a promise that was broken is made again, or kept back for ever.
+  it("never says that more time is left than it has said", () => {
+    expect(promised(null, 30)).toBe(30);
+    expect(promised(30, 12)).toBe(12);
+    expect(promised(12, 15)).toBe(12);
+    expect(promised(12, 40)).toBeNull();
+    expect(promised(12, null)).toBeNull();
+    expect(promised(12, 11)).toBe(11);
+  });
 });
 
 describe("a run that ended", () => {
   const ended = (state: Job["state"]) => ({ state, result: null }) as Job;
-  const begun = { stage: "track" as const, fraction: 0.4, text: "" };
+  const begun = { stage: "track" as const, fraction: 0.4, text: "", kept: false };
 
   // Fails when whatever has ended is called solved.
   it("is called solved only when it was", () => {
@@ -116,7 +128,12 @@ describe("parameters", () => {
 });
 
 describe("the stages of a run", () => {
-  const seen = (stage: "planes" | "track" | "initialise", fraction: number) => ({ stage, fraction, text: "" });
+  const seen = (stage: "planes" | "track" | "initialise", fraction: number) => ({
+    stage,
+    fraction,
+    text: "",
+    kept: false,
+  });
 
   // Fails when a stage that was passed over stays open for ever, and when one that is still ahead is left out.
   it("leaves out what an earlier run made", () => {
@@ -136,14 +153,24 @@ describe("the stages of a run", () => {
     const all = stagesShown([], stagesOfSolve);
     const told = ["read", "planes", "track", "initialise", "solve", "deskew"] as const;
     told.forEach((_, i) => {
-      const so_far = told.slice(0, i + 1).map((stage) => ({ stage, fraction: 1, text: "" }));
+      const so_far = told.slice(0, i + 1).map((stage) => ({ stage, fraction: 1, text: "", kept: false }));
       expect(stagesShown(so_far, stagesOfSolve)).toEqual(all);
     });
   });
 
+  // Fails when what was kept counts as work done, so that a second solve seems half done as it begins; when it leaves the list.
+  it("are shown, and are no work, where an earlier run has made them", () => {
+    const kept = (["read", "planes", "track"] as const).map((stage) => ({ stage, fraction: 1, text: "", kept: true }));
+    expect(stagesShown(kept, stagesOfSolve)).toEqual([...stagesOfSolve]);
+    expect(wholeFraction(kept, stagesOfSolve)).toBe(0);
+    expect(wholeFraction(kept.slice(0, 1), ["read"])).toBe(0);
+    const solving = [...kept, { stage: "solve" as const, fraction: 0.5, text: "", kept: false }];
+    expect(wholeFraction(solving, ["read", "planes", "track", "solve"])).toBeCloseTo(0.5, 9);
+  });
+
   // Fails when a stage that said its last word half way is half done for ever.
   it("counts as done what another stage has come after", () => {
-    const half = { stage: "planes" as const, fraction: 0.5, text: "" };
+    const half = { stage: "planes" as const, fraction: 0.5, text: "", kept: false };
     expect(wholeFraction([half, seen("initialise", 1)], ["planes", "initialise"])).toBe(1);
     expect(wholeFraction([half], ["planes", "initialise"])).toBeLessThan(0.5);
   });

@@ -100,7 +100,7 @@ describe("one truth", () => {
 });
 
 describe("progress", () => {
-  const stage = (fraction: number): StageEvent => ({ event: "stage", stage: "track", fraction, text: "" });
+  const stage = (fraction: number): StageEvent => ({ event: "stage", stage: "track", fraction, text: "", kept: false });
 
   // Fails when a stage that is gone through again starts from nought.
   it("never goes back", () => {

@@ -15,7 +15,7 @@ import pytest
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
 from app.arrays.recording import recording_arrays
 from app.jobs.orders import Order
-from app.work.functions import PROPOSED, REPORTED, run_inspect, run_job, run_planes
+from app.work.functions import PROPOSED, REPORTED, decoded, run_inspect, run_job, run_planes
 from app.work.head import CLOUD, first_cloud, is_final, propose_from_head
 from calib_core import api
 from calib_core.events import LogEvent, StageEvent, ignore_event, never_cancel
@@ -77,7 +77,8 @@ def test_planes_of_the_head_are_those_of_the_whole(bag, tmp_path):
 def test_the_first_things_come_first(bag, tmp_path):
     """Cloud, then planes, are told and on disk before the recording is decoded.
 
-    Fails with decoding put before the search.
+    What has been read stays read, and is told so by whoever needs it next. Fails with decoding put before the search; with a
+    stage that is passed over in silence, so that a page's list loses it.
     """
     told = []
 
@@ -91,6 +92,9 @@ def test_the_first_things_come_first(bag, tmp_path):
     assert outcome.patches >= 3
     points = read_first_cloud(first_cloud_file(tmp_path))
     assert len(points) > 10 * 1000
+    again = []
+    decoded(order_for(bag, tmp_path), again.append, never_cancel)
+    assert again == [StageEvent(stage="read", fraction=1.0, kept=True)]
 
 
 def test_the_report_is_on_disk_before_it_is_told_of(bag, tmp_path):

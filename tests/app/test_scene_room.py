@@ -88,6 +88,24 @@ def test_planes_are_called_what_they_are_in_the_doctors_order_unless_somebody_na
     assert room_of(None, PROPOSALS).up is None
 
 
+def test_what_the_doctor_doubts_is_marked_on_the_plane_that_it_is_and_on_what_it_is_merged_into() -> None:
+    """Mutations: by the rank in the report; on the first plane; gone with a merge; said of a plane that was grown by hand."""
+    doctor = report()
+    place = SAMPLED.index(1) + 1  # what nobody sees stands before it in the report
+    planes = list(doctor.planes)
+    planes[place] = planes[place].model_copy(update={"doubt": "does not seem to be flat"})
+    room = room_of(doctor.model_copy(update={"planes": tuple(planes)}), PROPOSALS)
+    assert room.doubts == {1: "does not seem to be flat"}
+    history = plainly_named()
+    some = [
+        patch.model_copy(update={"members": members})
+        for patch, members in zip(history.current.patches, ((0,), (1,), (2, 1), (), (4,), (5,)), strict=True)
+    ]
+    edited = history.push(history.current.model_copy(update={"patches": tuple(some)}))
+    shown = wire_planes(edited, static=True, doubts=room.doubts).patches
+    assert [patch.doubt != "" for patch in shown] == [False, True, True, False, False, False]
+
+
 def test_a_plane_that_was_grown_is_called_what_it_is_too():
     """The next of its kind, and never by a name that another has. Mutations: the search's name kept; a number that is taken."""
     room = room_of(report(), PROPOSALS)

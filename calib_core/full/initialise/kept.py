@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.events import Event, LogEvent
+from calib_core.events import Event, LogEvent, StageEvent
 from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.proposed import choice_among, joined
 from calib_core.full.odometry.reference import Followed
@@ -83,6 +83,7 @@ def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path 
     key = key_of(run)
     kept = read_kept(folder / _FILE, key)
     if kept is not None and kept.serves(given):
+        run.on_event(StageEvent(stage="track", fraction=1.0, kept=True))
         for event in kept.said:
             run.on_event(event)
         return kept.followed

@@ -32,6 +32,12 @@ WORDS: dict[Fault, str] = {
     "bent": "is not flat",
     "mixed": "is more than one surface",
 }
+#: The same before a solve.
+SEEMS: dict[Fault, str] = {
+    "moved": "does not seem to stand still",
+    "bent": "does not seem to be flat",
+    "mixed": "seems to be more than one surface",
+}
 
 
 @dataclass(frozen=True)

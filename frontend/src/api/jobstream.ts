@@ -6,6 +6,8 @@ export interface StageProgress {
   stage: StageEvent["stage"];
   fraction: number;
   text: string;
+  /** Whether nothing had to be done, as an earlier run had. */
+  kept: boolean;
 }
 
 /** What is known of a run from its messages. */
@@ -27,7 +29,7 @@ export function addMessages(run: RunLog, messages: readonly JobMessage[]): RunLo
   for (const message of messages) {
     switch (message.event) {
       case "stage": {
-        const entry = { stage: message.stage, fraction: message.fraction, text: message.text };
+        const entry = { stage: message.stage, fraction: message.fraction, text: message.text, kept: message.kept };
         const at = next.stages.findIndex((one) => one.stage === message.stage);
         const known = next.stages[at];
         if (known === undefined) next.stages.push(entry);

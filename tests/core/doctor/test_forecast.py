@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.rigs import cluttered
 from calib_core.calibrate import calibrate
 from calib_core.doctor.outlook import forecast_report, foresee, planes_report, weak_parameters
 from calib_core.doctor.report import Forecast
 from calib_core.doctor.sampling import SampledScans
 from calib_core.full.forecast import forecast
+from calib_core.full.joint.state import Estimate
 from calib_core.full.odometry.travelled import stood_text
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult
 from calib_core.settings import CalibrateSettings
@@ -136,3 +138,41 @@ def test_planes_that_only_later_scans_show_are_listed_and_not_followed(recording
     assert len(outlook.proposals.patches) >= 5
     assert outlook.gravity is None
     assert outlook.knowledge is not None
+
+
+def test_what_a_solve_leaves_out_is_foretold_and_counts_for_nothing() -> None:
+    """Oracle: the solve of the same room with people and boxes: what is called doubtful before it, it leaves out.
+
+    Mutations: doubts of another plane; the doubtful left in the problem; two good walls and a doubtful floor judged all the same.
+    """
+    recording = generate(cluttered(duration_s=10.0), seed=203)[0]
+    sampled = SampledScans.of(recording)
+    outlook = foresee(sampled, recording.imu, recording.coarse_offset_ns, whole=recording.scans)
+    doubtful = [place for place, fault in enumerate(outlook.faults) if fault]
+    assert doubtful
+    patches = outlook.proposals.patches
+    suggestion = [replace(patch.plane, name=f"patch {k}", suggested=True) for k, patch in enumerate(patches)]
+    result = calibrate(recording, CalibrateSettings(), planes=suggestion).result
+    assert not {plane.name for plane in result.quality.planes} & {f"patch {place}" for place in doubtful}
+    foresight = outlook.foresight
+    assert foresight is not None
+    sound = [place for place in range(len(patches)) if place not in doubtful]
+    np.testing.assert_array_equal(foresight.growth(sound), np.ones(7))
+    report = planes_report(outlook.proposals, outlook.gravity, outlook.faults)
+    told = forecast_report(outlook, report, share=sampled.share)
+    ratio = np.array([p.std for p in told.parameters]) / stds(result)
+    assert ((ratio > 1 / FACTOR) & (ratio < FACTOR)).all(), ratio
+
+
+def test_of_few_planes_none_is_called_doubtful_by_a_motion_that_it_bends(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All but two planes are at fault, and then all but five. Mutations: left out all the same; none left out at all."""
+    points = [len(scan.points) for scan in recording.scans]
+    for sound, wanted in ((2, 0), (5, 1)):
+
+        def doubts(_problem: object, estimate: Estimate, sound: int = sound) -> np.ndarray:
+            return np.where(np.arange(len(estimate.normals))[:, None] < sound, 0.1, [3.0, 0.0, 0.0])
+
+        monkeypatch.setattr("calib_core.full.forecast.plane_doubts", doubts)
+        assert [bool(fault) for fault in forecast(recording, points).faults].count(True) == wanted

@@ -44,6 +44,18 @@ def test_planes_are_called_what_they_are_to_someone_upright() -> None:
     assert planes_report(seen, None).planes[1].name == "plane 2"
 
 
+def test_what_a_solve_would_leave_out_is_named_and_not_counted() -> None:
+    """Mutations: a doubt on the plane beside; doubtful planes among those that the forecast rests on; none named."""
+    seen = proposals(UP, -UP, SIDE, AHEAD)
+    got = planes_report(seen, -9.81 * UP, ("", "moved", "", "bent"))
+    assert [plane.doubt for plane in got.planes] == ["", "does not seem to stand still", "", "does not seem to be flat"]
+    assert got.text.endswith(
+        "Likely to be left out by a solve: ceiling does not seem to stand still and wall 2 does not seem to be flat."
+    )
+    assert forecast_report(known(), got, share=1.0).planes == ("floor", "wall 1")
+    assert "doubtful" not in planes_report(seen, -9.81 * UP, ("",) * 4).text
+
+
 @pytest.mark.parametrize(
     ("normals", "share", "fixed"),
     [

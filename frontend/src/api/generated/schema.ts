@@ -2368,6 +2368,13 @@ export interface components {
             color: string;
             /** Confirmed */
             confirmed: boolean;
+            /**
+             * Doubt
+             * @description what seems wrong with it before a solve, which leaves it out unless it is insisted on
+             * @default
+             * @example does not seem to stand still
+             */
+            doubt: string;
             /** Index */
             index: number;
             /**
@@ -2473,13 +2480,19 @@ export interface components {
          *
          *     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
          *     the lidar.   points, rms_m: of the sampled points on it.   normal: of unit length, towards the lidar, lidar axes at the
-         *     reference scan; None in reports of older versions.
+         *     reference scan; None in reports of older versions.   doubt: what seems wrong with it, so that a solve would leave it out, as
+         *     said of it: "does not seem to stand still"; "" where nothing does.
          */
         PlaneReport: {
             /** Area M2 */
             area_m2: number;
             /** Distance M */
             distance_m: number;
+            /**
+             * Doubt
+             * @default
+             */
+            doubt: string;
             /**
              * Kind
              * @enum {string}
@@ -3343,7 +3356,7 @@ export interface components {
         };
         /**
          * StageEvent
-         * @description Progress within a stage. `fraction` is of this stage, 0..1.
+         * @description Progress within a stage. `fraction` is of this stage, 0..1.   kept: nothing had to be done, as an earlier run had.
          */
         StageEvent: {
             /**
@@ -3353,6 +3366,11 @@ export interface components {
             event: "stage";
             /** Fraction */
             fraction: number;
+            /**
+             * Kept
+             * @default false
+             */
+            kept: boolean;
             /**
              * Stage
              * @enum {string}

@@ -7,7 +7,7 @@ import { duration } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./progress.module.css";
-import { longStep, secondsLeft, stagesShown, stageState, stalledS, wholeFraction } from "./timeleft";
+import { longStep, promised, secondsLeft, stagesShown, stageState, stalledS, wholeFraction } from "./timeleft";
 
 export const stageTitles: Record<StageProgress["stage"], string> = {
   read: "Read the recording",
@@ -38,6 +38,16 @@ function useHighest(key: string, value: number): number {
   return reached;
 }
 
+/** The least that was said of the time left of a job, and null while that is far from the truth. */
+function usePromised(key: string, left: number | null): number | null {
+  const [before, setBefore] = useState({ key, left });
+  const least = before.key === key ? before.left : null;
+  const said = promised(least, left);
+  const next = said ?? least;
+  if (before.key !== key || before.left !== next) setBefore({ key, left: next });
+  return said;
+}
+
 /** Where a job stands that waits. */
 function waitingText(place: number | null | undefined): string {
   if (place == null) return "Waiting for a free slot";
@@ -65,7 +75,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   const stalled = running && !queued ? stalledS(run.heardAtMs, now) : null;
   const step = running && !queued ? longStep(run.heardAtMs, now) : null;
   // While a step takes longer than it should, so will the rest: nothing is promised.
-  const left = running && step === null ? secondsLeft(fraction, elapsedS) : null;
+  const left = usePromised(jobId, running && step === null ? secondsLeft(fraction, elapsedS) : null);
   const active = stages.at(-1);
   const names = stagesShown(stages, running ? expected : []);
   const percent = Math.round(fraction * 100);
@@ -128,7 +138,11 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
                 <span className="sr-only">{stageWords[state]}</span>
               </span>
               <span className="num dim">
-                {state === "active" && seen !== undefined ? `${Math.round(seen.fraction * 100)} %` : ""}
+                {seen?.kept === true
+                  ? "kept"
+                  : state === "active" && seen !== undefined
+                    ? `${Math.round(seen.fraction * 100)} %`
+                    : ""}
               </span>
             </li>
           );

@@ -37,9 +37,10 @@ export function wholeFraction(seen: readonly StageProgress[], expected: readonly
   // What comes after a stage says that it is done, whatever it said last.
   const share = (stage: StageProgress, place: number) =>
     place < seen.length - 1 ? 1 : Math.min(1, Math.max(0, stage.fraction));
-  const done = seen.reduce((sum, stage, place) => sum + weights[stage.stage] * share(stage, place), 0);
-  const all = stagesShown(seen, expected);
-  return done / all.reduce((sum, stage) => sum + weights[stage], 0);
+  const weight = (name: Stage) => (seen.some(({ stage, kept }) => stage === name && kept) ? 0 : weights[name]);
+  const done = seen.reduce((sum, stage, place) => sum + weight(stage.stage) * share(stage, place), 0);
+  const all = stagesShown(seen, expected).reduce((sum, stage) => sum + weight(stage), 0);
+  return all > 0 ? done / all : 0;
 }
 
 /** After so long without a word the page says how long this step has taken: the usual one takes a few seconds. */
@@ -63,10 +64,21 @@ function silentFor(heardAtMs: number | null, nowMs: number, leastS: number): num
   return silentS >= leastS ? silentS : null;
 }
 
+/** So many times what was said, and saying it again would be no help. */
+const brokenBeyond = 2;
+
 /** Seconds until the end at the pace so far; null while it is too early to say. */
 export function secondsLeft(fraction: number, elapsedS: number): number | null {
   if (fraction < 0.05 || elapsedS < 1) return null;
   return (elapsedS * (1 - fraction)) / fraction;
+}
+
+/** What is said of the time left, given what was said before: it never rises. Null where that would be far from the truth, until
+ *  the run has caught up.
+ */
+export function promised(before: number | null, now: number | null): number | null {
+  if (before === null || now === null || now <= before) return now;
+  return now > brokenBeyond * before ? null : before;
 }
 
 export type StageState = "waiting" | "active" | "done" | "stopped";

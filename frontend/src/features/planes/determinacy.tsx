@@ -11,19 +11,21 @@ type Known = Pick<Planes, "determinacy" | "foreseen">;
 interface MeterProps extends Known {
   /** Why no planes at all would help; empty where they may. */
   hopeless: string;
+  /** Why nothing is foreseen of a solve with these planes; empty where something is. */
+  caution: string;
 }
 
 /** Whether the confirmed planes hold the answer in all three directions, and how well the least known axis is foreseen. */
-export function DeterminacyMeter({ determinacy, foreseen, hopeless }: MeterProps) {
-  const known = foreseen ?? null;
-  const ok = hopeless === "" && determines({ determinacy, foreseen });
+export function DeterminacyMeter({ determinacy, foreseen, hopeless, caution }: MeterProps) {
+  const known = caution === "" ? (foreseen ?? null) : null;
+  const ok = hopeless === "" && caution === "" && determines({ determinacy, foreseen });
   const fraction = strength(known);
   const text = known === null ? "" : foreseenText(known.std, known.unit, known.weak);
   return (
     <div className={css.determinacy} data-ok={ok} role="status" aria-label="Do these planes determine the answer">
       <LevelIcon level={ok ? "good" : "warning"} />
       <p>
-        {determinacy.text} {hopeless === "" ? known?.text : hopeless}
+        {determinacy.text} {[hopeless, caution, known?.text].find((words) => words !== undefined && words !== "")}
       </p>
       {known !== null && (
         <>

@@ -22,6 +22,24 @@ function blamed(name: string, messages: CalibrationResult["messages"]): string |
     .replace(/^is /, "");
 }
 
+/** Why nothing is foreseen of a solve with these planes: one of them counts though it seems to be none, or a run has found that it
+ *  is none. Empty where all that count seem sound.
+ */
+export function cautionOf(patches: readonly Patch[], remarks: ReadonlyMap<number, string> | undefined): string {
+  const culprits = patches.filter(
+    ({ index, confirmed, insisted, doubt }) => confirmed && insisted && (doubt !== "" || remarks?.has(index) === true),
+  );
+  if (culprits.length === 0) return "";
+  const names = culprits.map(({ name }) => name).join(", ");
+  return `How well a solve would know the answer is not foreseen: ${names} ${culprits.length === 1 ? "counts" : "count"} though doubtful.`;
+}
+
+/** What seems wrong with a plane before a solve, as a remark on it. */
+export function doubtOf({ doubt, insisted, confirmed }: Patch): string | undefined {
+  if (doubt === "") return undefined;
+  return insisted || !confirmed ? doubt : `${doubt}: likely to be left out`;
+}
+
 /** What the last solve left out, doubted, or was refused for, as a remark on each patch, by its index: "left out by run 2: not flat".
  *
  *  A plane is known by its colour and by what it is called today: one that was grown since is none of the run's. Only a remark:

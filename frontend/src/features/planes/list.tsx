@@ -6,6 +6,7 @@ import { Icon } from "../../ui/icons";
 import { StateBox } from "../../ui/notice";
 import { RenameField } from "../../ui/renamefield";
 import { useRenaming } from "../../ui/renaming";
+import { doubtOf } from "./leftout";
 import css from "./planes.module.css";
 import { mergeCandidates } from "./similar";
 
@@ -64,7 +65,7 @@ export function PatchList({ planes, remarks, ...asked }: PatchListProps) {
             patch={patch}
             upright={planes.upright}
             all={planes.patches}
-            remark={remarks?.get(patch.index)}
+            remark={remarks?.get(patch.index) ?? doubtOf(patch)}
             {...asked}
           />
         ))}

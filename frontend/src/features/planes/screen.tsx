@@ -20,7 +20,7 @@ import { standingOf } from "../start/standing";
 import { useWorkspace } from "../workspace/context";
 import { ClickMode } from "./clickmode";
 import { determines, DeterminacyMeter } from "./determinacy";
-import { lastSolve, remarksOf } from "./leftout";
+import { cautionOf, lastSolve, remarksOf } from "./leftout";
 import { PatchList } from "./list";
 import css from "./planes.module.css";
 
@@ -83,7 +83,8 @@ export function PlanesScreen() {
   // The doctor's reason, where a solve would be refused whatever is confirmed.
   const report = recording.report ?? null;
   const hopeless = report?.final === true && report.verdict === "unusable" ? (report.reasons[0] ?? "") : "";
-  const sound = planes !== undefined && hopeless === "" && determines(planes);
+  const caution = planes === undefined ? "" : cautionOf(planes.patches, remarks);
+  const sound = planes !== undefined && hopeless === "" && caution === "" && determines(planes);
   return (
     <>
       {planes !== undefined && <ClickMode recordingId={recording.id} planes={planes} onSet={forgetRefusal} />}
@@ -123,7 +124,7 @@ export function PlanesScreen() {
         {start.isError && <Fault error={start.error} />}
         {planes !== undefined ? (
           <>
-            <DeterminacyMeter {...planes} hopeless={hopeless} />
+            <DeterminacyMeter {...planes} hopeless={hopeless} caution={caution} />
             {!planes.static && (
               <div className={css.gap}>
                 <Notice level="warning">{fewScansText(report)}</Notice>

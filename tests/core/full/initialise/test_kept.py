@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib_core.events import Event, LogEvent, ignore_event, never_cancel
+from calib_core.events import Event, LogEvent, StageEvent, ignore_event, never_cancel
 from calib_core.full.initialise import kept
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.odometry.reference import Followed
@@ -62,10 +62,15 @@ def run(clean: tuple[Recording, Truth], following: Following) -> Run:
 
 
 def test_what_was_followed_once_is_recalled_to_the_last_bit(run: Run, following: Following, tmp_path: Path) -> None:
-    """Sentences too, which are part of the result. Mutations: what was said forgotten; rates and velocities exchanged."""
+    """Sentences too, which are part of the result, and that nothing had to be done.
+
+    Mutations: what was said forgotten; rates and velocities exchanged; the stage left out, or told of what was followed.
+    """
     first, second = (follow_or_recall(run, None, tmp_path) for _ in range(2))
     assert following.times == 1
     assert [event.code for event in following.heard if isinstance(event, LogEvent)].count("track.aided") == 2
+    stages = [event for event in following.heard if isinstance(event, StageEvent) and event.stage == "track"]
+    assert [(event.fraction, event.kept) for event in stages] == [(1.0, True)]
     assert second.reference == first.reference
     assert [plane.name for plane in second.planes] == ["wall", "floor"]
     for one, other in zip(first.motions, second.motions, strict=True):
