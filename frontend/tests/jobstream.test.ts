@@ -73,6 +73,7 @@ describe("a run from its messages", () => {
   // Fails when time left is shown from the first second.
   it("says nothing of the time left while it is too early", () => {
     expect(secondsLeft(0.01, 30)).toBeNull();
+    expect(secondsLeft(0.15, 30)).toBeNull();
     expect(secondsLeft(0.25, 10)).toBeCloseTo(30, 9);
   });
 

@@ -168,8 +168,11 @@ def test_a_name_of_a_hundred_characters_breaks_no_screen(page: Page, answered: t
 def test_a_plane_that_is_insisted_on_is_said_first_and_left_out_by_a_button(
     page: Page, api: Api, crowded: tuple[str, str]
 ) -> None:
-    """By clicks only: what was left out counts all the same, which the verdict says first and not in green; its button leaves it
-    out again and solves. Mutations: the wish left out of the solve; a green verdict; a button that drops it and stays.
+    """By clicks only: what was left out counts all the same, of which nothing is foretold, and the verdict says it first and not in
+    green; its button leaves it out again and solves. What the first solve has done stays in the second one's list of stages.
+
+    Mutations: the wish left out of the solve; a green verdict; a button that drops it and stays; the number of those beyond doubt
+    foretold; stages that are passed over in silence.
     """
     recording, _ = crowded
     page.goto(f"/r/{recording}/planes")
@@ -179,8 +182,13 @@ def test_a_plane_that_is_insisted_on_is_said_first_and_left_out_by_a_button(
     until(lambda: [patch["insisted"] for patch in api.planes(recording)["patches"]].count(True) == 1)
     (doubted,) = [patch["name"] for patch in api.planes(recording)["patches"] if patch["insisted"]]
     expect(row).to_contain_text(doubted)
+    meter = page.get_by_role("status", name="Do these planes determine the answer")
+    expect(meter).to_contain_text(f"not foreseen: {doubted} counts though doubtful")
+    expect(meter).not_to_contain_text("Least known")
     go_on(page, "Solve with")
     expect(page).to_have_url(re.compile("job="))
+    for stage in ("Read the recording", "Follow planes through the scans"):
+        expect(page.get_by_role("listitem").filter(has_text=stage)).to_contain_text("kept", timeout=STEPS)
     go = page.get_by_role("button", name=re.compile("Inspect the answer|See why")).last
     expect(go).to_be_enabled(timeout=STEPS)
     insisted = re.findall(r"job=(\w+)", page.url)[0]

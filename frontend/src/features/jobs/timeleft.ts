@@ -64,12 +64,14 @@ function silentFor(heardAtMs: number | null, nowMs: number, leastS: number): num
   return silentS >= leastS ? silentS : null;
 }
 
+/** What is done of a run tells its pace from here on: the start goes faster than its rounds do. */
+const tellingFraction = 0.2;
 /** So many times what was said, and saying it again would be no help. */
 const brokenBeyond = 2;
 
 /** Seconds until the end at the pace so far; null while it is too early to say. */
 export function secondsLeft(fraction: number, elapsedS: number): number | null {
-  if (fraction < 0.05 || elapsedS < 1) return null;
+  if (fraction < tellingFraction || elapsedS < 1) return null;
   return (elapsedS * (1 - fraction)) / fraction;
 }
 
