@@ -16,6 +16,7 @@ from calib_core.pace import rate_hz
 from calib_core.result import (
     CalibrationResult,
     Evidence,
+    GyroscopeAxes,
     Intrinsic,
     Message,
     Observability,
@@ -77,6 +78,7 @@ class Answer:
     remarks: tuple[Message, ...]
     intrinsics: tuple[Intrinsic, ...] = ()
     imu_frame: str = ""
+    gyroscope_axes: GyroscopeAxes | None = None
     clock_rate_ppm: tuple[float, float] | None = None
     time_offset_at_s: float | None = None
     imu_noise: ImuNoise | None = None
@@ -128,6 +130,7 @@ def document(
         time_offset_at_s=answer.time_offset_at_s,
         imu_noise=answer.imu_noise,
         imu_frame=answer.imu_frame,
+        gyroscope_axes=answer.gyroscope_axes,
         evidence=answer.evidence,
     )
 

@@ -204,6 +204,16 @@ class Intrinsic(_Model):
     )
 
 
+class GyroscopeAxes(_Model):
+    """The rotation from the lidar into the gyroscope's mean axes, of which `T_imu_lidar` has that into the accelerometer's.
+
+    rotation_std_deg: (3,) about the lidar's axes.
+    """
+
+    quaternion_xyzw: list[float]
+    rotation_std_deg: list[float]
+
+
 class RecordingProvenance(_Model):
     name: str
     sha256: str
@@ -251,6 +261,11 @@ class CalibrationResult(_Model):
         default=None, description="the IMU's noise densities and random walks that the solve used, mean over axes"
     )
     imu_frame: str = Field(default="", description="which sensor's axes the IMU's frame is")
+    gyroscope_axes: GyroscopeAxes | None = Field(
+        default=None,
+        description="the rotation into the gyroscope's own axes, where the IMU's frame is the accelerometer's",
+        exclude_if=lambda axes: axes is None,
+    )
     evidence: Evidence | None = Field(
         default=None,
         description="what parts of the recording answer by themselves; absent where there is no answer",

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { parameterName } from "../src/features/result/sensors";
+import { gyroscopeText, parameterName } from "../src/features/result/sensors";
 
 // Fails when a block of one parameter says its name twice.
 it("a parameter's name is said once", () => {
@@ -8,4 +8,17 @@ it("a parameter's name is said once", () => {
   expect(parameterName({ block: "range_offset", name: "all" })).toBe("range offset");
   expect(parameterName({ block: "gyroscope_axes", name: "yx" })).toBe("gyroscope axes yx");
   expect(parameterName({ block: "laser_range_offset", name: "34" })).toBe("laser range offset 34");
+});
+
+// Fails without the worst of the three; with radians; where the sensors were taken for ideal and nothing is known of it.
+it("tells the rotation into the gyroscope's own axes", () => {
+  const gyroscope_axes = {
+    quaternion_xyzw: [0, 0, -0.7071068, 0.7071068],
+    rotation_std_deg: [0.005, 0.0067, 0.0143],
+  };
+  expect(gyroscopeText({ gyroscope_axes })).toBe(
+    " Into the gyroscope\u2019s own axes the rotation is known to 0.014° about any axis: " +
+      "x y z w 0.0000000, 0.0000000, -0.7071068, 0.7071068.",
+  );
+  expect(gyroscopeText({})).toBe("");
 });

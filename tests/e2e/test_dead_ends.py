@@ -168,8 +168,8 @@ def test_a_name_of_a_hundred_characters_breaks_no_screen(page: Page, answered: t
 def test_a_plane_that_is_insisted_on_is_said_first_and_left_out_by_a_button(
     page: Page, api: Api, crowded: tuple[str, str]
 ) -> None:
-    """By clicks only: what was left out counts all the same, of which nothing is foretold, and the verdict says it first and not in
-    green; its button leaves it out again and solves. What the first solve has done stays in the second one's list of stages.
+    """By clicks only: what was left out counts all the same, of which nothing is foretold; the verdict says it first, not in
+    green, and its button leaves it out again and solves. What the first solve has done stays in the second one's list of stages.
 
     Mutations: the wish left out of the solve; a green verdict; a button that drops it and stays; the number of those beyond doubt
     foretold; stages that are passed over in silence.

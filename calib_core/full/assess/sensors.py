@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.assess.considered import Considered, parameter_std
+from calib_core.full.assess.gyroscope import gyroscope_covariance
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.assess.shifts import shift_of
@@ -160,9 +161,10 @@ def told_cost(run: Run, solved: Solved, considered: Considered | None) -> tuple[
     times = cost_of_sensors(solved)
     if times.max() < WORDING.costly:
         return ()
-    widened = ", ".join(
-        f"{a:.1f} times in {name}" for a, name in zip(times, _GROUPS, strict=True) if a >= WORDING.counted
-    )
+    told = [f"{a:.1f} times in {name}" if a >= WORDING.counted else "" for a, name in zip(times, _GROUPS, strict=True)]
+    if told[0] and (turned := _of_the_gyroscope(solved)) < times[0]:
+        told[0] += f" ({turned:.1f} times into the gyroscope's own axes)"
+    widened = ", ".join(filter(None, told))
     unnamed = _unnamed(run)
     why, cure = "the sensors may be off by what their data sheets allow", ""
     if unnamed:
@@ -170,6 +172,12 @@ def told_cost(run: Run, solved: Solved, considered: Considered | None) -> tuple[
         why = f"it is not known which {' and '.join(unnamed)} there {these}, so that much is allowed for errors of their own"
         cure = f"; naming the {' and the '.join(unnamed)} narrows them"
     return (("sensor.priors", f"{why}: error bars are wider for it than with exact sensors, {widened}{cure}"),)
+
+
+def _of_the_gyroscope(solved: Solved) -> float:
+    """By how many times the rotation into the gyroscope's axes is wider than with sensors known exactly."""
+    turned, plain = gyroscope_covariance(solved, solved.nuisance.sensors)
+    return float(cost_of_sensors(solved)[0] * np.sqrt(np.trace(turned) / np.trace(plain)))
 
 
 def _unnamed(run: Run) -> list[str]:

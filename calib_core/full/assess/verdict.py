@@ -7,6 +7,7 @@ import numpy as np
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence, confidence
+from calib_core.full.assess.gyroscope import gyroscope_axes
 from calib_core.full.assess.observability import Knowledge, advice
 from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
@@ -101,6 +102,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         ),
         intrinsics=sensors.parameters,
         imu_frame=sensors.imu_frame,
+        gyroscope_axes=None if trust.considered is not None else gyroscope_axes(solved, knowledge.covariance),
         clock_rate_ppm=None if clock is None else (clock.value, clock.std),
         time_offset_at_s=run.clocks.middle_s,
         imu_noise=noise_used(run),

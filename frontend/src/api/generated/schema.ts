@@ -964,6 +964,8 @@ export interface components {
             evidence?: components["schemas"]["Evidence"] | null;
             /** Gravity M S2 */
             gravity_m_s2: number | null;
+            /** @description the rotation into the gyroscope's own axes, where the IMU's frame is the accelerometer's */
+            gyroscope_axes?: components["schemas"]["GyroscopeAxes"] | null;
             /** Gyroscope Bias Rad S */
             gyroscope_bias_rad_s: number[] | null;
             /**
@@ -1641,6 +1643,18 @@ export interface components {
              *     ]
              */
             seed_m: number[];
+        };
+        /**
+         * GyroscopeAxes
+         * @description The rotation from the lidar into the gyroscope's mean axes, of which `T_imu_lidar` has that into the accelerometer's.
+         *
+         *     rotation_std_deg: (3,) about the lidar's axes.
+         */
+        GyroscopeAxes: {
+            /** Quaternion Xyzw */
+            quaternion_xyzw: number[];
+            /** Rotation Std Deg */
+            rotation_std_deg: number[];
         };
         /**
          * Health

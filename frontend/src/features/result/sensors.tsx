@@ -1,4 +1,5 @@
 import type { CalibrationResult } from "../../api/client";
+import { stdText } from "../../ui/format";
 import css from "./result.module.css";
 
 type Intrinsic = NonNullable<CalibrationResult["intrinsics"]>[number];
@@ -35,6 +36,14 @@ export function parameterName({ block, name }: Pick<Intrinsic, "block" | "name">
   return name === "all" || of.endsWith(` ${name}`) ? of : `${of} ${name}`;
 }
 
+/** The rotation into the axes that the lidar sees turn, for software that turns by the gyroscope alone. */
+export function gyroscopeText({ gyroscope_axes: axes }: Pick<CalibrationResult, "gyroscope_axes">): string {
+  if (axes === null || axes === undefined) return "";
+  const quaternion = axes.quaternion_xyzw.map((value) => value.toFixed(7)).join(", ");
+  const worst = stdText(Math.max(...axes.rotation_std_deg), "deg");
+  return ` Into the gyroscope’s own axes the rotation is known to ${worst} about any axis: x y z w ${quaternion}.`;
+}
+
 /** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks. */
 export function OwnErrors({ result }: { result: CalibrationResult }) {
   const sentences = result.messages.filter((message) => message.code.startsWith("sensor."));
@@ -43,7 +52,11 @@ export function OwnErrors({ result }: { result: CalibrationResult }) {
   return (
     <section aria-label="What the sensors themselves add">
       <h2>What the sensors themselves add</h2>
-      {result.imu_frame !== "" && <p className="dim small">The IMU&rsquo;s axes here are {result.imu_frame}.</p>}
+      {result.imu_frame !== "" && (
+        <p className="dim small">
+          The IMU&rsquo;s axes here are {result.imu_frame}.{gyroscopeText(result)}
+        </p>
+      )}
       <ul className={css.bullets}>
         {sentences.map((message) => (
           <li key={message.text}>{message.text}</li>
