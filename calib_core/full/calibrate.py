@@ -24,7 +24,7 @@ from calib_core.full.initialise.proposed import choice_among, late_and_dropped, 
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.choice import with_choice
-from calib_core.full.joint.doubt import face_three_ways, weigh_chosen
+from calib_core.full.joint.doubt import face_three_ways, judge_chosen
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.solve import estimate_chosen, estimate_jointly, estimate_sensors_too, motion_by_all
@@ -63,8 +63,9 @@ def calibrate_full(
             return solve(run, track, lidar, start, guess, schedule, motion)
 
         def judged(run: Run, solved: Solved) -> Answer:
-            wider = weigh_chosen(run, solved) if schedule.chosen else 1.0
-            return answer(run, solved, weigh(run, solved, at_least=wider), lidar)
+            if schedule.chosen:
+                judge_chosen(run, solved)
+            return answer(run, solved, weigh(run, solved), lidar)
 
         return with_sensors_held(run, solved, judged)
 

@@ -30,12 +30,11 @@ def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(mo
     monkeypatch.setattr(doubt, "standings", lambda *_: [None] * 3)
     monkeypatch.setattr(doubt, "doubts", lambda _: np.zeros((3, 3)))
     monkeypatch.setattr(doubt, "fault_of", lambda _: "")
-    monkeypatch.setattr(doubt, "widening", lambda _: 1.0)
+    monkeypatch.setattr(doubt, "is_mostly_bent", lambda _: False)
     run = SimpleNamespace(say=lambda level, code, text: heard.append(code))
     planes = [MapPlane("floor", fault=then), MapPlane("wall 1"), MapPlane("wall 2", fault=then, chosen=True)]
     estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3))
-    wider = doubt.weigh_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=planes))  # type: ignore[arg-type]
-    assert wider == 1.0
+    doubt.judge_chosen(run, SimpleNamespace(problem=None, estimate=estimate, planes=planes))  # type: ignore[arg-type]
     assert heard == (["planes.doubted"] if then else [])
 
 

@@ -56,8 +56,8 @@ class Confidence:
         return is_torn(self.found)
 
 
-def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
-    """Of a solved recording; says where its parts disagree. at_least: the factor on all standard deviations.
+def confidence(run: Run, solved: Solved) -> Confidence:
+    """Of a solved recording; says where its parts disagree.
 
     Raises NotPositiveDefinite.
     """
@@ -85,7 +85,6 @@ def confidence(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence
     knowledge = assess(
         information,
         priors,
-        inflation=at_least,
         frozen_offset=frozen,
         offset_std_s=float(np.hypot(run.clocks.jitter_mean_std_s, run.clocks.steps_std_s)),
         added=added + beyond,

@@ -30,8 +30,8 @@ from calib_core.types import Trajectory
 _NO_ANSWER = "the joint solve found no stable answer; the planes or the motion do not fit the data"
 
 
-def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
-    """What is known of the calibration. at_least: the factor on all standard deviations.
+def weigh(run: Run, solved: Solved) -> Confidence:
+    """What is known of the calibration.
 
     Raises Refused where the answer cannot be true, or determines no rotation.
     """
@@ -50,7 +50,7 @@ def weigh(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
     if wrong is not None:
         raise Refused("solve.inconsistent", wrong)
     try:
-        trust = confidence(run, solved, at_least=at_least)
+        trust = confidence(run, solved)
     except NotPositiveDefinite as error:  # its sensors' own parameters can be such that nothing is determined any more
         raise Refused("solve.diverged", _NO_ANSWER) from error
     require_rotation(trust.knowledge)

@@ -19,8 +19,8 @@ from calib_core.full.planes.standing import (
     Standing,
     doubts,
     fault_of,
+    is_mostly_bent,
     standing_of,
-    widening,
 )
 from calib_core.full.run import Run
 from calib_core.geometry import plane_axes
@@ -102,15 +102,15 @@ def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], norm
     )
 
 
-def weigh_chosen(ctx: Run, solved: Solved) -> float:
-    """Name the doubtful among the planes that a person chose: they count all the same. How much wider all sigmas are.
+def judge_chosen(ctx: Run, solved: Solved) -> None:
+    """Name the doubtful among the planes that a person chose: they count all the same.
 
     Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane. Raises
     Refused where those beyond doubt do not hold three directions: the answer would be that of what moves or bends.
     """
     problem, estimate = solved.problem, solved.estimate
     if not np.isfinite(estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
-        return 1.0
+        return
     stand = standings(problem, estimate)
     doubt = doubts(stand)
     faults = [fault_of(row) for row in doubt]
@@ -123,12 +123,10 @@ def weigh_chosen(ctx: Run, solved: Solved) -> float:
                 "planes.doubted",
                 f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
             )
-    wider = widening(stand)
-    if wider > 1.0:
+    if is_mostly_bent(stand):
         ctx.say(
             "warning",
             "planes.bent",
-            f"the chosen planes are mostly not flat, or not what they seem: all standard deviations are {wider:.1f} times what "
-            "noise alone would give; choose walls, floor and ceiling, or use the suggestion",
+            "the chosen planes are mostly not flat, or not what they seem; choose walls, floor and ceiling, or use the "
+            "suggestion",
         )
-    return wider

@@ -59,12 +59,11 @@ class PlaneSamples:
 class Standing:
     """moved_m, bent_m: distances beyond noise, root mean square, from second to second and from place to place.
 
-    place_std_m: of a place's mean by noise.   scatter: as in the samples.   points: that it rests on.
+    scatter: as in the samples.   points: that it rests on.
     """
 
     moved_m: float
     bent_m: float
-    place_std_m: float
     scatter: float
     points: float
 
@@ -72,31 +71,28 @@ class Standing:
 def standing_of(samples: PlaneSamples) -> Standing:
     """How a plane stands."""
     block = np.floor(samples.time_s / JUDGEMENT.block_s).astype(np.int64)
-    moved_m, _ = _excess_m(block, samples.distance_m, samples.std_m)
-    bent_m, place_std_m = _excess_m(samples.cell, samples.distance_m, samples.std_m)
-    return Standing(moved_m, bent_m, place_std_m, samples.scatter, samples.points)
+    moved_m = _excess_m(block, samples.distance_m, samples.std_m)
+    bent_m = _excess_m(samples.cell, samples.distance_m, samples.std_m)
+    return Standing(moved_m, bent_m, samples.scatter, samples.points)
 
 
-def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> tuple[float, float]:
-    """What groups' mean distances have beyond noise, and what noise makes of them, root mean squares by their averages.
-
-    The first is 0 where noise would make as much.
-    """
+def _excess_m(group: IntArray, distance_m: FloatArray, std_m: FloatArray) -> float:
+    """What groups' mean distances have beyond noise, root mean square; 0 where noise would make as much."""
     if len(group) == 0:
-        return 0.0, 0.0
+        return 0.0
     _, index = np.unique(group, return_inverse=True)
     count = np.bincount(index)
     weight = np.bincount(index, 1.0 / std_m**2)
     mean = np.bincount(index, distance_m / std_m**2) / weight
     judged = count >= JUDGEMENT.fewest
     if not judged.any():
-        return 0.0, 0.0
+        return 0.0
     share = count[judged] / count[judged].sum()
     noise = float(share @ (1.0 / weight[judged]))
     beyond = float(share @ mean[judged] ** 2) - noise
     variance = 2.0 * float(np.sum((share / weight[judged]) ** 2))
     most = variance / noise * float(scipy.special.gammaincinv(noise**2 / variance, JUDGEMENT.confidence))
-    return (float(np.sqrt(beyond)) if beyond > most - noise else 0.0), float(np.sqrt(noise))
+    return float(np.sqrt(beyond)) if beyond > most - noise else 0.0
 
 
 def doubts(
@@ -123,17 +119,11 @@ def fault_of(doubt: FloatArray) -> Fault:
     return _NAMES[worst] if doubt[worst] > 1.0 else ""
 
 
-def widening(standings: Sequence[Standing]) -> float:
-    """So many times as wide are the sigmas of an answer whose usual plane is not flat; 1 where it is.
-
-    What bends a place is the same for every return from it: a place's mean is known to its noise and its bend together.
-    """
+def is_mostly_bent(standings: Sequence[Standing]) -> bool:
+    """Whether the usual plane is not flat."""
     points = np.array([s.points for s in standings])
     bent = np.array([s.bent_m for s in standings])
-    if not points.sum() > 0 or usual(bent, points) <= JUDGEMENT.least_m:
-        return 1.0
-    noise = np.maximum([s.place_std_m for s in standings], 1e-9)
-    return float(np.sqrt(np.average(1.0 + (bent / noise) ** 2, weights=points)))
+    return bool(points.sum() > 0 and usual(bent, points) > JUDGEMENT.least_m)
 
 
 def usual(value: FloatArray, points: FloatArray) -> float:

@@ -66,8 +66,9 @@ def counted(
         "motion_by_everything",
         lambda _run, track, *_: (track.planes,) if len(track.planes) == len(seen) else None,
     )
-    monkeypatch.setattr(page, "weigh_chosen", lambda *_: 2.0)
-    monkeypatch.setattr(page, "weigh", lambda _run, _solved, at_least: at_least)
+    judged: list[object] = []
+    monkeypatch.setattr(page, "judge_chosen", lambda _run, solved: judged.append(solved))
+    monkeypatch.setattr(page, "weigh", lambda _run, solved: solved in judged)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
     unused: Any = None
@@ -97,26 +98,26 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names, lost = ["floor", "wall"], Refused("planes.too_few", "two planes do not hold a pose")
-    assert counted(monkeypatch, None, "right") == ([(FULL, ["found"])], [], ("right", 1.0))
-    assert counted(monkeypatch, GIVEN, "right") == ([(CHOSEN, names)], [], ("right", 2.0))
+    assert counted(monkeypatch, None, "right") == ([(FULL, ["found"])], [], ("right", False))
+    assert counted(monkeypatch, GIVEN, "right") == ([(CHOSEN, names)], [], ("right", True))
     partly = [proposed[0], GIVEN[1]]
-    assert counted(monkeypatch, partly, "right") == ([(PARTLY, names)], [], ("right", 2.0))
+    assert counted(monkeypatch, partly, "right") == ([(PARTLY, names)], [], ("right", True))
     both = [(PARTLY, names), (CHOSEN, names)]
-    assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", 2.0))
+    assert counted(monkeypatch, partly, lost, "right") == (both, ["planes.open"], ("right", True))
     # A floor was proposed, a wall came into view.
     renamed = [replace(proposed[0], name="hall")]
-    assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "+wall"])], [], ("right", 1.0))
+    assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "+wall"])], [], ("right", False))
     cut = [replace(proposed[0], outline_m=np.zeros((3, 3)))]
     assert counted(monkeypatch, cut, "right", found=names)[0] == [(PARTLY, ["floor", "+wall"])]
     assert counted(monkeypatch, proposed, lost, found=names, of=2) == ([(FULL, names)], [], "planes.too_few")
     assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
     late = counted(monkeypatch, proposed[:1], "right", found=[*names, "side"], of=2)
-    assert late == ([(PARTLY, ["floor", "+side", "-wall"])], [], ("right", 2.0))
+    assert late == ([(PARTLY, ["floor", "+side", "-wall"])], [], ("right", True))
     both = [(PARTLY, ["floor", "-wall"]), (CHOSEN, ["floor", "-wall"])]
     assert counted(monkeypatch, proposed[:1], lost, "right", found=names, of=2) == (
         both,
         ["planes.open"],
-        ("right", 2.0),
+        ("right", True),
     )
     boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion")
     assert counted(monkeypatch, proposed[:1], boxes, found=names, of=2) == (both[:1], [], "planes.doubtful")

@@ -55,8 +55,8 @@ def weighed(recording: Recording, intrinsics: Any) -> Weighed:
     """A solve, watched as it is weighed."""
     kept: list[tuple[Solved, Confidence]] = []
 
-    def watched(run: Run, solved: Solved, *, at_least: float = 1.0) -> Confidence:
-        trust = weigh(run, solved, at_least=at_least)
+    def watched(run: Run, solved: Solved) -> Confidence:
+        trust = weigh(run, solved)
         kept.append((solved, trust))
         return trust
 
