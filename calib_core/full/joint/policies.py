@@ -303,6 +303,9 @@ class Tones:
     #: measured: a recording shaken by 3 m/s2 was refused at ten turns that is answered with its slow tone; fewer than two
     #: are the biases' own drift,
     fewest_turns: float = 2.0
+    #: measured: the same where an engine shakes the IMU: a line within 0.05 Hz of its rate reads as 0.5 m/s2 that come and go
+    #: once a recording, 0.6 turns. Taken for the biases' drift, it led two of twenty recordings 1 to 4 deg away.
+    fewest_turns_shaken: float = 0.4
     #: derived: above this part of the knots' highest frequency nothing is left of a tone once it is integrated: its shift
     #: is its acceleration over (2 pi f)^2, at 30 Hz a thirty-five-thousandth.
     highest: float = 0.6

@@ -141,6 +141,7 @@ def found_tones(
     held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
     if (held and not data.run.noise.shaken) or any(plane.fault for plane in state.planes):
         loud = max(loud, rules.shouts)
+    rules = _told_apart(data, rules)
     of = listen(data, state, rules)
     power = float(of.of_tones(rules).max())
     beside = rules.beside if least <= rules.explains else rules.beside_in_company
@@ -164,7 +165,12 @@ def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:
 
 def loudest(data: JointData, state: Estimation, rules: Tones) -> float:
     """How far the loudest stands out of those that a tone could be."""
-    return float(listen(data, state, rules).of_tones(rules).max())
+    return float(listen(data, state, rules).of_tones(_told_apart(data, rules)).max())
+
+
+def _told_apart(data: JointData, rules: Tones) -> Tones:
+    """The rules as they are where an engine may shake the IMU: what is slow there need not be the biases' own drift."""
+    return replace(rules, fewest_turns=rules.fewest_turns_shaken) if data.run.noise.shaken else rules
 
 
 def with_tones_tried(data: JointData, state: Estimation, tried_hz: Sequence[float], rules: Tones) -> Estimation:

@@ -148,6 +148,21 @@ def test_what_held_sensors_make_of_the_motion_is_no_tone(
     assert found == ([Explaining(1.45, 500.0)] if tried else [])
 
 
+@pytest.mark.parametrize("shaken", [False, True])
+def test_what_comes_and_goes_once_is_a_tone_where_an_engine_runs(
+    half: Half, monkeypatch: pytest.MonkeyPatch, shaken: bool
+) -> None:
+    """Three quarters of a turn: elsewhere the biases' own drift. Seen: lines within 0.03 Hz of the IMU's rate led the answer 1 to
+    4 deg away. Mutations: never a tone; always one; not for the loudest.
+    """
+    data = replace(half.data, run=replace(half.data.run, noise=replace(half.data.run.noise, shaken=shaken)))
+    monkeypatch.setattr(tones, "listen", lambda *_: with_lines((0.0375, 3, 900.0)))
+    monkeypatch.setattr(tones, "explaining", lambda *asked: [Explaining(0.0375, 500.0)])
+    found = tones.found_tones(data, half.state, RULES, FULL.sensors, FULL.sampling, least=100.0)
+    assert found == ([Explaining(0.0375, 500.0)] if shaken else [])
+    assert tones.loudest(data, half.state, RULES) == (900.0 if shaken else 1.0)
+
+
 @pytest.mark.parametrize("fault", ["", "mixed"])
 def test_what_a_chosen_plane_that_is_none_makes_of_the_motion_is_no_tone(
     half: Half, monkeypatch: pytest.MonkeyPatch, fault: Literal["", "mixed"]
