@@ -211,7 +211,7 @@ def test_walls_that_scatter_as_noise_makes_them_stay_beside_a_floor_that_scatter
     planes = [MapPlane(name) for name in ("floor", "wall 1", "wall 2", "wall 3", "bin")]
     state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
     chi2, points = np.array([0.06, 0.54, 0.52, 0.56, 2.7]), np.array([358829.0, 92685.0, 118237.0, 51431.0, 3611.0])
-    stand = [Standing(0.0, 0.0, 1e-3, float(c), float(n)) for c, n in zip(chi2, points, strict=True)]
+    stand = [Standing(0.0, 0.0, float(c), float(n)) for c, n in zip(chi2, points, strict=True)]
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (chi2, points))
     monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: doubts(stand))
