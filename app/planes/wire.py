@@ -10,7 +10,7 @@ import numpy as np
 
 from app.planes.geometry import LEAST_EIGENVALUE, spread_of_directions
 from app.planes.palette import plane_hex
-from app.planes.state import PlaneHistory, PlaneSet
+from app.planes.state import EditedPatch, PlaneHistory, PlaneSet
 from app.schemas.planes import Determinacy, Foreseen, Patch, Planes
 from calib_core.types import FloatArray
 
@@ -44,7 +44,7 @@ def wire_planes(
                 confirmed=patch.confirmed,
                 restricted=bool(patch.region),
                 insisted=patch.insisted,
-                doubt=next((doubts[member] for member in patch.members if member in doubts), ""),
+                doubt="" if history.current.region else _doubt(patch, doubts),
                 color=plane_hex(patch.color),
             )
             for index, patch in enumerate(history.current.patches)
@@ -58,6 +58,11 @@ def wire_planes(
         can_redo=history.can_redo,
         revision=history.revision,
     )
+
+
+def _doubt(patch: EditedPatch, doubts: Mapping[int, str]) -> str:
+    """What seems wrong with a patch as it was found: one that a person has cut or merged counts, and is another by now."""
+    return "" if patch.region or len(patch.members) != 1 else doubts.get(patch.members[0], "")
 
 
 def determinacy(planes: PlaneSet, up: FloatArray | None = None) -> Determinacy:

@@ -16,7 +16,7 @@ from app.scene.cutaway import pieces
 from app.scene.items import Cloud, Content, point_size_m
 from app.scene.support import CELLS, support_of
 from app.scene.upright import vertical_of
-from app.schemas.planes import Drop, Rename
+from app.schemas.planes import Drop, Rename, Side
 from calib_core.doctor.report import PlaneReport, PlanesReport
 from calib_core.types import ImuData, Recording, Trajectory
 from tests.app.support import world
@@ -88,8 +88,10 @@ def test_planes_are_called_what_they_are_in_the_doctors_order_unless_somebody_na
     assert room_of(None, PROPOSALS).up is None
 
 
-def test_what_the_doctor_doubts_is_marked_on_the_plane_that_it_is_and_on_what_it_is_merged_into() -> None:
-    """Mutations: by the rank in the report; on the first plane; gone with a merge; said of a plane that was grown by hand."""
+def test_what_the_doctor_doubts_is_marked_on_the_plane_that_it_is_as_long_as_nobody_has_changed_it() -> None:
+    """One that was cut or merged counts in a solve. Mutations: by the rank in the report; on the first plane; kept with a merge,
+    with a box of its own, with a box of all.
+    """
     doctor = report()
     place = SAMPLED.index(1) + 1  # what nobody sees stands before it in the report
     planes = list(doctor.planes)
@@ -103,7 +105,12 @@ def test_what_the_doctor_doubts_is_marked_on_the_plane_that_it_is_and_on_what_it
     ]
     edited = history.push(history.current.model_copy(update={"patches": tuple(some)}))
     shown = wire_planes(edited, static=True, doubts=room.doubts).patches
-    assert [patch.doubt != "" for patch in shown] == [False, True, True, False, False, False]
+    assert [patch.doubt != "" for patch in shown] == [False, True, False, False, False, False]
+    box = (Side(normal=[0.0, 0.0, 1.0], offset_m=0.5),)
+    own = [patch.model_copy(update={"region": box}) for patch in some]
+    for update in ({"patches": tuple(own)}, {"patches": tuple(some), "region": box}):
+        cut = history.push(history.current.model_copy(update=update))
+        assert not any(patch.doubt for patch in wire_planes(cut, static=True, doubts=room.doubts).patches)
 
 
 def test_a_plane_that_was_grown_is_called_what_it_is_too():
