@@ -21,8 +21,8 @@ so that a laser that reads 9 mm short has a range offset of -0.009 m.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import Literal, TypeVar
 
 Block = Literal[
     "gyroscope_scale",
@@ -49,6 +49,8 @@ AXES = ("x", "y", "z")
 LOWER = ("yx", "zx", "zy")
 #: Whose a block is: the IMU's; the clocks'; each laser's; all lasers' together.
 Owner = Literal["imu", "clock", "laser", "lidar"]
+#: What has a data sheet.
+Sensor = Literal["imu", "lidar"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +90,13 @@ def blocks_of(owner: Owner) -> tuple[Block, ...]:
     return tuple(block for block, kind in KINDS.items() if kind.owner == owner)
 
 
+_Prior = TypeVar("_Prior", "ImuPrior", "LidarPrior")
+
+
+def _wider(a: _Prior, b: _Prior) -> _Prior:
+    return type(a)(**{each.name: max(getattr(a, each.name), getattr(b, each.name)) for each in fields(a)})
+
+
 @dataclass(frozen=True, slots=True)
 class ImuPrior:
     """Standard deviations of an IMU's own parameters about those of an ideal one."""
@@ -99,6 +108,10 @@ class ImuPrior:
     accelerometer_axes_std_rad: float
     accelerometer_delay_std_s: float
     g_sensitivity_std_rad_s_m_s2: float
+
+    def or_wider(self, other: ImuPrior) -> ImuPrior:
+        """Of each the wider."""
+        return _wider(self, other)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +131,10 @@ class LidarPrior:
     incidence_std_m: float
     eccentricity_std_rad: float = 3.5e-4
     grazing_std_rad: float = 1e-3
+
+    def or_wider(self, other: LidarPrior) -> LidarPrior:
+        """Of each the wider."""
+        return _wider(self, other)
 
 
 #: Two free-running crystals against each other: 10 to 50 ppm is usual, Velodyne's HDL-64E manual gives 58.

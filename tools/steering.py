@@ -79,6 +79,7 @@ RECORDS = (
     ("joint", "calib_core/full/joint/settings.py", "Regaining"),
     ("joint", "calib_core/full/joint/settings.py", "Doubting"),
     ("joint", "calib_core/full/joint/settings.py", "Watching"),
+    ("joint", "calib_core/full/joint/settings.py", "Sheets"),
     ("assess", "calib_core/full/assess/settings.py", "Plausible"),
     ("assess", "calib_core/full/assess/settings.py", "Wording"),
     ("assess", "calib_core/full/assess/settings.py", "Parts"),

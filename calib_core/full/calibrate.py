@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,13 @@ from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged, tracked
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
+from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.choice import with_choice
 from calib_core.full.joint.doubt import face_three_ways, judge_chosen
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
-from calib_core.full.joint.solve import estimate_chosen, estimate_jointly, estimate_sensors_too, motion_by_all
+from calib_core.full.joint.sheets import beyond_by, beyond_sheets, without_sheet
+from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
@@ -67,7 +70,7 @@ def calibrate_full(
                 judge_chosen(run, solved)
             return answer(run, solved, weigh(run, solved), lidar)
 
-        return with_sensors_held(run, solved, judged)
+        return with_sensors_as_they_are(run, counting, solved, judged)
 
     if choice is None:
         return answered(FULL, [replace(plane, suggested=True) for plane in followed.planes], followed.late)
@@ -96,19 +99,45 @@ def own_planes(run: Run, followed: Followed, choice: Sequence[Plane] | None, lat
     return own
 
 
-def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
-    """What is judged of what is solved. Where that is refused while the sensors' own parameters are unknowns, the same with them
-    held at their priors, which keeps what would run away with them: let go once all else is known; and where they still run
-    away, held to the end and counted in the error bars."""
+def with_sensors_as_they_are(
+    run: Run,
+    counting: Sequence[Plane],
+    solved: Callable[[Run], Solved],
+    judged: Callable[[Run, Solved], Answer],
+    further: Callable[[Run], Solved] | None = None,
+) -> Answer:
+    """What is judged of what is solved; where the sensors turn out to be no better than any, by looser priors of theirs: from
+    the end on where every plane counts there, else anew, as narrow priors may have cost a plane.
+
+    Where the sensors' own parameters run away, see `with_sensors_held`.   counting: the planes that the solve begins with.
+    further: from where another came to rest; None for from the start.
+    """
+    unknown = run.settings.intrinsics not in {"off", "consider"}
     try:
-        return judged(run, solved(run))
+        found = (further or solved)(run)
+        beyond = beyond_sheets(found) if unknown else None
+        allowing = without_sheet(run, beyond) if beyond else None
+        if allowing is None:
+            return judged(run, found)
+        if {plane.name for plane in counting} <= {plane.name for plane in found.planes}:
+            further = partial(estimate_further, solved=found, schedule=FULL)
+            return with_sensors_as_they_are(allowing, counting, solved, judged, further)
     except Refused as refused:
-        if not refused.code.startswith("solve.") or run.settings.intrinsics in {"off", "consider"}:
+        if not (unknown and refused.code.startswith("solve.")):
             raise
+        allowing = without_sheet(run, beyond_by(refused)) if isinstance(refused, SensorsAstray) else None
+    if allowing is not None:
+        return with_sensors_as_they_are(allowing, counting, solved, judged)
+    return with_sensors_held(run, solved, judged)
+
+
+def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
+    """The same with the sensors held at their priors, which keeps what would run away with them: let go once all else is known;
+    and where they still run away, held to the end and counted in the error bars."""
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solved(held)
     try:
-        return judged(run, estimate_sensors_too(run, without, FULL))
+        return judged(run, estimate_further(run, solved=without, schedule=FULL))
     except Refused as refused:
         if not refused.code.startswith("solve."):
             raise

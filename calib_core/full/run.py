@@ -13,6 +13,7 @@ from calib_core.errors import Cancelled
 from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
 from calib_core.imu.preintegration import NoiseDensity
+from calib_core.intrinsics import Sensor
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import usual_threads
 from calib_core.types import FloatArray, IntArray, Level, Recording
@@ -125,6 +126,7 @@ class Run:
     sieve_m: float = 0.0
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
+    beyond_sheets: frozenset[Sensor] = frozenset()
 
     @property
     def hyper(self) -> Hyper:

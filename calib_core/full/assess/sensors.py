@@ -167,6 +167,8 @@ def told_cost(run: Run, solved: Solved, considered: Considered | None) -> tuple[
     widened = ", ".join(filter(None, told))
     unnamed = _unnamed(run)
     why, cure = "the sensors may be off by what their data sheets allow", ""
+    if run.beyond_sheets:
+        why = "not all sensors are as good as their data sheets have them, so that more is allowed for errors of their own"
     if unnamed:
         these = "is" if len(unnamed) == 1 else "are"
         why = f"it is not known which {' and '.join(unnamed)} there {these}, so that much is allowed for errors of their own"

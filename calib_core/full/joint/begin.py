@@ -109,7 +109,7 @@ def begin(
     )
     spacing_s = readings.spacing_s
     most_rounds = schedule.most_rounds(inside * spacing_s, len(whole) * spacing_s, run.settings.max_rounds)
-    sensors = nuisance_of(run.recording, run.settings)
+    sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
     data = JointData(
         run,
         readings,

@@ -12,6 +12,8 @@ from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
 from calib_core.full.planes.standing import WORDS
+from calib_core.full.prepare.nuisance import sensor_block
+from calib_core.intrinsics import Block
 from calib_core.sigmas import std_text
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
@@ -70,19 +72,25 @@ def require_points(points: int) -> None:
         )
 
 
+class SensorsAstray(Refused):
+    """A parameter of a sensor has left what sensors that work can have. block: which; times: its prior's deviation."""
+
+    def __init__(self, block: Block, times: float) -> None:
+        text = f"the solve needs a {block.replace('_', ' ')} {times:.0f} times as large as sensors of this kind have it; {_CURE}"
+        super().__init__("solve.sensors_astray", text)
+        self.block = block
+        self.times = times
+
+
 def require_sensors(state: Estimation, most: float) -> None:
-    """Raises Refused where a parameter is further from its prior than a sensor that works can be. For the end of a solve: on
-    the way, with a door still among the planes, one may well go astray and come back."""
+    """Raises SensorsAstray where a parameter is further from its prior than a sensor that works can be. For the end of a solve:
+    on the way, with a door still among the planes, one may well go astray and come back."""
     at = 0
     for block in state.nuisance.sensors.blocks:
         values = state.estimate.nuisance[at : at + len(block.prior_std)]
         away = np.abs(values) / block.prior_std
         if away.max(initial=0.0) > most:
-            raise Refused(
-                "solve.sensors_astray",
-                f"the solve needs a {block.block.replace('_', ' ')} {away.max():.0f} times as large as sensors of this kind "
-                f"have it; {_CURE}",
-            )
+            raise SensorsAstray(sensor_block(block), float(away.max()))
         at += len(block.prior_std)
 
 

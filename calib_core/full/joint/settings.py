@@ -192,3 +192,15 @@ class Watching:
 
 CHAIN, HOLDING, MEASURING, SURVEYING = Chain(), Holding(), Measuring(), Surveying()
 STRAYING, REGAINING, DOUBTING, WATCHING = Straying(), Regaining(), Doubting(), Watching()
+
+
+@dataclass(frozen=True, slots=True)
+class Sheets:
+    """When a sensor is not what its data sheet has."""
+
+    #: derived: chance puts the parameters of a block so far from what a true sheet has in one block of a million: with a dozen
+    #: blocks to judge, in one recording of a hundred thousand.
+    chance: float = 1e-6
+
+
+SHEETS = Sheets()

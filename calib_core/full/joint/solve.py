@@ -29,7 +29,7 @@ from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
 from calib_core.full.joint.tones import admit_rest, admit_tones, loudest, say_tones
-from calib_core.full.prepare.nuisance import Nuisance
+from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
 from calib_core.full.run import Run
 
 
@@ -66,14 +66,29 @@ def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> S
     return estimate_jointly(data, until_seen(data, state, seen_at, schedule.propagation), schedule, first="planes")
 
 
-def estimate_sensors_too(run: Run, solved: Solved, schedule: Schedule) -> Solved:
-    """From where a solve with the sensors held came to rest, with them let go, as the run has it. Raises Refused.
+def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
+    """From where a solve came to rest, as the run has the sensors: let go where they were held, with its priors of them.
+    Raises Refused.
 
     What would run away with them while the motion is rough, does not when all else is known.
     """
     assert schedule.settling is not None
-    data = replace(solved.data, run=run)
-    return at_rest(data, settle(data, replace(solved.state, rounds=0), schedule.settling, schedule.sampling), schedule)
+    sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
+    data = replace(solved.data, run=run, sensors=sensors)
+    state = replace(with_priors_of(solved.state, sensors), rounds=0)
+    return at_rest(data, settle(data, state, schedule.settling, schedule.sampling), schedule)
+
+
+def with_priors_of(state: Estimation, sensors: Nuisance) -> Estimation:
+    """The same with these for the sensors' own parameters: what is known of them, by the priors that these have."""
+    before, values = state.nuisance, state.estimate.nuisance
+    known = [
+        values[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
+        for each in sensors.blocks
+    ]
+    own = len(before.sensors.blocks)
+    now = replace(before, blocks=(*sensors.blocks, *before.blocks[own:]))
+    return state.with_nuisance(now, np.concatenate([*known, values[before.sensors.size :]]))
 
 
 def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:

@@ -16,7 +16,19 @@ import numpy as np
 
 from calib_core.factors.patches import SurfacePatches
 from calib_core.full.prepare.settings import LASERS, TONES
-from calib_core.intrinsics import AXES, CLOCK_RATE_STD_PPM, KINDS, NAMES, Block, ImuPrior, LidarPrior, blocks_of
+from calib_core.intrinsics import (
+    AXES,
+    CLOCK_RATE_STD_PPM,
+    KINDS,
+    NAMES,
+    UNKNOWN_IMU,
+    UNKNOWN_LIDAR,
+    Block,
+    ImuPrior,
+    LidarPrior,
+    Sensor,
+    blocks_of,
+)
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, Recording, Scan
@@ -165,18 +177,35 @@ def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:
     return lasers, float(np.median(spreads)) < np.radians(LASERS.same_elevation_deg)
 
 
-def priors_of(recording: Recording, settings: CalibrateSettings) -> tuple[ImuPrior, LidarPrior]:
-    """What to expect of a recording's sensors: as they are named by the settings, else as they were recognised."""
+def priors_of(
+    recording: Recording, settings: CalibrateSettings, beyond_sheets: frozenset[Sensor] = frozenset()
+) -> tuple[ImuPrior, LidarPrior]:
+    """What to expect of a recording's sensors: as they are named by the settings, else as they were recognised.
+
+    beyond_sheets: those that are further off than that: what a sensor of which nobody knows the kind may be off by, too.
+    """
     named = settings.imu_noise if isinstance(settings.imu_noise, str) else ""
-    return find_imu_prior(named, recording.imu_model), find_lidar_prior(settings.lidar or "", recording.lidar.model)
+    imu, lidar = (
+        find_imu_prior(named, recording.imu_model),
+        find_lidar_prior(settings.lidar or "", recording.lidar.model),
+    )
+    return (
+        imu.or_wider(UNKNOWN_IMU) if "imu" in beyond_sheets else imu,
+        lidar.or_wider(UNKNOWN_LIDAR) if "lidar" in beyond_sheets else lidar,
+    )
 
 
-def nuisance_of(recording: Recording, settings: CalibrateSettings) -> Nuisance:
-    """The parameters of a recording's own sensors that are unknowns beside the calibration, by settings and presets."""
+def nuisance_of(
+    recording: Recording, settings: CalibrateSettings, beyond_sheets: frozenset[Sensor] = frozenset()
+) -> Nuisance:
+    """The parameters of a recording's own sensors that are unknowns beside the calibration, by settings and presets.
+
+    beyond_sheets: sensors that are further off than the sheets of their kind have them.
+    """
     if settings.intrinsics == "off":
         return Nuisance()
     lasers, spins = count_lasers(recording.scans)
-    imu, lidar = priors_of(recording, settings)
+    imu, lidar = priors_of(recording, settings, beyond_sheets)
     if not spins:
         lidar = replace(lidar, eccentricity_std_rad=0.0)
     wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +11,9 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
+from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.joint.sheets import Beyond
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
 
@@ -99,20 +101,35 @@ def test_where_every_scan_was_followed_there_is_nothing_to_leave_out(monkeypatch
     assert solved(monkeypatch, Estimator("wrong"), followed=10).name == "wrong"
 
 
-def asked_of(monkeypatch: pytest.MonkeyPatch, mode: str, *outcomes: Refused | str) -> tuple[list[str], list[str], Any]:
-    """With which sensors a solve was asked for ("freed": with them let go), what was said meanwhile, and what came of it."""
+class Found(str):
+    """The end of a solve, by its name: one of "beyond ..." has a sensor that is not what its sheet has."""
+
+    __slots__ = ()
+    planes = (SimpleNamespace(name="floor"),)
+
+
+def asked_of(
+    monkeypatch: pytest.MonkeyPatch, mode: str, *outcomes: Refused | str, counting: str = "floor"
+) -> tuple[list[str], list[str], Any]:
+    """With which sensors a solve was asked for ("freed": with them let go, from an end; "any": by the sheets of any), what was
+    said meanwhile, and what came of it. counting: the plane that it begins with."""
     asked: list[str] = []
     said: list[str] = []
     left = list(outcomes)
 
-    def outcome(of: str) -> Any:
-        asked.append(of)
+    def outcome(run: Run, of: str) -> Any:
+        asked.append(of + " any" * ("lidar" in run.beyond_sheets))
         one = left.pop(0)
         if isinstance(one, Refused):
             raise one
-        return one
+        return Found(one)
 
-    monkeypatch.setattr(page, "estimate_sensors_too", lambda run, _solved, _schedule: outcome("freed"))
+    def allowing(run: Run, _: Any) -> Run | None:
+        return None if run.beyond_sheets else replace(run, beyond_sheets=frozenset({"lidar"}))
+
+    monkeypatch.setattr(page, "estimate_further", lambda run, solved, schedule: outcome(run, f"freed from {solved}"))
+    monkeypatch.setattr(page, "beyond_sheets", lambda found: Beyond("incidence", 5.0) if "beyond" in found else None)
+    monkeypatch.setattr(page, "without_sheet", allowing)
     unused: Any = None
     run = Run(
         unused,
@@ -123,13 +140,45 @@ def asked_of(monkeypatch: pytest.MonkeyPatch, mode: str, *outcomes: Refused | st
         lambda event: said.append(getattr(event, "code", "")),
         unused,
     )
+    planes: Any = [SimpleNamespace(name=counting)]
+
+    def judged(run: Run, solved: Any) -> Any:
+        return run.settings.intrinsics + " any" * bool(run.beyond_sheets), str(solved)
+
+    def once(run: Run) -> Any:
+        return outcome(run, run.settings.intrinsics)
+
     try:
-        judged = page.with_sensors_held(
-            run, lambda run: outcome(run.settings.intrinsics), lambda run, solved: (run.settings.intrinsics, solved)
-        )
-        return asked, said, judged
+        return asked, said, page.with_sensors_as_they_are(run, planes, once, judged)
     except Refused as refused:
         return asked, said, refused.code
+
+
+def test_a_sensor_that_is_no_better_than_any_is_taken_for_any(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the end on where all planes are there still, else anew, and anew where it ended astray; then what runs away by any
+    sensor's priors is held as before, by a solve of its own.
+
+    Mutations: from the end on though a plane was lost; anew though none was; never a second time; judged by the sheet; for ever;
+    where sensors are held or ideal; the held solve begun from what came before.
+    """
+    astray = SensorsAstray("laser_elevation", 14.0)
+
+    def of(*outcomes: Refused | str, **changes: str) -> tuple[list[str], list[str], Any]:
+        mode = changes.pop("mode", "auto")
+        return asked_of(monkeypatch, mode, *outcomes, **changes)
+
+    assert of("beyond", "end") == (["auto", "freed from beyond any"], [], ("auto any", "end"))
+    assert of("beyond", "end", counting="wall 1") == (["auto", "auto any"], [], ("auto any", "end"))
+    assert of("beyond", "beyond still")[2] == ("auto any", "beyond still")
+    assert of(astray, "end") == (["auto", "auto any"], [], ("auto any", "end"))
+    asked, said, end = of(astray, astray, "held", "freed")
+    assert asked == ["auto", "auto any", "consider any", "freed from held any"]
+    assert (said, end) == ([], ("auto any", "freed"))
+    asked, _, end = of("beyond", astray, "held", "freed")
+    assert asked == ["auto", "freed from beyond any", "consider any", "freed from held any"]
+    for mode in ("off", "consider"):
+        assert of("beyond", mode=mode) == ([mode], [], (mode, "beyond"))
+        assert of(astray, mode=mode) == ([mode], [], astray.code)
 
 
 def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,9 +195,9 @@ def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pyt
         return asked_of(monkeypatch, mode, *outcomes)
 
     assert of("right") == (["auto"], [], ("auto", "right"))
-    assert of(away, "held", "freed") == (["auto", "consider", "freed"], [], ("auto", "freed"))
-    assert of(away, "held", away) == (["auto", "consider", "freed"], ["sensor.astray"], ("consider", "held"))
-    assert of(away, "held", still) == (["auto", "consider", "freed"], [], still.code)
+    assert of(away, "held", "freed") == (["auto", "consider", "freed from held"], [], ("auto", "freed"))
+    assert of(away, "held", away) == (["auto", "consider", "freed from held"], ["sensor.astray"], ("consider", "held"))
+    assert of(away, "held", still) == (["auto", "consider", "freed from held"], [], still.code)
     assert of(away, away) == (["auto", "consider"], [], away.code)
     assert of(still) == (["auto"], [], still.code)
     for ideal in ("off", "consider"):

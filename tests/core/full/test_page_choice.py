@@ -67,6 +67,7 @@ def counted(
         lambda _run, track, *_: (track.planes,) if len(track.planes) == len(seen) else None,
     )
     judged: list[object] = []
+    monkeypatch.setattr(page, "beyond_sheets", lambda _solved: None)
     monkeypatch.setattr(page, "judge_chosen", lambda _run, solved: judged.append(solved))
     monkeypatch.setattr(page, "weigh", lambda _run, solved: solved in judged)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
