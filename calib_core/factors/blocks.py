@@ -256,6 +256,12 @@ def features_block(S: FloatArray, n: int, k: int, R: FloatArray, p: FloatArray) 
         S[FEATURE + 4 * BLOCK + i] = around * y
         S[FEATURE + 5 * BLOCK + i] = around * x
         S[FEATURE + 6 * BLOCK + i] = -r * math.sqrt(max(1.0 - seen * seen, 0.0))
+    places_block(S, n, k, R, p)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def places_block(S: FloatArray, n: int, k: int, R: FloatArray, p: FloatArray) -> None:
+    """PLACEs of n hits X, Y, Z of slice k: R x + p, to the middle of its group. R: (S, 3, 3), p: (S, 3)."""
     for a in range(3):
         r_x, r_y, r_z, shift, here = R[k, a, 0], R[k, a, 1], R[k, a, 2], p[k, a], PLACE + a * BLOCK
         for i in range(n):

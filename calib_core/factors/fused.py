@@ -34,12 +34,21 @@ from calib_core.factors.blocks import (
     features_block,
     meet_block,
     new_block,
+    places_block,
     weigh_block,
 )
 from calib_core.factors.cell_kernels import Grids, lies_within
 from calib_core.factors.kernels import add_moments, as_sieved, is_sieved
 from calib_core.factors.laser_features import LaserErrors, LaserSums, steps_to_middles
-from calib_core.factors.laser_kernels import FEATURES, PRODUCTS, LaserTable, add_features, table_of, tell_laser
+from calib_core.factors.laser_kernels import (
+    FEATURES,
+    PRODUCTS,
+    LaserTable,
+    add_features,
+    add_ones,
+    table_of,
+    tell_laser,
+)
 from calib_core.factors.lidar_plane import Gate, LidarNoise, MicroBins, SlicePoses, grids, seen_planes, weighing_of
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, IntArray, LaserArray, PointArray
@@ -47,11 +56,16 @@ from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, In
 
 @dataclass(frozen=True, slots=True)
 class LaserGroups:
-    """How the lidar's own parameters take the points: lasers told apart, or 1.   group: (S,) of each slice.   middle: (G,)."""
+    """How the lidar's own parameters take the points: lasers told apart, or 1.   group: (S,) of each slice.   middle: (G,).
+
+    first_only: of the moments only those of the points themselves are asked for, sum w [x, 1, d]': that is c + (1 - c) = 1 of
+    the features, all in the incidence's row.
+    """
 
     lasers: int
     group: IntArray
     middle: IntArray
+    first_only: bool = False
 
 
 def scan_moments(
@@ -88,7 +102,8 @@ def scan_moments(
         group, clusters = groups.group, len(groups.middle) * n_planes * groups.lasers
         R, p = steps_to_middles(poses, group, groups.middle)
     scatter, count = np.zeros((slices * n_planes, 15)), np.zeros(slices * n_planes, np.int64)
-    cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((clusters, PRODUCTS))
+    products = 0 if groups is not None and groups.first_only else clusters
+    cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((products, PRODUCTS))
     of_cluster = np.zeros(clusters, np.int64)
     slant = np.zeros(2) if errors is None else errors.slant()
     moments_kernel(
@@ -127,6 +142,7 @@ def moments_kernel(
     """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 8, 5), gram (G Q L, 28), of_cluster (G Q L,).
 
     Of the seen planes the first Q = len(extra_of_plane_m) take points.   off: of no laser where nothing is to be corrected.
+    gram (0, 28): only the rows of ones are summed.
     slant: (2,) LaserErrors.slant.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
     else all are laser 0.   group: (S,), (0,) where the lidar is taken for ideal; R, p as in collapse_features_kernel.
     """
@@ -231,6 +247,15 @@ def _sort_in(
     of_cluster: IntArray,
 ) -> None:
     """Adds what `_count_block` has counted to the sums of (group, plane, laser). first: the group's first plane's place."""
+    if gram.shape[0] == 0:
+        places_block(S, n, k, R, p)
+        for m in range(n):
+            which = laser[at[m]] if told_apart else 0
+            if which < lasers:
+                c = (first + int(S[PLANE + m])) * lasers + which
+                add_ones(S, m, S[DISTANCE + m], S[WEIGHT + m], c, cross)
+                of_cluster[c] += 1
+        return
     for m in range(n):
         j = int(S[PLANE + m])
         S[NORMAL_X + m], S[NORMAL_Y + m], S[NORMAL_Z + m] = n_lidar[k, j, 0], n_lidar[k, j, 1], n_lidar[k, j, 2]

@@ -150,7 +150,9 @@ def collapse_features(
 
 
 def _moments(cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray) -> tuple[Float32Array, Float32Array]:
-    """Moments (B, 8, 5), (B, 8, 8) of some of the sums (C, 8, 5), (C, 28) of `add_features`."""
+    """Moments (B, 8, 5), (B, 8, 8) of some of the sums (C, 8, 5), (C, 28) of `add_features`; (0, 28): none but those of ones."""
+    if len(gram_sums) == 0:
+        return cross_sums[some].astype(np.float32), np.zeros((len(some), FEATURES, FEATURES), np.float32)
     cross = np.empty((len(some), FEATURES, 5), np.float32)
     gram = np.empty((len(some), FEATURES, FEATURES), np.float32)
     features_kernel(cross_sums, gram_sums, some, cross, gram)

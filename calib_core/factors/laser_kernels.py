@@ -97,6 +97,16 @@ def correct_kernel(
             out[begin + m, 0], out[begin + m, 1], out[begin + m, 2] = S[X + m], S[Y + m], S[Z + m]
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def add_ones(S: FloatArray, m: int, d: float, weight: float, b: int, cross: FloatArray) -> None:
+    """Adds weight y' of the m-th hit of a block to the incidence's row of cluster b. S: after `places_block`."""
+    cross[b, INCIDENCE, 0] += weight * S[PLACE + m]
+    cross[b, INCIDENCE, 1] += weight * S[PLACE + BLOCK + m]
+    cross[b, INCIDENCE, 2] += weight * S[PLACE + 2 * BLOCK + m]
+    cross[b, INCIDENCE, 3] += weight
+    cross[b, INCIDENCE, 4] += weight * d
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_features(S: FloatArray, m: int, d: float, weight: float, b: int, cross: FloatArray, gram: FloatArray) -> None:
     """Adds to the sums of cluster b the m-th hit of a block, of which `features_kernel` makes the moments.
@@ -121,11 +131,7 @@ def add_features(S: FloatArray, m: int, d: float, weight: float, b: int, cross: 
         for c in range(r, 7):
             gram[b, place] += w * f[c]
             place += 1
-    cross[b, INCIDENCE, 0] += weight * y0
-    cross[b, INCIDENCE, 1] += weight * y1
-    cross[b, INCIDENCE, 2] += weight * y2
-    cross[b, INCIDENCE, 3] += weight
-    cross[b, INCIDENCE, 4] += weight * d
+    add_ones(S, m, d, weight, b, cross)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

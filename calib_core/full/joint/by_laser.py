@@ -52,6 +52,8 @@ def _laid_out_again(solved: Solved, lasers: int) -> Iterator[ByLaser]:
     sensors = replace(problem.sensors, laser_places=np.where(places < size, places, -1))
     motion, gate = problem.motion(estimate), gate_of(state, 0.0, Sampling())
     view = view_of(solved.data.run, motion, with_offsets, told_apart)
+    # With nothing of the lidar in play a laser's points are all that it has to say.
+    view = replace(view, first_only=not any(problem.sensors.laser_places.ravel() >= 0))
     at_once = MOST_THREADS * view.most_as_one(state.positions)
     for first in range(0, len(state.positions), at_once):
         micro = associate(view, state.positions[first : first + at_once], state.lidar_noise, gate, state.support)

@@ -49,7 +49,8 @@ class View:
 
     poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
     thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.   few: the points
-    of thinned scans, handed on from view to view.
+    of thinned scans, handed on from view to view.   first_only: lasers are told apart by where their points lie, and nothing is
+    asked about what errors of theirs would do.
     """
 
     scans: Sequence[Scan]
@@ -62,6 +63,7 @@ class View:
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
     few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
+    first_only: bool = False
 
     def points(self, position: int, stride: int) -> PointArray:
         """Every so many-th point of a scan: taken from the whole once, however often they are asked for."""
@@ -168,7 +170,7 @@ class View:
         begins[np.cumsum(counts)[:-1]] = True
         first = np.flatnonzero(begins)
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
-        return LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle)
+        return LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle, self.first_only)
 
     def _with_lasers(
         self, positions: Sequence[int], bins: MicroBins, poses: SlicePoses, groups: LaserGroups, sums: LaserSums

@@ -139,6 +139,25 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
             np.testing.assert_allclose(one.lasers.sums.gram, four.lasers.sums.gram, rtol=1e-6, atol=1e-6)
 
 
+def test_of_ideal_lasers_only_where_their_points_lie_is_summed(noisy: tuple[Recording, Truth]) -> None:
+    """Oracle: all moments, of which c + (1 - c) = 1 are two rows. Mutations: the places of the first point of a block for all;
+    weights left out; a distance for a height; all lasers the first.
+    """
+    nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
+    view = _view(*noisy)
+    view = replace(view, nuisance=nuisance, estimate=replace(view.estimate, nuisance=np.zeros(nuisance.size)))
+    ones, every = (
+        associate(replace(view, first_only=only), SCANS[:4], NOISE, GATE, None).lasers for only in (True, False)
+    )
+    assert ones is not None
+    assert every is not None
+    for name in ("group", "plane", "laser"):
+        np.testing.assert_array_equal(getattr(ones.sums, name), getattr(every.sums, name))
+    first = ones.sums.cross[:, 0] + ones.sums.cross[:, 4]
+    np.testing.assert_allclose(first, every.sums.cross[:, 0] + every.sums.cross[:, 4], rtol=2e-6, atol=1e-2)
+    assert not ones.sums.gram.any()
+
+
 def test_scans_are_taken_as_one_while_times_and_tables_have_room(noisy: tuple[Recording, Truth]) -> None:
     """Sweeps of 0.1 s are 52 slices of 2 ms: 20 of them before 2^31 ns, and 12 knots of six planes of sixteen lasers each.
 
