@@ -40,6 +40,22 @@ def imu_step(imu: ImuData) -> StampStep | None:
     return _of_stamps(whose, imu.stamps_ns)
 
 
+def exact_stamps(stamps_ns: IntArray, whose: str) -> str | None:
+    """What is said of stamps (Q,) that are multiples of the period at which they come: they are taken for exact, and may not be.
+    None for all others."""
+    if len(stamps_ns) < STEPS.fewest_stamps:
+        return None
+    step_ns = _step_ns(stamps_ns, least_ns=0)
+    if step_ns == 0 or not _kept_by_sensor(stamps_ns, step_ns):
+        return None
+    cut_ms, period_ms = 1e3 * min(step_ns * 1e-9, STEPS.usual_s), 1e-6 * float(np.median(np.diff(stamps_ns)))
+    return (
+        f"the stamps of {whose} are multiples of the {period_ms:.4g} ms after which one follows another: they are taken for "
+        f"exact, as those of a clock that starts the sampling; if a driver cuts them to steps of {cut_ms:.4g} ms, the time "
+        "offset is off by up to as much more than is stated"
+    )
+
+
 def scan_step(stamps_ns: IntArray, topic: str) -> StampStep | None:
     """Of the scans' stamps (M,)."""
     return _of_stamps(f"the stamps of {topic or 'the lidar'}", stamps_ns)

@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.full.prepare.clocks import clocks_of, look
-from calib_core.full.prepare.coarse_stamps import imu_step, point_step, scan_step
+from calib_core.full.prepare.coarse_stamps import exact_stamps, imu_step, point_step, scan_step
 from calib_core.full.prepare.imu_noise import noise_of
 from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.full.prepare.settings import LENGTH, NOISE
@@ -52,6 +52,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     require_order(recording.imu.stamps_ns, "IMU readings")
     stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
     steps = _steps(recording, stamps_ns, settings)
+    _say_exact(recording, stamps_ns, settings, on_event)
     recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
     stamped = look(recording, stamps_ns)
     require_order(stamped.stamps_ns, "scans")
@@ -86,6 +87,17 @@ def _steps(recording: Recording, stamps_ns: IntArray, settings: CalibrateSetting
         topic = recording.lidar.topic
         found += [scan_step(stamps_ns, topic), point_step(recording.scans, topic)]
     return tuple(step for step in found if step is not None)
+
+
+def _say_exact(recording: Recording, stamps_ns: IntArray, settings: CalibrateSettings, on_event: OnEvent) -> None:
+    """Of stamps that nobody can tell from those of a driver that counts milliseconds and keeps step, by chance."""
+    said: list[str | None] = []
+    if settings.imu_sampling != "as-stamped" and not recording.imu.stamp_step_ns:
+        said.append(exact_stamps(recording.imu.stamps_ns, recording.imu.topic or "the IMU"))
+    if settings.lidar_sampling != "as-stamped":
+        said.append(exact_stamps(stamps_ns, recording.lidar.topic or "the lidar"))
+    for text in filter(None, said):
+        on_event(LogEvent(level="info", code="clock.exact", text=text))
 
 
 def _sieve(recording: Recording, period_s: float, settings: CalibrateSettings, on_event: OnEvent) -> Sieve | None:

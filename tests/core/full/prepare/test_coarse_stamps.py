@@ -9,7 +9,7 @@ import pytest
 
 from calib_core.calibrate import calibrate
 from calib_core.events import ignore_event, never_cancel
-from calib_core.full.prepare.coarse_stamps import imu_step, point_step, scan_step
+from calib_core.full.prepare.coarse_stamps import exact_stamps, imu_step, point_step, scan_step
 from calib_core.full.prepare.prepare import prepare
 from calib_core.readers.imu.bundles import spread, told_apart
 from calib_core.settings import CalibrateSettings
@@ -108,6 +108,14 @@ def test_good_stamps_are_left_in_peace(rate_hz: int, law: str) -> None:
         t = (EPOCH_NS // 10**9 * rate_hz + np.arange(1500)) * (10**9 // rate_hz)
     assert imu_step(_imu(t)) is None
     assert scan_step(t, "/points") is None
+    said = exact_stamps(t, "/imu")
+    if law != "its own period":
+        assert said is None
+        return
+    assert said is not None
+    assert f"the stamps of /imu are multiples of the {1e3 / rate_hz:.4g} ms" in said
+    assert "cuts them to steps of 1 ms" in said or rate_hz == 400
+    assert exact_stamps(t + 10_000, "/imu") is None
 
 
 def _scans(offset_ns: FloatArray) -> list[Scan]:
@@ -157,5 +165,23 @@ def test_the_answer_counts_and_says_it_and_can_be_told_otherwise(noisy: tuple[Re
     std_s = result.uncertainty.time_offset_std_s
     assert 0.4564e-3 < std_s < np.hypot(0.4565e-3, 1e-4)
     assert abs(result.time_offset_s - truth.time_offset_ns * 1e-9) < 3.0 * std_s
+    codes = [m.code for m in result.messages]
+    assert "clock.exact" not in codes
     for settings, count in ((CalibrateSettings(), 1), (CalibrateSettings(imu_sampling="as-stamped"), 0)):
         assert len(prepare(cut, settings, ignore_event, never_cancel).clocks.steps) == count
+
+
+def test_stamps_that_are_taken_for_exact_are_said(noisy: tuple[Recording, Truth]) -> None:
+    """Once, and not where the user takes them as they are. Mutations: say nothing; whatever was asked for; the scans' for the
+    IMU's.
+    """
+    recording, _ = noisy
+    period_ns = 10 * MS
+    first_ns = recording.imu.stamps_ns[0] // period_ns * period_ns
+    even = first_ns + period_ns * np.arange(len(recording.imu.stamps_ns))
+    exact = replace(recording, imu=replace(recording.imu, stamps_ns=even))
+    said: list[str] = []
+    for settings, count in ((CalibrateSettings(), 1), (CalibrateSettings(imu_sampling="as-stamped"), 0)):
+        said.clear()
+        prepare(exact, settings, lambda event: said.append(getattr(event, "code", "")), never_cancel)
+        assert said.count("clock.exact") == count
