@@ -2,13 +2,20 @@
 
 words, arrays = as_written(record)
 record = as_read(Kind, words, arrays)
+
+What one run keeps for the next lies in one file, whole or not at all: `keep`, `kept`.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from pathlib import Path
 from types import UnionType
 from typing import TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -19,6 +26,32 @@ Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
 Arrays = dict[str, NDArray[np.generic]]
 Kind = TypeVar("Kind")
 _ARRAY = "array"
+_WORDS = "words"
+
+
+def keep(path: Path, words: Json, arrays: Arrays) -> None:
+    """Write words and arrays to one file. Where the folder takes nothing, as on a full disk, nothing is kept: what is kept saves
+    time, and no result must be lost for it."""
+    new = path.with_suffix(f".{os.getpid()}.tmp")
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new.open("wb") as file:
+            np.savez(file, allow_pickle=False, **{_WORDS: np.array(json.dumps(words))}, **arrays)
+        new.replace(path)
+    with suppress(OSError):
+        new.unlink(missing_ok=True)
+
+
+def kept(path: Path) -> tuple[Json, Arrays] | None:
+    """What was kept there; None where nothing is, or it cannot be read."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+            words: Json = json.loads(str(arrays.pop(_WORDS)))
+            return words, arrays
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
 
 
 def as_written(record: object) -> tuple[Json, Arrays]:

@@ -191,7 +191,7 @@ def run_surface(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) ->
     solve = order.folder.parent / order.request.surface_of
     try:
         trajectory = read_trajectory(solve / TRAJECTORY)
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
         raise InputError(
             "Expected the motion of a solve to lay a surface through its map, but it is gone; solve again.",
             code="surface.no_motion",

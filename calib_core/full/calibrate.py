@@ -9,7 +9,7 @@ Every stage refuses (`Refused`) what it cannot give, in a sentence for a person.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.kept import follow_or_recall
+from calib_core.full.initialise.kept import follow_or_recall, key_of
 from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged, tracked
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
@@ -28,6 +28,7 @@ from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.choice import with_choice
 from calib_core.full.joint.doubt import face_three_ways, judge_chosen
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.kept_motion import KeptMotion, called_as
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.sheets import beyond_by, beyond_sheets, without_sheet
 from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
@@ -47,6 +48,8 @@ def calibrate_full(
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
+    found = named(followed, (), up)
+    kept = KeptMotion.of(kept_in, key_of(run) if kept_in else "", run, found, lidar, guess)
     followed = named(followed, planes or (), up)
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
@@ -57,13 +60,19 @@ def calibrate_full(
         # Where all planes are chosen by hand, what comes into view has told the motion and is not used.
         joins = any(plane.suggested for plane in choice)
         saying = run if joins else run.keeping("planes.found")
-        motion = motion_by_everything(saying, followed, lidar, start, guess)
+        motion = motion_by_everything(saying, found, lidar, start, guess, kept)
+        motion = None if motion is None else Motion(motion.data, called_as(motion.state, followed.planes, up), followed)
+
+    asked = run.settings
+    is_whole = choice is None and asked.estimate_planes and _called_alike(followed.planes, found.planes)
 
     def answered(schedule: Schedule, counting: Sequence[Plane], is_late: Sequence[bool] = ()) -> Answer:
         track = replace(followed, planes=list(counting), late=tuple(is_late), dropped=dropped)
 
         def solved(run: Run) -> Solved:
-            return solve(run, track, lidar, start, guess, schedule, motion)
+            return solve(
+                run, track, lidar, start, guess, schedule, motion, kept if is_whole and run.settings == asked else None
+            )
 
         def judged(run: Run, solved: Solved) -> Answer:
             if schedule.chosen:
@@ -149,21 +158,27 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
     return judged(held, without)
 
 
-#: A motion that all structure has told, the problem that it was told in, and the track's planes.
-Motion = tuple[JointData, Estimation, Followed]
+@dataclass(frozen=True)
+class Motion:
+    """A motion that all structure has told, the problem that it was told in, and the track's planes."""
+
+    data: JointData
+    state: Estimation
+    followed: Followed
 
 
 def motion_by_everything(
-    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None
+    run: Run, followed: Followed, lidar: LidarTrack, start: Start, guess: InitialGuess | None, kept: KeptMotion
 ) -> Motion | None:
     """The motion that all planes tell that were followed, for a choice to begin from; None where they lead nowhere."""
     freely = replace(run, settings=run.settings.model_copy(update={"estimate_planes": True}))
     found = replace(followed, planes=[replace(plane, suggested=True) for plane in followed.planes])
     data, first, _ = begin(freely, found, lidar, start, guess, FULL)
     try:
-        return data, motion_by_all(data, first, FULL), followed
+        state = kept.recall(run) or motion_by_all(kept.keeping(data), first, FULL)
     except Refused:
         return None
+    return Motion(data, state, followed)
 
 
 def solve(
@@ -174,21 +189,24 @@ def solve(
     guess: InitialGuess | None,
     schedule: Schedule,
     motion: Motion | None,
+    kept: KeptMotion | None = None,
 ) -> Solved:
     """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone.
 
-    motion: of which the planes followed are a choice; None where they tell it themselves.
+    motion: of which the planes followed are a choice; None where they tell it themselves.   kept: where that is kept for the
+    next solve, None for nowhere.
     """
     begun = None
     iterations = 0
     try:
         if motion is None:
             begun = begin(run, followed, lidar, start, guess, schedule)
-            solved = estimate_jointly(*begun[:2], schedule)
+            data, first, _ = begun
+            solved = estimate_jointly(data if kept is None else kept.keeping(data), first, schedule)
         else:
-            of_all, state, everything = motion
-            which: list[int] = tracked(everything, followed.planes).tolist()
-            solved = estimate_chosen(*with_choice(run, (of_all, state, which), followed, schedule), schedule)
+            which: list[int] = tracked(motion.followed, followed.planes).tolist()
+            of_all = motion.data, motion.state, which
+            solved = estimate_chosen(*with_choice(run, of_all, followed, schedule), schedule)
         if _all_followed(run, followed) or implausible(run, solved) is None:
             return solved
         iterations = solved.iterations
@@ -199,6 +217,10 @@ def solve(
     alone = replace(schedule, planes=None, propagation=None)
     data, first, _ = begun or begin(run, followed, lidar, start, guess, schedule)
     return estimate_jointly(data, replace(first, iterations=iterations), alone)
+
+
+def _called_alike(some: Sequence[Plane], others: Sequence[Plane]) -> bool:
+    return [plane.name for plane in some] == [plane.name for plane in others]
 
 
 def _all_followed(run: Run, followed: Followed) -> bool:

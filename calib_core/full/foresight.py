@@ -8,9 +8,6 @@ a matter of a tenth of a second.
 
 from __future__ import annotations
 
-import json
-import os
-import zipfile
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -26,10 +23,9 @@ from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
 from calib_core.threads import one_blas_thread
 from calib_core.types import FloatArray, IntArray
-from calib_core.written import as_read, as_written
+from calib_core.written import as_read, as_written, keep, kept
 
 _FILE = "foresight.npz"
-_WORDS = "words"
 
 
 @dataclass(frozen=True)
@@ -85,31 +81,23 @@ def foresight(
     return Foresight(replace(problem, bins=bins), estimate, proposed, np.array(of_proposal, dtype=np.int64), share)
 
 
-def keep_foresight(folder: Path, kept: Foresight | None) -> None:
+def keep_foresight(folder: Path, foresight: Foresight | None) -> None:
     """Put into the folder for `kept_foresight`, whole or not at all; what is there goes where there is none.
 
     Where the folder takes nothing, as on a full disk, nothing is kept: a report must not be lost for it.
     """
     path = folder / _FILE
-    new = path.with_suffix(f".{os.getpid()}.tmp")
+    if foresight is not None:
+        keep(path, *as_written(foresight))
+        return
     with suppress(OSError):
         path.unlink(missing_ok=True)
-        if kept is None:
-            return
-        words, arrays = as_written(kept)
-        folder.mkdir(parents=True, exist_ok=True)
-        with new.open("wb") as file:
-            np.savez(file, allow_pickle=False, **{_WORDS: np.array(json.dumps(words))}, **arrays)
-        new.replace(path)
-    with suppress(OSError):
-        new.unlink(missing_ok=True)
 
 
 def kept_foresight(folder: Path) -> Foresight | None:
     """What was put there; None where there is nothing, or nothing of this version."""
+    found = kept(folder / _FILE)
     try:
-        with (folder / _FILE).open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-            return as_read(Foresight, json.loads(str(arrays.pop(_WORDS))), arrays)
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None if found is None else as_read(Foresight, *found)
+    except (ValueError, KeyError, TypeError):
         return None

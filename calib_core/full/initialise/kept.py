@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from calib_core import written
 from calib_core.events import Event, LogEvent, StageEvent
 from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.proposed import choice_among, joined
@@ -27,6 +27,7 @@ from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import require_motion
 from calib_core.full.run import Run
 from calib_core.types import FloatArray, Plane
+from calib_core.written import Arrays
 
 _FILE = "track.npz"
 #: Settings that are asked for only after the lidar was followed.
@@ -121,7 +122,7 @@ def key_of(run: Run) -> str:
 def write_kept(path: Path, key: str, kept: Kept) -> None:
     """Whole or not at all."""
     motions, planes = kept.followed.motions, kept.followed.planes
-    words = {
+    words: dict[str, Any] = {
         "key": key,
         "chosen": kept.chosen,
         "left": kept.left,
@@ -130,53 +131,54 @@ def write_kept(path: Path, key: str, kept: Kept) -> None:
         "said": [event.model_dump() for event in kept.said],
         "names": [[plane.name for plane in some] for some in (planes, kept.found, kept.extra)],
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_suffix(f".{os.getpid()}.tmp")
-    with new.open("wb") as file:
-        np.savez(
-            file,
-            words=np.array(json.dumps(words)),
-            reference=np.array(kept.followed.reference),
-            planes=_rows(planes),
-            found=_rows(kept.found),
-            extra=_rows(kept.extra),
-            position=np.array([m.position for m in motions]),
-            R=np.array([m.R for m in motions]),
-            vectors=np.array([[m.p, m.omega_rad_s, m.v_m_s] for m in motions]),
-            numbers=np.array([[m.share, m.rms_m, m.std_rad, m.std_m] for m in motions]),
-        )
-    new.replace(path)
+    arrays: Arrays = {
+        "reference": np.array(kept.followed.reference),
+        "planes": _rows(planes),
+        "found": _rows(kept.found),
+        "extra": _rows(kept.extra),
+        "position": np.array([m.position for m in motions]),
+        "R": np.array([m.R for m in motions]),
+        "vectors": np.array([[m.p, m.omega_rad_s, m.v_m_s] for m in motions]),
+        "numbers": np.array([[m.share, m.rms_m, m.std_rad, m.std_m] for m in motions]),
+    }
+    written.keep(path, words, arrays)
 
 
 def read_kept(path: Path, key: str) -> Kept | None:
     """What was written with this key; None where it was not, or what lies there cannot be read."""
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            words = json.loads(str(stored["words"]))
-            if words["key"] != key:
-                return None
-            planes, found, extra = (
-                [Plane(name, row[:3], float(row[3])) for name, row in zip(names, stored[rows], strict=True)]
-                for names, rows in zip(words["names"], ("planes", "found", "extra"), strict=True)
-            )
-            columns = zip(stored["position"], stored["R"], stored["vectors"], stored["numbers"], strict=True)
-            motions = [
-                ScanMotion(int(at), R, p, omega, v, *(float(number) for number in numbers))
-                for at, R, (p, omega, v), numbers in columns
-            ]
-            followed = Followed(
-                int(stored["reference"]),
-                planes,
-                motions,
-                proposals=tuple(found) if words["home"] else (),
-                away=bool(words["left"]),
-                of_proposal=tuple(words["of_proposal"]),
-                late=tuple(which < 0 for which in words["of_proposal"]),
-            )
-            said = tuple(LogEvent.model_validate(event) for event in words["said"])
-            return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    there = written.kept(path)
+    if there is None:
         return None
+    words: Any = there[0]
+    stored = there[1]
+    try:
+        return _as_kept(words, stored) if words["key"] == key else None
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _as_kept(words: dict[str, Any], stored: Arrays) -> Kept:
+    """From what was written. Raises ValueError, KeyError or TypeError where it was something else."""
+    planes, found, extra = (
+        [Plane(name, row[:3], float(row[3])) for name, row in zip(names, stored[rows], strict=True)]
+        for names, rows in zip(words["names"], ("planes", "found", "extra"), strict=True)
+    )
+    columns = zip(stored["position"], stored["R"], stored["vectors"], stored["numbers"], strict=True)
+    motions = [
+        ScanMotion(int(at), R, p, omega, v, *(float(number) for number in numbers))
+        for at, R, (p, omega, v), numbers in columns
+    ]
+    followed = Followed(
+        int(stored["reference"]),
+        planes,
+        motions,
+        proposals=tuple(found) if words["home"] else (),
+        away=bool(words["left"]),
+        of_proposal=tuple(words["of_proposal"]),
+        late=tuple(which < 0 for which in words["of_proposal"]),
+    )
+    said = tuple(LogEvent.model_validate(event) for event in words["said"])
+    return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)
 
 
 def _rows(planes: Sequence[Plane]) -> FloatArray:

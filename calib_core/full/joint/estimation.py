@@ -73,6 +73,10 @@ class LastReadings:
         return last
 
 
+#: The step before which it does not matter which planes count (solve.py).
+COUNTING = "planes"
+
+
 def ignore_state(_name: str, _state: Estimation) -> None:
     """For runs whose states nobody writes down."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.estimation import Solved
@@ -50,7 +50,7 @@ def beyond_sheets(solved: Solved) -> Beyond | None:
     for each in sensors.blocks:
         scaled = solved.estimate.nuisance[sensors.places[each.block]] / each.prior_std
         square = float(scaled @ scaled)
-        if square > chdtri(len(scaled), SHEETS.chance):
+        if square > scipy.special.chdtri(len(scaled), SHEETS.chance):
             found.append(Beyond(sensor_block(each), float(np.sqrt(square / len(scaled)))))
     return max(found, key=lambda each: each.times, default=None)
 

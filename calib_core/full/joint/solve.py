@@ -10,7 +10,7 @@ import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
 from calib_core.full.joint.bounds import require_sensors, require_solution
-from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.estimation import COUNTING, Estimation, JointData, Solved
 from calib_core.full.joint.judged import (
     settle_without_doubtful,
     with_culprits_marked,
@@ -46,9 +46,11 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
 
 def motion_by_all(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """From start values to a motion over the whole recording: the steps before it matters which planes count. Raises Refused."""
-    for name, share, step in STEPS[: _names().index("planes")]:
+    matters = _names().index(COUNTING)
+    for name, share, step in STEPS[:matters]:
         data.on_state(name, state)
         state = step(data.portion(*share), state, schedule)
+    data.on_state(COUNTING, state)
     return state
 
 
@@ -63,7 +65,7 @@ def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> S
     assert state.observations is not None
     last_s = float(state.observations.time_s.max()) - state.estimate.time_offset_s
     seen_at = int(np.searchsorted(data.readings.knots_s, last_s))
-    return estimate_jointly(data, until_seen(data, state, seen_at, schedule.propagation), schedule, first="planes")
+    return estimate_jointly(data, until_seen(data, state, seen_at, schedule.propagation), schedule, first=COUNTING)
 
 
 def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
@@ -294,7 +296,7 @@ _MOTION = WATCHING.motion_share
 STEPS: tuple[tuple[str, tuple[float, float], Callable[[JointData, Estimation, Schedule], Estimation]], ...] = (
     ("coarse", (0.0, _MOTION * WATCHING.coarse_share), coarse_rounds),
     ("propagate", (_MOTION * WATCHING.coarse_share, _MOTION), propagated),
-    ("planes", (_MOTION, _MOTION), with_new_planes),
+    (COUNTING, (_MOTION, _MOTION), with_new_planes),
     ("sensors", (_MOTION, _MOTION), with_sensors),
     ("settle", (_MOTION, WATCHING.settled_share), settled),
 )

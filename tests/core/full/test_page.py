@@ -45,8 +45,9 @@ def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: i
     monkeypatch.setattr(page, "estimate_jointly", estimator)
 
     def with_choice(_run: Run, motion: Any, *_: object) -> Any:
-        assert motion[2] == ["everything"]  # which of them count
-        return motion[:2]
+        data, state, which = motion
+        assert which == ["everything"]  # which of them count
+        return data, state
 
     monkeypatch.setattr(page, "with_choice", with_choice)
     monkeypatch.setattr(page, "tracked", lambda track, _: np.array([track]))
@@ -86,7 +87,10 @@ def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch:
     Mutations: from start values, whatever is known; from the motion again, the second time; which of the choice alone.
     """
     estimator = Estimator("wrong", "right")
-    assert solved(monkeypatch, estimator, followed=6, motion=(None, State(iterations=30), "everything")).name == "right"
+    assert (
+        solved(monkeypatch, estimator, followed=6, motion=page.Motion(None, State(iterations=30), "everything")).name
+        == "right"
+    )
     (first, of_motion), (again, iterations) = estimator.asked
     assert (first, of_motion, iterations) == (FULL, 30, 7)
     assert again.propagation is None

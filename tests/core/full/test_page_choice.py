@@ -42,12 +42,15 @@ def counted(
     asked: list[tuple[Schedule, list[str]]] = []
     said: list[str] = []
     left = list(outcomes)
+    unused: Any = None
 
     def solve(_run: object, followed: Followed, *rest: Any) -> Any:
         late = followed.late or [False] * len(followed.planes)
         names = [("+" if is_late else "") + p.name for p, is_late in zip(followed.planes, late, strict=True)]
-        asked.append((rest[-2], names + [f"-{plane.name}" for plane in followed.dropped]))
-        assert (rest[-1] is None) == (rest[-2] is FULL)  # a choice begins from a motion that all planes have told
+        schedule, motion, kept = rest[-3:]
+        asked.append((schedule, names + [f"-{plane.name}" for plane in followed.dropped]))
+        assert (motion is None) == (schedule is FULL)  # a choice begins from a motion that all planes have told
+        assert kept is None or schedule is FULL
         one = left.pop(0)
         if isinstance(one, Refused):
             raise one
@@ -64,21 +67,21 @@ def counted(
     monkeypatch.setattr(
         page,
         "motion_by_everything",
-        lambda _run, track, *_: (track.planes,) if len(track.planes) == len(seen) else None,
+        lambda _run, track, *_: page.Motion(unused, unused, track) if len(track.planes) == len(seen) else None,
     )
+    monkeypatch.setattr(page, "called_as", lambda state, *_: state)
     judged: list[object] = []
     monkeypatch.setattr(page, "beyond_sheets", lambda _solved: None)
     monkeypatch.setattr(page, "judge_chosen", lambda _run, solved: judged.append(solved))
     monkeypatch.setattr(page, "weigh", lambda _run, solved: solved in judged)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
-    unused: Any = None
     run = Run(unused, settings, unused, unused, unused, lambda event: said.append(getattr(event, "code", "")), unused)
 
     def motion(run: Run, track: Followed, *_: Any) -> Any:
         if comes:
             run.say("info", "planes.found", "one more plane came into view after the start and is used")
-        return (track.planes,) if len(track.planes) == len(seen) else None
+        return page.Motion(unused, unused, track) if len(track.planes) == len(seen) else None
 
     monkeypatch.setattr(page, "motion_by_everything", motion)
     try:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -113,11 +115,27 @@ def test_only_what_comes_after_may_have_changed(run: Run, following: Following, 
     follow_or_recall(shorter, None, tmp_path)
     follow_or_recall(shorter, None, tmp_path)
     assert following.times == 3
-    (tmp_path / "track.npz").write_bytes(b"PK\x03\x04 torn")
-    follow_or_recall(shorter, None, tmp_path)
-    assert following.times == 4
-    follow_or_recall(shorter, None, tmp_path)
-    assert following.times == 4
+    for times, torn in ((4, b"PK\x03\x04 torn"), (5, b"")):
+        (tmp_path / "track.npz").write_bytes(torn)
+        follow_or_recall(shorter, None, tmp_path)
+        assert following.times == times
+        follow_or_recall(shorter, None, tmp_path)
+        assert following.times == times
+
+
+def test_a_full_disk_takes_no_solve_away(
+    run: Run, following: Following, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutations: what cannot be written raised; half a file left behind."""
+
+    def full(file: BinaryIO, **_: object) -> None:
+        file.write(b"half")
+        raise OSError(errno.ENOSPC, "no space left")
+
+    monkeypatch.setattr(np, "savez", full)
+    assert follow_or_recall(run, None, tmp_path).planes
+    assert following.times == 1
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_a_folder_nothing_is_kept(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

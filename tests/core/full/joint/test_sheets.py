@@ -123,7 +123,6 @@ def test_what_is_known_of_the_sensors_stays_and_is_held_less(half: Half) -> None
     ("faults", "whose", "block"),
     [
         ("laser-elevation=0.003", "lidar", "laser elevation"),
-        ("accel-scale=0.02,gyro-scale=0.02", "IMU", "gyroscope scale"),
         ("accel-scale=0.01", "IMU", "accelerometer scale"),
     ],
 )
