@@ -54,12 +54,15 @@ def test_what_was_told_once_is_recalled_to_the_last_bit(half: Half, tmp_path: Pa
     assert recall() is None
     told: list[str] = []
     run = replace(half.data.run, on_event=lambda event: told.append(getattr(event, "text", "")))
-    data = kept.keeping(replace(half.data, run=run))
+    steps: list[str] = []
+    data = kept.keeping(replace(half.data, run=run, on_state=lambda name, _: steps.append(name)))
     shifted = replace(half.state.estimate, time_offset_s=0.25)
     data.on_state("coarse", replace(half.state, estimate=shifted))
     data.run.say("info", "a", "on the way")
     data.on_state(COUNTING, half.state)
     data.run.say("info", "b", "afterwards")
+    data.on_state("settle", replace(half.state, estimate=shifted))
+    assert steps == ["coarse", COUNTING, "settle"]
     assert told == ["on the way", "afterwards"]
     state = recall()
     assert state is not None
