@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { gyroscopeText, parameterName } from "../src/features/result/sensors";
+import { isOfSensors, gyroscopeText, parameterName } from "../src/features/result/sensors";
 
 // Fails when a block of one parameter says its name twice.
 it("a parameter's name is said once", () => {
@@ -21,4 +21,11 @@ it("tells the rotation into the gyroscope's own axes", () => {
       "x y z w 0.0000000, 0.0000000, -0.7071068, 0.7071068.",
   );
   expect(gyroscopeText({})).toBe("");
+});
+
+it("a warning about a sensor stands among the warnings, not beside what was found", () => {
+  // Mutations: warnings too; whatever is said.
+  expect(isOfSensors({ code: "sensor.laser_range", level: "info" })).toBe(true);
+  expect(isOfSensors({ code: "sensor.beyond_sheet", level: "warning" })).toBe(false);
+  expect(isOfSensors({ code: "planes.bent", level: "info" })).toBe(false);
 });

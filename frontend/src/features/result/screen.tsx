@@ -22,7 +22,7 @@ import { PoseCard } from "./pose";
 import { PartsSection } from "./parts";
 import { Quality } from "./quality";
 import { NextSteps } from "./nextsteps";
-import { OwnErrors } from "./sensors";
+import { isOfSensors, OwnErrors } from "./sensors";
 import { toneOf, Verdict } from "./verdict";
 import css from "./result.module.css";
 
@@ -145,8 +145,10 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
       {pose !== null && <PoseCard pose={pose} result={result} direction={direction} onDirection={setDirection} />}
       <Messages
         messages={result.messages.filter(
-          ({ code, text }) =>
-            !weak.has(text) && !verdict.toLowerCase().includes(text.toLowerCase()) && !code.startsWith("sensor."),
+          (message) =>
+            !weak.has(message.text) &&
+            !verdict.toLowerCase().includes(message.text.toLowerCase()) &&
+            !isOfSensors(message),
         )}
       />
       <Advice observability={result.observability} />

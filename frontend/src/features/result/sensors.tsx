@@ -44,9 +44,14 @@ export function gyroscopeText({ gyroscope_axes: axes }: Pick<CalibrationResult, 
   return ` Into the gyroscope’s own axes the rotation is known to ${worst} about any axis: x y z w ${quaternion}.`;
 }
 
+/** Whether a sentence tells what was found of the sensors themselves. A warning about them stands among the warnings. */
+export function isOfSensors({ code, level }: Pick<CalibrationResult["messages"][number], "code" | "level">): boolean {
+  return code.startsWith("sensor.") && level !== "warning";
+}
+
 /** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks. */
 export function OwnErrors({ result }: { result: CalibrationResult }) {
-  const sentences = result.messages.filter((message) => message.code.startsWith("sensor."));
+  const sentences = result.messages.filter(isOfSensors);
   const found = (result.intrinsics ?? []).filter((one) => one.significant && one.state === "estimated");
   if (sentences.length === 0 && found.length === 0) return null;
   return (
