@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 from calib_core.events import Event, LogEvent
 from calib_core.full.initialise.start import LidarTrack
@@ -109,6 +109,8 @@ class KeptMotion:
 
 class _Document(BaseModel):
     """What is kept beside the arrays."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     key: str
     state: dict[str, Any]
