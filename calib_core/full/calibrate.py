@@ -122,6 +122,7 @@ def with_sensors_as_they_are(
     further: from where another came to rest; None for from the start.
     """
     unknown = run.settings.intrinsics not in {"off", "consider"}
+    from_there: Callable[[Run], Solved] | None = None
     try:
         found = (further or solved)(run)
         beyond = beyond_sheets(found) if unknown else None
@@ -129,14 +130,13 @@ def with_sensors_as_they_are(
         if allowing is None:
             return judged(run, found)
         if {plane.name for plane in counting} <= {plane.name for plane in found.planes}:
-            further = partial(estimate_further, solved=found, schedule=FULL)
-            return with_sensors_as_they_are(allowing, counting, solved, judged, further)
+            from_there = partial(estimate_further, solved=found, schedule=FULL)
     except Refused as refused:
         if not (unknown and refused.code.startswith("solve.")):
             raise
         allowing = without_sheet(run, beyond_by(refused)) if isinstance(refused, SensorsAstray) else None
     if allowing is not None:
-        return with_sensors_as_they_are(allowing, counting, solved, judged)
+        return with_sensors_as_they_are(allowing, counting, solved, judged, from_there)
     return with_sensors_held(run, solved, judged)
 
 

@@ -162,8 +162,8 @@ def test_a_sensor_that_is_no_better_than_any_is_taken_for_any(monkeypatch: pytes
     """From the end on where all planes are there still, else anew, and anew where it ended astray; then what runs away by any
     sensor's priors is held as before, by a solve of its own.
 
-    Mutations: from the end on though a plane was lost; anew though none was; never a second time; judged by the sheet; for ever;
-    where sensors are held or ideal; the held solve begun from what came before.
+    Mutations: from the end on though a plane was lost; anew though none was; never a second time; judged by the sheet; for ever,
+    whatever it ends with; where sensors are held or ideal; the held solve begun from what came before.
     """
     astray = SensorsAstray("laser_elevation", 14.0)
 
@@ -180,6 +180,10 @@ def test_a_sensor_that_is_no_better_than_any_is_taken_for_any(monkeypatch: pytes
     assert (said, end) == ([], ("auto any", "freed"))
     asked, _, end = of("beyond", astray, "held", "freed")
     assert asked == ["auto", "freed from beyond any", "consider any", "freed from held any"]
+    refused = Refused("solve.unsettled", "it moves")
+    asked, said, end = of("beyond", refused, refused)
+    assert (asked[-1], said, end) == ("consider any", [], "solve.unsettled")
+    assert len(asked) == 3
     for mode in ("off", "consider"):
         assert of("beyond", mode=mode) == ([mode], [], (mode, "beyond"))
         assert of(astray, mode=mode) == ([mode], [], astray.code)
