@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib_core.counts import counted
-from calib_core.document import Answer, Question, document, refused
+from calib_core.document import Answer, Heard, Question, document, refused
 from calib_core.errors import Refused, SettingsError
-from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.clock_step import Sides, clock_step, misfit
 from calib_core.full.assess.confidence import DISAGREEMENT
 from calib_core.full.assess.imu_silence import imu_silence
@@ -96,28 +96,6 @@ def with_unit_proven(messages: Sequence[Message]) -> list[Message]:
     return [m.model_copy(update={"text": borne_out(m.text)}) if m.code == "imu.gyroscope_unit" else m for m in messages]
 
 
-class Heard:
-    """What is said on the way to one answer, each sentence once; all events go on to the listener.
-
-    messages: so far, those before included.
-    """
-
-    def __init__(self, on_event: OnEvent, before: Sequence[Message]) -> None:
-        self._on_event = on_event
-        self.messages = list(before)
-
-    def __call__(self, event: Event) -> None:
-        if isinstance(event, LogEvent):
-            message = Message(code=event.code, level=event.level, text=event.text)
-            if message not in self.messages:  # a second attempt finds again what the first one did
-                self.messages.append(message)
-        self._on_event(event)
-
-    def said_so_far(self) -> list[Message]:
-        """A copy of the messages."""
-        return list(self.messages)
-
-
 def with_crispness(done: Calibration, recording: Recording, settings: CalibrateSettings) -> Calibration:
     """The calibration with the crispness of its room in it, where that is asked for and can be measured."""
     if done.trajectory is None or not settings.crispness:
@@ -136,6 +114,8 @@ def _answer(recording: Recording, question: Question) -> Answer:
             return calibrate_published(recording, question)
         require_length(recording, "a calibration", "; record for half a minute or more")
         run = prepare(recording, question.settings, question.on_event, question.should_cancel)
+        if isinstance(question.on_event, Heard):
+            run = replace(run, heard=question.on_event)
         return calibrate_full(run, question.planes, question.guess, question.kept_in)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.events import OnEvent, ShouldCancel
+from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel
 from calib_core.geometry import euler_xyz_deg, quaternion_xyzw, transform_matrix
 from calib_core.pace import rate_hz
 from calib_core.result import (
@@ -30,6 +30,32 @@ from calib_core.result import (
 )
 from calib_core.settings import Axis, CalibrateSettings, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane, Recording, Trajectory
+
+
+class Heard:
+    """What is said on the way to one answer, each sentence once; all events go on to the listener.
+
+    messages: so far, those before included.
+    """
+
+    def __init__(self, on_event: OnEvent, before: Sequence[Message]) -> None:
+        self._on_event = on_event
+        self.messages = list(before)
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, LogEvent):
+            message = Message(code=event.code, level=event.level, text=event.text)
+            if message not in self.messages:  # a second attempt finds again what the first one did
+                self.messages.append(message)
+        self._on_event(event)
+
+    def said_so_far(self) -> list[Message]:
+        """A copy of the messages."""
+        return list(self.messages)
+
+    def unsay(self, count: int) -> None:
+        """Forget all but the first so many: what an attempt that led nowhere has said is not true of the answer."""
+        del self.messages[count:]
 
 
 @dataclass(frozen=True)

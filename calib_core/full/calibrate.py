@@ -30,7 +30,7 @@ from calib_core.full.joint.doubt import face_three_ways, judge_chosen
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.kept_motion import KeptMotion, called_as
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
-from calib_core.full.joint.sheets import beyond_by, beyond_sheets, without_sheet
+from calib_core.full.joint.sheets import beyond_by, beyond_sheets, say_beyond, without_sheet
 from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
@@ -54,6 +54,7 @@ def calibrate_full(
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     late, dropped = late_and_dropped(followed, choice) if choice else ([], [])
+    unsay = run.attempt()
     own = own_planes(run, followed, choice, late)
     motion: Motion | None = None
     if choice is not None:
@@ -92,6 +93,7 @@ def calibrate_full(
     except Refused as refused:
         if refused.code == "planes.doubtful":
             raise
+        unsay()
         text = "without the doubtful among these planes there is no answer, and all of them count"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(CHOSEN, by_hand)
@@ -122,11 +124,12 @@ def with_sensors_as_they_are(
     further: from where another came to rest; None for from the start.
     """
     unknown = run.settings.intrinsics not in {"off", "consider"}
+    unsay = run.attempt()
     from_there: Callable[[Run], Solved] | None = None
     try:
         found = (further or solved)(run)
         beyond = beyond_sheets(found) if unknown else None
-        allowing = without_sheet(run, beyond) if beyond else None
+        allowing = None if beyond is None else without_sheet(run, beyond)
         if allowing is None:
             return judged(run, found)
         if {plane.name for plane in counting} <= {plane.name for plane in found.planes}:
@@ -134,10 +137,14 @@ def with_sensors_as_they_are(
     except Refused as refused:
         if not (unknown and refused.code.startswith("solve.")):
             raise
-        allowing = without_sheet(run, beyond_by(refused)) if isinstance(refused, SensorsAstray) else None
-    if allowing is not None:
-        return with_sensors_as_they_are(allowing, counting, solved, judged, from_there)
-    return with_sensors_held(run, solved, judged)
+        beyond = beyond_by(refused) if isinstance(refused, SensorsAstray) else None
+        allowing = None if beyond is None else without_sheet(run, beyond)
+    if from_there is None:
+        unsay()
+    if beyond is None or allowing is None:
+        return with_sensors_held(run, solved, judged)
+    say_beyond(run, beyond)
+    return with_sensors_as_they_are(allowing, counting, solved, judged, from_there)
 
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
@@ -145,11 +152,13 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
     and where they still run away, held to the end and counted in the error bars."""
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solved(held)
+    unsay = run.attempt()
     try:
         return judged(run, estimate_further(run, solved=without, schedule=FULL))
     except Refused as refused:
         if not refused.code.startswith("solve."):
             raise
+    unsay()
     text = (
         "with the sensors' own parameters as unknowns the solve found no answer: the sensors are taken as their data sheets "
         "have them, and what they may be off by is counted in the error bars"
@@ -198,6 +207,7 @@ def solve(
     """
     begun = None
     iterations = 0
+    unsay = run.attempt()
     try:
         if motion is None:
             begun = begin(run, followed, lidar, start, guess, schedule)
@@ -213,6 +223,7 @@ def solve(
     except Refused:
         if _all_followed(run, followed):
             raise
+    unsay()
     run.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
     alone = replace(schedule, planes=None, propagation=None)
     data, first, _ = begun or begin(run, followed, lidar, start, guess, schedule)

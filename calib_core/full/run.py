@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
+from calib_core.document import Heard
 from calib_core.errors import Cancelled
 from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
@@ -127,6 +129,7 @@ class Run:
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
     beyond_sheets: frozenset[Sensor] = frozenset()
+    heard: Heard | None = None
 
     @property
     def hyper(self) -> Hyper:
@@ -154,6 +157,14 @@ class Run:
     def say(self, level: Level, code: str, text: str) -> None:
         """A sentence for a person."""
         self.on_event(LogEvent(level=level, code=code, text=text))
+
+    def attempt(self) -> Callable[[], None]:
+        """Begin what may lead nowhere: a call of what this returns keeps what was said on that way out of the document. Whoever
+        watches has heard it."""
+        heard = self.heard
+        if heard is None:
+            return lambda: None
+        return partial(heard.unsay, len(heard.messages))
 
     def keeping(self, code: str) -> Run:
         """The same run, which keeps one kind of sentence to itself: what it says would not be true of how it is used."""

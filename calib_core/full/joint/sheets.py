@@ -62,7 +62,7 @@ def beyond_by(astray: SensorsAstray) -> Beyond:
 
 def without_sheet(run: Run, beyond: Beyond) -> Run | None:
     """The run with what any sensor may be off by allowed to the one that is beyond its sheet; None where it is allowed already,
-    or the sheet has as much. Says so."""
+    or the sheet has as much."""
     sensor = beyond.sensor
     if sensor is None or sensor in run.beyond_sheets:
         return None
@@ -70,6 +70,13 @@ def without_sheet(run: Run, beyond: Beyond) -> Run | None:
     before, after = (nuisance_of(each.recording, each.settings, each.beyond_sheets) for each in (run, allowing))
     if after.values(after.prior_std, beyond.block).max() <= before.values(before.prior_std, beyond.block).max():
         return None
+    return allowing
+
+
+def say_beyond(run: Run, beyond: Beyond) -> None:
+    """That a sheet is not relied on, and why. run: with it."""
+    sensor = beyond.sensor
+    assert sensor is not None
     whose = "IMU" if sensor == "imu" else "lidar"
     run.say(
         "warning",
@@ -78,7 +85,6 @@ def without_sheet(run: Run, beyond: Beyond) -> Run | None:
         f"{_kind(run, sensor)} has it: the sheet is not relied on, and as much is allowed for as any {whose} may be off by; see "
         "whether it is one",
     )
-    return allowing
 
 
 def _kind(run: Run, sensor: Sensor) -> str:

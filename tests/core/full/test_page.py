@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.document import Heard
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.sheets import Beyond
 from calib_core.full.run import Run
+from calib_core.result import Message
 from calib_core.settings import CalibrateSettings
 
 
@@ -31,6 +33,7 @@ class Estimator:
     def __init__(self, *outcomes: Refused | str) -> None:
         self.outcomes = list(outcomes)
         self.asked: list[tuple[Schedule, int]] = []
+        self.said: list[str] = []
 
     def __call__(self, _: object, state: State, schedule: Schedule) -> Any:
         self.asked.append((schedule, state.iterations))
@@ -54,7 +57,11 @@ def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: i
     monkeypatch.setattr(page, "estimate_chosen", estimator)
     monkeypatch.setattr(page, "begin", lambda *_: (None, State(), 1.0))
     monkeypatch.setattr(page, "implausible", lambda _, end: "why" if end.name == "wrong" else None)
-    run: Any = SimpleNamespace(recording=SimpleNamespace(scans=range(10)), say=lambda *_: None)
+    run: Any = SimpleNamespace(
+        recording=SimpleNamespace(scans=range(10)),
+        say=lambda *_: estimator.said.append("said"),
+        attempt=lambda: lambda: estimator.said.append("unsaid"),
+    )
     track: Any = SimpleNamespace(motions=range(followed), planes=())
     unused: Any = None
     return page.solve(run, track, unused, unused, None, FULL, motion)
@@ -65,6 +72,7 @@ def test_an_answer_that_can_be_true_is_taken(monkeypatch: pytest.MonkeyPatch) ->
     estimator = Estimator("right")
     assert solved(monkeypatch, estimator, followed=6).name == "right"
     assert [schedule for schedule, _ in estimator.asked] == [FULL]
+    assert estimator.said == []
 
 
 @pytest.mark.parametrize("first", ["wrong", Refused("solve.offset_ran_away", "it ran away")])
@@ -79,6 +87,7 @@ def test_what_was_propagated_over_is_left_out_where_it_spoils_the_answer(
     assert again.planes is None
     assert again.settling is not None
     assert iterations == (7 if first == "wrong" else 0)
+    assert estimator.said == ["unsaid", "said"]  # not true of the second
 
 
 def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,16 +122,28 @@ class Found(str):
 
 
 def asked_of(
-    monkeypatch: pytest.MonkeyPatch, mode: str, *outcomes: Refused | str, counting: str = "floor"
+    monkeypatch: pytest.MonkeyPatch,
+    mode: str,
+    *outcomes: Refused | str,
+    counting: str = "floor",
+    document: Heard | None = None,
 ) -> tuple[list[str], list[str], Any]:
     """With which sensors a solve was asked for ("freed": with them let go, from an end; "any": by the sheets of any), what was
-    said meanwhile, and what came of it. counting: the plane that it begins with."""
+    said meanwhile, and what came of it. counting: the plane that it begins with.   document: hears everything."""
     asked: list[str] = []
     said: list[str] = []
+    heard = Heard(lambda _: None, []) if document is None else document
+
+    def hear(event: Any) -> None:
+        heard(event)
+        if event.code != "solved":
+            said.append(event.code)
+
     left = list(outcomes)
 
     def outcome(run: Run, of: str) -> Any:
         asked.append(of + " any" * ("lidar" in run.beyond_sheets))
+        run.say("info", "solved", f"as {asked[-1]}")
         one = left.pop(0)
         if isinstance(one, Refused):
             raise one
@@ -134,16 +155,10 @@ def asked_of(
     monkeypatch.setattr(page, "estimate_further", lambda run, solved, schedule: outcome(run, f"freed from {solved}"))
     monkeypatch.setattr(page, "beyond_sheets", lambda found: Beyond("incidence", 5.0) if "beyond" in found else None)
     monkeypatch.setattr(page, "without_sheet", allowing)
+    monkeypatch.setattr(page, "say_beyond", lambda run, _: run.say("warning", "beyond", "not relied on"))
     unused: Any = None
-    run = Run(
-        unused,
-        CalibrateSettings(intrinsics=mode),
-        unused,
-        unused,
-        unused,
-        lambda event: said.append(getattr(event, "code", "")),
-        unused,
-    )
+    settings = CalibrateSettings(intrinsics=mode)
+    run = Run(unused, settings, unused, unused, unused, hear, unused, heard=heard)
     planes: Any = [SimpleNamespace(name=counting)]
 
     def judged(run: Run, solved: Any) -> Any:
@@ -171,22 +186,44 @@ def test_a_sensor_that_is_no_better_than_any_is_taken_for_any(monkeypatch: pytes
         mode = changes.pop("mode", "auto")
         return asked_of(monkeypatch, mode, *outcomes, **changes)
 
-    assert of("beyond", "end") == (["auto", "freed from beyond any"], [], ("auto any", "end"))
-    assert of("beyond", "end", counting="wall 1") == (["auto", "auto any"], [], ("auto any", "end"))
+    assert of("beyond", "end") == (["auto", "freed from beyond any"], ["beyond"], ("auto any", "end"))
+    assert of("beyond", "end", counting="wall 1") == (["auto", "auto any"], ["beyond"], ("auto any", "end"))
     assert of("beyond", "beyond still")[2] == ("auto any", "beyond still")
-    assert of(astray, "end") == (["auto", "auto any"], [], ("auto any", "end"))
+    assert of(astray, "end") == (["auto", "auto any"], ["beyond"], ("auto any", "end"))
     asked, said, end = of(astray, astray, "held", "freed")
     assert asked == ["auto", "auto any", "consider any", "freed from held any"]
-    assert (said, end) == ([], ("auto any", "freed"))
+    assert (said, end) == (["beyond"], ("auto any", "freed"))
     asked, _, end = of("beyond", astray, "held", "freed")
     assert asked == ["auto", "freed from beyond any", "consider any", "freed from held any"]
     refused = Refused("solve.unsettled", "it moves")
     asked, said, end = of("beyond", refused, refused)
-    assert (asked[-1], said, end) == ("consider any", [], "solve.unsettled")
+    assert (asked[-1], said, end) == ("consider any", ["beyond"], "solve.unsettled")
     assert len(asked) == 3
     for mode in ("off", "consider"):
         assert of("beyond", mode=mode) == ([mode], [], (mode, "beyond"))
         assert of(astray, mode=mode) == ([mode], [], astray.code)
+
+
+def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """That a wall was left out, while it counts in the end. What goes on from an end has all that led there. Mutations: nothing
+    unsaid; all, from the first word; what said that a sheet is not relied on; where it goes on from an end, too.
+    """
+    astray, away = SensorsAstray("laser_elevation", 14.0), Refused("solve.offset_ran_away", "too far")
+
+    def told(*outcomes: Refused | str, counting: str = "floor") -> list[str]:
+        document = Heard(lambda _: None, [Message(code="first", level="info", text="before")])
+        asked_of(monkeypatch, "auto", *outcomes, counting=counting, document=document)
+        return [message.text for message in document.messages]
+
+    assert told("right") == ["before", "as auto"]
+    assert told("beyond", "end") == ["before", "as auto", "not relied on", "as freed from beyond any"]
+    assert told("beyond", "end", counting="wall 1") == ["before", "not relied on", "as auto any"]
+    assert told(astray, "end") == ["before", "not relied on", "as auto any"]
+    assert told(away, "held", "freed") == ["before", "as consider", "as freed from held"]
+    assert told(away, "held", away)[:2] == ["before", "as consider"]
+    assert len(told(away, "held", away)) == 3  # and that the sensors are held
 
 
 def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.document import Heard
 from calib_core.errors import Refused
 from calib_core.full import calibrate as page
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
@@ -44,7 +45,7 @@ def counted(
     left = list(outcomes)
     unused: Any = None
 
-    def solve(_run: object, followed: Followed, *rest: Any) -> Any:
+    def solve(_run: Any, followed: Followed, *rest: Any) -> Any:
         late = followed.late or [False] * len(followed.planes)
         names = [("+" if is_late else "") + p.name for p, is_late in zip(followed.planes, late, strict=True)]
         schedule, motion, kept = rest[-3:]
@@ -53,6 +54,7 @@ def counted(
         assert kept is None or schedule is FULL
         one = left.pop(0)
         if isinstance(one, Refused):
+            _run.say("info", "of an attempt", "a wall was left out")
             raise one
         return one
 
@@ -76,7 +78,8 @@ def counted(
     monkeypatch.setattr(page, "weigh", lambda _run, solved: solved in judged)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
-    run = Run(unused, settings, unused, unused, unused, lambda event: said.append(getattr(event, "code", "")), unused)
+    heard = Heard(lambda event: said.append(getattr(event, "code", "")), [])
+    run = Run(unused, settings, unused, unused, unused, heard, unused, heard=heard)
 
     def motion(run: Run, track: Followed, *_: Any) -> Any:
         if comes:
@@ -85,9 +88,11 @@ def counted(
 
     monkeypatch.setattr(page, "motion_by_everything", motion)
     try:
-        return asked, said, page.calibrate_full(run, planes, None)
+        answer = page.calibrate_full(run, planes, None)
     except Refused as refused:
-        return asked, said, refused.code
+        return asked, [code for code in said if code != "of an attempt"], refused.code
+    assert "of an attempt" not in [message.code for message in heard.messages]  # what it said is not true of the answer
+    return asked, [code for code in said if code != "of an attempt"], answer
 
 
 def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
