@@ -137,7 +137,8 @@ def scene(page: Page) -> Locator:
 
 
 def coloured(page: Page) -> NDArray[np.bool_]:
-    """Which pixels of the scene are coloured, (height, width); its background and the page's chrome are grey."""
+    """Which pixels of the scene, as the page counts them, are coloured, (height, width); its background and the page's chrome are
+    grey."""
     box = scene(page).bounding_box()
     assert box is not None, "the scene is not on the page"
     # A picture of the page, not of the element: the latter waits for frames that software rendering is slow to give.
@@ -145,7 +146,9 @@ def coloured(page: Page) -> NDArray[np.bool_]:
         clip={"x": box["x"], "y": box["y"], "width": box["width"], "height": box["height"]}, timeout=PICTURE_WAIT_MS
     )
     image = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=np.int16)
-    return (image.max(axis=2) - image.min(axis=2)) > 60
+    drawn = (image.max(axis=2) - image.min(axis=2)) > 60
+    times = round(1.0 / float(page.evaluate("devicePixelRatio")))
+    return drawn.repeat(times, axis=0).repeat(times, axis=1)
 
 
 def wait_for_cloud(page: Page) -> NDArray[np.bool_]:
