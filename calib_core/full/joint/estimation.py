@@ -162,6 +162,17 @@ class Estimation:
             minimum=None,
         )
 
+    def with_priors_of(self, sensors: Nuisance) -> Estimation:
+        """With these for the sensors' own parameters: what is known of them, by the priors that these have."""
+        before, values = self.nuisance, self.estimate.nuisance
+        known = [
+            values[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
+            for each in sensors.blocks
+        ]
+        own = len(before.sensors.blocks)
+        now = replace(before, blocks=(*sensors.blocks, *before.blocks[own:]))
+        return self.with_nuisance(now, np.concatenate([*known, values[before.sensors.size :]]))
+
 
 @dataclass(frozen=True)
 class Solved:

@@ -77,20 +77,8 @@ def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
     assert schedule.settling is not None
     sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
     data = replace(solved.data, run=run, sensors=sensors)
-    state = replace(with_priors_of(solved.state, sensors), rounds=0)
+    state = replace(solved.state.with_priors_of(sensors), rounds=0)
     return at_rest(data, settle(data, state, schedule.settling, schedule.sampling), schedule)
-
-
-def with_priors_of(state: Estimation, sensors: Nuisance) -> Estimation:
-    """The same with these for the sensors' own parameters: what is known of them, by the priors that these have."""
-    before, values = state.nuisance, state.estimate.nuisance
-    known = [
-        values[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
-        for each in sensors.blocks
-    ]
-    own = len(before.sensors.blocks)
-    now = replace(before, blocks=(*sensors.blocks, *before.blocks[own:]))
-    return state.with_nuisance(now, np.concatenate([*known, values[before.sensors.size :]]))
 
 
 def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:

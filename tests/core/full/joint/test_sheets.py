@@ -15,10 +15,9 @@ from calib_core.calibrate import calibrate
 from calib_core.events import never_cancel
 from calib_core.full.joint.settings import SHEETS
 from calib_core.full.joint.sheets import Beyond, beyond_sheets, say_beyond, without_sheet
-from calib_core.full.joint.solve import with_priors_of
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock, nuisance_of
 from calib_core.full.prepare.prepare import prepare
-from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
+from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR, Block
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate, parse_faults
 from calib_core.types import Recording
@@ -32,9 +31,9 @@ NAMED = CalibrateSettings(imu_noise="xsens-mti-300", lidar="ouster-os")
 
 def ended(*away: np.ndarray, fault: str = "") -> Any:
     """The end of a solve of blocks, as many standard deviations away."""
-    names = ("gyroscope_scale", "laser_elevation", "clock_rate")
+    names: tuple[Block, ...] = ("gyroscope_scale", "laser_elevation", "clock_rate")
     blocks = tuple(
-        NuisanceBlock(name, tuple(map(str, range(len(values)))), np.full(len(values), 0.01))  # type: ignore[arg-type]
+        NuisanceBlock(name, tuple(map(str, range(len(values)))), np.full(len(values), 0.01))
         for name, values in zip(names, away, strict=False)
     )
     estimate = SimpleNamespace(nuisance=0.01 * np.concatenate(away))
@@ -110,10 +109,10 @@ def test_what_is_known_of_the_sensors_stays_and_is_held_less(half: Half) -> None
     values = np.array([1.0, 2.0, 3.0])
     tones = old.with_tone(12.0, 0.1, 0.0)
     shaken = np.concatenate([values, np.arange(25.0)])
-    state = with_priors_of(half.state.with_nuisance(old, values), new)
+    state = half.state.with_nuisance(old, values).with_priors_of(new)
     assert state.estimate.nuisance.tolist() == [1.0, 2.0, 3.0, 0.0]
     assert state.priors.nuisance_std.tolist() == [0.01, 0.01, 0.01, 0.02]
-    state = with_priors_of(half.state.with_nuisance(tones, shaken), new)
+    state = half.state.with_nuisance(tones, shaken).with_priors_of(new)
     assert state.estimate.nuisance.tolist() == [1.0, 2.0, 3.0, 0.0, *np.arange(25.0)]
     assert state.nuisance.tones_hz == (12.0,)
     assert state.nuisance.size == len(state.priors.nuisance_std) == 4 + 25
