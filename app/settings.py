@@ -67,9 +67,6 @@ class AppSettings(BaseSettings):
         default=None, ge=LEAST_MEMORY_BYTES, description="memory of one job; None: its share of the machine's"
     )
     job_file_bytes: int = Field(default=256 * GIB, gt=0, description="the largest file that a job may write")
-    spare_worker: bool = Field(
-        default=True, description="keep a process ready for each job of a new recording: 2 s sooner, 150 MB each"
-    )
     cancel_grace_s: float = Field(default=2.0, ge=0, description="time a cancelled job has before it is terminated")
     max_scenes: int = Field(default=16, ge=1, description="3D scenes open at once; the longest unused one closes")
     scene_idle_s: float = Field(default=900.0, gt=0, description="a scene nobody looks at closes after this time")

@@ -32,7 +32,7 @@ WAY_OUT = (
 )
 ENDED = {"done", "failed", "cancelled", "interrupted"}
 WITHIN = "--within"
-REAL = "app.work.functions:run_job"
+REAL = "app.work.ready:run_job"
 
 
 def isolated() -> bool:

@@ -117,7 +117,7 @@ def finish(victim: Victim, upload: Upload, data_dir: Path, tally: Tally) -> None
 class Servers:
     """The server of the moment: another one is started where the last has ended."""
 
-    def __init__(self, data_dir: Path, tally: Tally, *, entry: str = "app.work.functions:run_job") -> None:
+    def __init__(self, data_dir: Path, tally: Tally, *, entry: str = "app.work.ready:run_job") -> None:
         self._entry = entry
         self._data_dir = data_dir
         self._tally = tally

@@ -47,7 +47,7 @@ def server_of_its_own(folder: Path) -> Iterator[tuple[str, Server]]:
     bound = socket.create_server(("127.0.0.1", 0))
     shared = folder / "recordings"
     shared.mkdir()
-    settings = AppSettings(data_dir=folder / "data", recordings_dir=shared, min_free_bytes=0, spare_worker=False)
+    settings = AppSettings(data_dir=folder / "data", recordings_dir=shared, min_free_bytes=0)
     server = make_server(settings, launcher=StillLauncher())
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
     thread.start()

@@ -28,7 +28,7 @@ from app.application import make_server
 from app.settings import AppSettings
 bound = socket.socket(fileno=int(sys.argv[1]))
 settings = AppSettings(
-    data_dir=Path(sys.argv[2]), spare_worker=False, cancel_grace_s=0.3, **{"min_free_bytes": 0, **json.loads(sys.argv[4])}
+    data_dir=Path(sys.argv[2]), cancel_grace_s=0.3, **{"min_free_bytes": 0, **json.loads(sys.argv[4])}
 )
 make_server(settings, launcher=ProcessLauncher(sys.argv[3])).run(sockets=[bound])
 """
@@ -99,7 +99,7 @@ def until(holds: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
 
 @contextmanager
 def running(
-    data_dir: Path, *, entry: str = "app.work.functions:run_job", port: int = 0, **settings: object
+    data_dir: Path, *, entry: str = "app.work.ready:run_job", port: int = 0, **settings: object
 ) -> Iterator[Victim]:
     """A server process over a data directory, up when this begins and gone when it ends.   port: 0 is any free one."""
     with socket.socket() as bound:

@@ -122,16 +122,20 @@ def foresight(kept_in: Path) -> Foresight | None:
 _LATER = ("scipy.special", "scipy.spatial", "scipy.ndimage", "scipy.fft", "scipy.sparse.linalg", "scipy.optimize")
 
 
-def get_ready() -> None:
+def get_ready(*, aside: bool = True) -> None:
     """Import what `calibrate` needs on a thread of its own, while a recording is being read: a second saved.
 
     For a process of one calibration: what is there once all is imported is never again looked through for rings of garbage.
+    aside: False imports on this thread, for a process that others are forked from, which must have one only.
     """
     collecting = gc.isenabled()
     gc.disable()  # modules stay: to look through them again and again while there come more takes an eighth of that second
     # What reading needs is imported first: two threads that import the same things wait for one another.
     importlib.import_module("calib_core.readers.load")
-    threading.Thread(target=_import_the_rest, args=(collecting,)).start()
+    if aside:
+        threading.Thread(target=_import_the_rest, args=(collecting,)).start()
+    else:
+        _import_the_rest(collecting)
 
 
 def _import_the_rest(collecting: bool) -> None:

@@ -35,7 +35,7 @@ from calib_core.events import LogEvent
 if TYPE_CHECKING:
     from distributed import Client, Future, Queue
 
-JOB = "app.work.functions:run_job"
+JOB = "app.work.ready:run_job"
 
 #: How long nothing is heard before it is looked whether the other side is still there.
 _LOOK_S = 0.5

@@ -7,11 +7,12 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
+from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event as ProcessEvent
 from typing import Protocol
 
@@ -32,8 +33,12 @@ THREAD_CAPS = {
 TERMINATE_GRACE_S = 2.0
 #: So often a process that says nothing is looked at: a child that it left behind may hold its pipe open.
 DEATH_POLL_S = 0.5
+#: So often, and after so long each time, a process is started anew that none forks.
+BIRTHS, BIRTH_S = 10, 0.05
 
-_SPAWN = multiprocessing.get_context("spawn")
+#: Forked, a job begins with all imported, in some hundredths of a second; elsewhere what libraries hold does not survive it.
+FORKED = sys.platform.startswith("linux")
+_PROCESSES = multiprocessing.get_context("forkserver") if FORKED else multiprocessing.get_context("spawn")
 _ENVIRONMENT = threading.Lock()
 
 
@@ -63,111 +68,62 @@ class Launcher(Protocol):
         """The server has started: what makes the first job quicker may be done now."""
 
     def close(self) -> None:
-        """The server stops: end what waits for a job."""
+        """The server stops: let go of what jobs were started with."""
 
 
 class ProcessLauncher:
-    """One spawned process per job. `entry`: module:function of the job function.
+    """One process per job. `entry`: module:function of the job function.
 
-    spares: keep so many processes waiting that have imported what jobs need, which takes longer than reading a cloud.
+    The module is imported once, by the process that jobs are forked from, where the system has such: what it imports no job
+    imports again. There is one such process, and it has what the first launcher named.
     """
 
-    def __init__(self, entry: str = "app.work.functions:run_job", *, spares: int = 0) -> None:
+    def __init__(self, entry: str = "app.work.ready:run_job") -> None:
         self._entry = entry
-        self._most_spares = spares
-        self._spares: list[Worker] = []
-        self._lock = threading.Lock()
-        self._closed = False
 
     def launch(self, order: Order) -> RunningJob:
         """Start the job in a process of its own."""
-        worker = self._take_spare() or self._spawn()
-        try:
-            worker.orders.send_bytes(order.model_dump_json().encode())
-        except OSError:  # the spare ended between the look and the word
-            worker = self._spawn()
-            worker.orders.send_bytes(order.model_dump_json().encode())
-        worker.orders.close()
-        # The next spare is made when this job has ended: until then the processor is the job's.
-        return JobProcess(worker.process, worker.parcels, worker.cancel, on_end=self._replace_spare)
+        receiver, sender = _PROCESSES.Pipe(duplex=False)
+        alive, server_alive = _PROCESSES.Pipe(duplex=False)
+        cancel = _PROCESSES.Event()
+        process = _PROCESSES.Process(
+            target=run_worker,
+            args=(self._entry, order.model_dump_json(), sender, cancel, alive),
+            name="unsweep-worker",
+            daemon=True,
+        )
+        with _birth():
+            self._name_what_is_needed()
+            _start(process)
+        sender.close()  # so that the pipe ends when the child does
+        alive.close()
+        return JobProcess(process, receiver, cancel, server_alive)
 
     def slots(self) -> None:
         """As many as the settings say."""
 
     def prepare(self) -> None:
-        """Have all spare processes."""
-        for _ in range(self._most_spares):
-            self._replace_spare()
+        """Start the process that jobs are forked from: what it imports takes longer than reading a cloud."""
+        if FORKED:
+            from multiprocessing.forkserver import ensure_running  # not made for every system
+
+            with _birth():
+                self._name_what_is_needed()
+                ensure_running()
 
     def close(self) -> None:
-        """End the spare processes."""
-        with self._lock:
-            self._closed = True
-            workers, self._spares = self._spares, []
-        for worker in workers:
-            worker.end()
+        """Nothing: the process that jobs are forked from is this process's, and ends with it."""
 
-    def _replace_spare(self) -> None:
-        if self._most_spares:
-            threading.Thread(target=self._make_spare, name="spare-worker", daemon=True).start()
-
-    def _make_spare(self) -> None:
-        with self._lock:
-            if len(self._spares) < self._most_spares and not self._closed:
-                self._spares.append(self._spawn())
-
-    def _take_spare(self) -> Worker | None:
-        """The one that has waited longest; those that ended meanwhile are passed over."""
-        with self._lock:
-            while self._spares:
-                worker = self._spares.pop(0)
-                if worker.process.is_alive():
-                    return worker
-        return None
-
-    def _spawn(self) -> Worker:
-        orders, order_sender = _SPAWN.Pipe(duplex=False)
-        receiver, sender = _SPAWN.Pipe(duplex=False)
-        cancel = _SPAWN.Event()
-        process = _SPAWN.Process(
-            target=run_worker, args=(self._entry, orders, sender, cancel), name="unsweep-worker", daemon=True
-        )
-        with _capped_threads(), interrupts_unheard():
-            process.start()
-        orders.close()
-        sender.close()  # so that the pipe ends when the child does
-        return Worker(process, order_sender, receiver, cancel)
-
-
-@dataclass(frozen=True)
-class Worker:
-    """A process that waits for its order, and the ends of what connects it."""
-
-    process: SpawnProcess
-    orders: Connection
-    parcels: Connection
-    cancel: ProcessEvent
-
-    def end(self) -> None:
-        """End it; it has no job."""
-        self.orders.close()
-        self.parcels.close()
-        self.process.terminate()
-        self.process.join(TERMINATE_GRACE_S)
-        kill_group(self.process)
+    def _name_what_is_needed(self) -> None:
+        if FORKED:
+            _PROCESSES.set_forkserver_preload(["__main__", self._entry.partition(":")[0]])
 
 
 class JobProcess:
-    """A worker process and the ends of what connects it."""
+    """A worker process and the ends of what connects it. alive: by whose end it knows that this process has ended."""
 
-    def __init__(
-        self,
-        process: SpawnProcess,
-        pipe: Connection,
-        cancel: ProcessEvent,
-        on_end: Callable[[], None] = lambda: None,
-    ) -> None:
-        self._on_end = on_end
+    def __init__(self, process: BaseProcess, pipe: Connection, cancel: ProcessEvent, alive: Connection) -> None:
+        self._alive = alive
         self._process = process
         self._pipe = pipe
         self._cancel = cancel
@@ -187,7 +143,7 @@ class JobProcess:
             self._process.join(TERMINATE_GRACE_S)
             kill_group(self._process)
             self._process.join()
-            self._on_end()
+            self._alive.close()
 
     def ask_to_stop(self) -> None:
         """Set the event the job polls."""
@@ -206,7 +162,7 @@ class JobProcess:
             kill_group(self._process)
 
 
-def kill_group(process: SpawnProcess) -> None:
+def kill_group(process: BaseProcess) -> None:
     """Kill a worker, which leads a group of its own, and all that it has started. Nothing of it is left to be asked."""
     if process.is_alive():
         process.kill()
@@ -215,17 +171,38 @@ def kill_group(process: SpawnProcess) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
+def _start(process: BaseProcess) -> None:
+    """Start it; anew where the process that it is to be forked from has just ended, which is seen a moment later."""
+    for _ in range(BIRTHS - 1):
+        try:
+            process.start()
+        except (EOFError, ConnectionError):
+            time.sleep(BIRTH_S)
+        else:
+            return
+    process.start()
+
+
+@contextmanager
+def _birth() -> Iterator[None]:
+    """One child at a time, deaf to Ctrl-C, in the environment of one."""
+    with _ENVIRONMENT:
+        if FORKED:
+            resource_tracker.ensure_running()  # begun on the way to a child, it would have that child hear interrupts
+        with interrupts_unheard(), _capped_threads():
+            yield
+
+
 @contextmanager
 def _capped_threads() -> Iterator[None]:
     """The environment a child is born with; numerical libraries read it once, when they are loaded."""
-    with _ENVIRONMENT:
-        before = {name: os.environ.get(name) for name in THREAD_CAPS}
-        os.environ.update(THREAD_CAPS)
-        try:
-            yield
-        finally:
-            for name, value in before.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                else:
-                    os.environ[name] = value
+    before = {name: os.environ.get(name) for name in THREAD_CAPS}
+    os.environ.update(THREAD_CAPS)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

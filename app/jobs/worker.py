@@ -13,6 +13,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event as ProcessEvent
 from typing import cast
@@ -32,24 +33,16 @@ JobFunction = Callable[[Order, OnEvent, ShouldCancel], Outcome]
 #: Answers go before jobs: where processors are short, a solve that takes a little longer is worth less than a page that is
 #: there at once.
 PATIENCE = 5
-#: Looked at once a second: a worker whose server was killed must not go on computing.
-PARENT_POLL_S = 1.0
 
 
-def run_worker(entry: str, orders: Connection, pipe: Connection, cancel: ProcessEvent) -> None:
-    """Wait for one order, run it and tell its end. `entry`: module:function of a JobFunction.
+def run_worker(entry: str, order_json: str, pipe: Connection, cancel: ProcessEvent, alive: Connection) -> None:
+    """Run one order and tell its end. `entry`: module:function of a JobFunction.
 
-    What waits is spent on importing: the module's `warm_up` is called where it has one.
+    alive: says nothing, and ends with the server: a worker whose server was killed must not go on computing.
     """
-    _stay_with_server()
+    _stay_with_server(alive)
     keep_freed_memory()
-    warm_up = getattr(importlib.import_module(entry.partition(":")[0]), "warm_up", None)
-    if warm_up is not None and not orders.poll():
-        warm_up()
-    try:
-        order = Order.model_validate_json(orders.recv_bytes())
-    except (EOFError, OSError):
-        return  # the server wants no job of this process any more
+    order = Order.model_validate_json(order_json)
     if order.limits is not None:
         apply_limits(order.limits)
     try:
@@ -98,7 +91,7 @@ def _resolve(entry: str) -> JobFunction:
     return cast(JobFunction, getattr(importlib.import_module(module), name))
 
 
-def _stay_with_server() -> None:
+def _stay_with_server(alive: Connection) -> None:
     """No Ctrl-C (the server decides), a group of its own, by which its children end too, less haste than the server, and an
     end with it.
     """
@@ -107,7 +100,7 @@ def _stay_with_server() -> None:
         os.nice(PATIENCE)
     hear_no_interrupts()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_leave_with_parent, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_leave_with_server, args=(alive,), daemon=True).start()
 
 
 def _log_to_file(order: Order) -> None:
@@ -121,9 +114,9 @@ def _log_to_file(order: Order) -> None:
     os.close(log)
 
 
-def _leave_with_parent(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(PARENT_POLL_S)
+def _leave_with_server(alive: Connection) -> None:
+    with suppress(EOFError, OSError):
+        alive.recv_bytes()
     if sys.platform != "win32":
         os.killpg(0, signal.SIGKILL)
     os._exit(1)

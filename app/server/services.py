@@ -40,7 +40,7 @@ from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingC
 from app.server.feed import RecordingFeed
 from app.server.share import ShareLinks
 from app.server.usual import usual_numbers
-from app.server.workflow import ON_ARRIVAL, Orders, Workflow
+from app.server.workflow import Orders, Workflow
 from app.settings import AppSettings
 from app.storage.database import open_database, touch_database
 from app.storage.files import SUFFIXES, DataFolder
@@ -188,8 +188,7 @@ class Services:
     def _choose_launcher(self) -> Launcher:
         """Processes on this machine, or the cluster of a scheduler; Unavailable where none answers."""
         if self.settings.scheduler is None:
-            spares = min(len(ON_ARRIVAL), self.settings.concurrent_jobs)
-            return ProcessLauncher(spares=spares if self.settings.spare_worker else 0)
+            return ProcessLauncher()
         from app.fleet.launcher import ClusterLauncher
 
         return ClusterLauncher(

@@ -11,7 +11,6 @@ surface    a mesh of a solved room       -> {its solve}/surface.npz
 
 from __future__ import annotations
 
-import importlib
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -51,13 +50,6 @@ SURFACE_SCANS, SURFACE_VOXEL_M, SURFACE_TRIANGLES = 60, 0.1, 12_000
 PROPOSED = "planes.proposed"
 #: What a job says once some of its report can be read, while it goes on examining.
 REPORTED = "inspect.reported"
-
-
-def warm_up() -> None:
-    """Import what the first view of a recording needs, while nobody waits for it."""
-    for name in ("calib_core.readers.load", "calib_core.full.odometry.reference_cloud", "calib_core.doctor.examine"):
-        importlib.import_module(name)
-    importlib.import_module("calib_core.readers.clouds.kernels").get_ready()
 
 
 def run_job(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Outcome:

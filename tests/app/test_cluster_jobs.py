@@ -129,18 +129,12 @@ def test_the_job_of_a_killed_worker_is_run_again_and_its_process_is_gone(address
         marker = live.services.files.job(job_id) / "process"
         live.wait(lambda: marker.exists() and marker.read_text())
         process = int(marker.read_text())
-        (parent,) = [pid for pid in client.run(os.getpid).values() if process in children_of(pid)]
+        begun = client.run(children_of_worker)
+        (parent,) = [pid for worker, pid in client.run(os.getpid).items() if process in begun[worker]]
         os.kill(parent, signal.SIGKILL)
         assert live.finish(job_id)["state"] == "done"
         assert said(live, job_id).count("job.moved") == 1
         live.wait(lambda: not is_alive(process))
-
-
-def children_of(pid):
-    """Processes that a process has started."""
-    import psutil
-
-    return [child.pid for child in psutil.Process(pid).children()]
 
 
 def test_a_server_that_starts_again_has_every_job_and_runs_what_waited(address, client, tmp_path):

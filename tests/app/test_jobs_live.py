@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from datetime import datetime
 
 import pytest
 
-from app.jobs.launch import ProcessLauncher
-from app.jobs.orders import Finished, Order
-from tests.app.support.live import FAKE_JOBS, PATIENCE_S, serving
+from tests.app.support.live import serving
 
 
 def final(message):
@@ -149,49 +146,6 @@ def test_a_sample_is_simulated_then_inspected(shared_live):
     shared_live.wait(lambda: shared_live.job_states(made["id"]).get("planes") == "done")
     assert shared_live.http.get(f"/api/recordings/{made['id']}").json()["size_bytes"] == 9
     assert shared_live.http.post("/api/recordings", json={"sample": "../../etc"}).status_code == 422
-
-
-def test_spare_processes_take_the_jobs_and_are_replaced(tmp_path):
-    """Those that wait run the next jobs, in their order; each that ended is replaced, none is left behind.
-
-    Oracle: process ids. Fails with the spares not taken; with the last one taken first; with one made whatever waits; with
-    close() leaving them waiting.
-    """
-    launcher = ProcessLauncher(FAKE_JOBS, spares=2)
-    for _ in range(3):
-        launcher._make_spare()
-    first, second = (spare.process for spare in launcher._spares)
-    for job, waiting in (("1" * 32, first), ("3" * 32, second)):
-        running = launcher.launch(order_in(tmp_path, job))
-        assert running._process.pid == waiting.pid
-        assert isinstance(list(running.parcels())[-1], Finished)
-    end = time.monotonic() + PATIENCE_S
-    while len(launcher._spares) < 2:
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    successors = [spare.process for spare in launcher._spares]
-    assert not {successor.pid for successor in successors} & {first.pid, second.pid}
-    launcher.close()
-    assert not any(successor.is_alive() for successor in successors)
-    launcher._make_spare()
-    assert launcher._spares == []
-
-
-def test_a_spare_process_that_died_is_no_loss(tmp_path):
-    """Killed while it waited, it is passed over. Fails with the order sent to it without a look or a second try."""
-    launcher = ProcessLauncher(FAKE_JOBS, spares=1)
-    launcher._make_spare()
-    launcher._spares[0].process.kill()
-    launcher._spares[0].process.join()
-    assert isinstance(list(launcher.launch(order_in(tmp_path, "2" * 32)).parcels())[-1], Finished)
-    launcher.close()
-
-
-def order_in(folder, job_id):
-    """An inspection."""
-    return Order(
-        job_id=job_id, kind="inspect", recording_name="a.bag", source=folder, cache=folder, folder=folder / "j"
-    )
 
 
 def test_what_was_unpacked_goes_with_the_last_job_that_might_read_it(tmp_path):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-from app.jobs.launch import ProcessLauncher
 
 _COUNTED = """
 import resource, sys
@@ -84,24 +80,3 @@ def test_who_leaves_has_told_all_and_cleared_away() -> None:
     folder, cleared = done.stdout.splitlines()
     assert (done.returncode, cleared, done.stderr) == (3, "cleared", "")
     assert not Path(folder).exists()
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks Linux which signals a process hears")
-def test_a_spare_process_hears_no_interrupt_from_its_first_line_on() -> None:
-    """Seen: Ctrl-C in a server's first two seconds printed the imports of two processes that were cut off by it.
-
-    Mutations: started with interrupts heard; the starter deaf ever after.
-    """
-    interrupt = 1 << (signal.SIGINT - 1)
-
-    def deaf_to(pid: int, *kinds: str) -> int:
-        status = Path(f"/proc/{pid}/status").read_text()
-        return sum(int(line.split()[1], 16) & interrupt for line in status.splitlines() if line.startswith(kinds))
-
-    assert deaf_to(os.getpid(), "SigBlk") == 0
-    worker = ProcessLauncher()._spawn()
-    try:
-        assert deaf_to(worker.process.pid or 0, "SigBlk", "SigIgn")
-        assert deaf_to(os.getpid(), "SigBlk") == 0
-    finally:
-        worker.end()

@@ -106,6 +106,8 @@ def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
     """Mutation: comparing after saving never inspects again."""
     recording_id = shared_live.ready()
     url = f"/api/recordings/{recording_id}"
+    hold = shared_live.services.files.recording(recording_id) / "hold"
+    hold.touch()
     assert shared_live.http.patch(url, json={"name": "my/room"}).json()["name"] == "room"
     assert shared_live.job_states(recording_id) == {"inspect": "done", "planes": "done"}
     changed = shared_live.http.patch(url, json={"imu_topic": "/imu2", "start_s": 1.5}).json()
@@ -114,6 +116,7 @@ def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
     assert shared_live.http.patch(url, json={"end_s": 1.0}).json()["error"]["code"] == "recording.span"
     assert shared_live.http.patch(url, json={"lidar": "x"}).status_code == 422
     assert shared_live.http.get(f"{url}/planes").json()["error"]["code"] == "planes.not_proposed"
+    hold.unlink()
 
 
 def test_the_timeline_shows_rates_in_degrees_and_where_it_is_still(shared_live):

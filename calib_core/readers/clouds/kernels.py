@@ -72,11 +72,3 @@ def pack_points(
             out_ints[at + 4] = np.int32(times_ns[i] - first_ns)
             out_ints[at + 5] = np.int32(ring[i])  # the ring, and zero in the reserved half above it
             at += 6
-
-
-def get_ready() -> None:
-    """Load them, and with the first of all compiled loops what every one of them needs, before anybody waits for it."""
-    floats, none = np.zeros(0, np.float32), np.zeros(0, bool)
-    mark_valid(floats, floats, floats, np.zeros(0), (np.float32(0.0), np.float32(1.0)), (0.0, 1.0), none)
-    ints, ring = np.zeros(0, np.int32), np.zeros(0, np.uint16)
-    pack_points(floats, floats, floats, floats, ring, np.zeros(0), 0.0, none, floats, ints)

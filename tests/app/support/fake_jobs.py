@@ -8,8 +8,8 @@
 - halfway: some of its report is there, the rest when it is told
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
-Planes are proposed for `room` only. What one kind alone needs it loads itself: the estimator takes a process a second, and
-hundreds of jobs run in the tests.
+Planes are proposed for `room` only, and as long as there is a file `hold` beside its source they are not. What the world of a
+test is made of is imported above: once, by the process that jobs are forked from.
 """
 
 from __future__ import annotations
@@ -19,9 +19,20 @@ import os
 import signal
 import time
 
+from app.arrays.proposals import proposal_arrays, write_proposals
+from app.arrays.recording import recording_arrays, write_recording
+from app.arrays.trajectory import write_trajectory
+from app.results.scans import measure_scans
+from app.results.thickness import measure_thickness
+from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, PlanesOutcome, SimulateOutcome
+from app.work.functions import REPORTED, run_surface
+from calib_core import api
+from calib_core.audit.run import report_of
+from calib_core.calibrate import Calibration
 from calib_core.errors import Cancelled, UnreadableRecording
 from calib_core.events import IterationEvent, LogEvent, StageEvent
+from tests.app.support import world
 from tests.app.support.report import report_json
 
 
@@ -46,16 +57,12 @@ def run(order, on_event, should_cancel):
     if order.kind == "audit":
         return audit(order)
     if order.kind == "surface":
-        from app.work.functions import run_surface
-
         return run_surface(order, on_event, should_cancel)
     return solve(order, on_event, should_cancel)
 
 
 def stay_halfway(order, on_event, should_cancel):
     """Some of a report, until it is asked to stop or finds a file in its folder."""
-    from app.work.functions import REPORTED
-
     report = json.loads(report_json(order.recording_name))
     (order.folder / "report.json").write_text(json.dumps(report | {"final": False}))
     on_event(LogEvent(level="info", code=REPORTED, text="Some of it can be looked at."))
@@ -66,11 +73,9 @@ def stay_halfway(order, on_event, should_cancel):
 
 
 def propose(order):
-    """The planes of world.py."""
-    from app.arrays.proposals import proposal_arrays, write_proposals
-    from app.arrays.recording import recording_arrays, write_recording
-    from tests.app.support import world
-
+    """The planes of world.py, once nothing holds them back."""
+    while (order.source.parent / "hold").exists():
+        time.sleep(0.02)
     write_recording(recording_arrays(order.cache), world.make_recording())
     write_proposals(proposal_arrays(order.cache), world.make_proposals())
     return PlanesOutcome(patches=6, points=6200, static=True)
@@ -78,11 +83,6 @@ def propose(order):
 
 def audit(order):
     """The library's part is tested with it; here it is answered by hand, from the order's own words."""
-    from calib_core import api
-    from calib_core.audit.run import report_of
-    from calib_core.calibrate import Calibration
-    from tests.app.support import world
-
     given = api.parse_extrinsic(order.request.audit.extrinsic, frames=("imu", "lidar"))
     report = report_of(given, Calibration(world.make_result(), None), order.request.audit.limits)
     (order.folder / "audit.json").write_text(report.to_json())
@@ -121,12 +121,6 @@ def solve(order, on_event, should_cancel):
 
 def answer(order, name):
     """What a solve of the world of world.py leaves behind."""
-    from app.arrays.trajectory import write_trajectory
-    from app.results.scans import measure_scans
-    from app.results.thickness import measure_thickness
-    from app.results.verdict import solve_outcome
-    from tests.app.support import world
-
     result = world.make_result("refused" if name.startswith("refused") else "calibrated", name)
     asked = {plane.name: plane.outline_m for plane in order.request.planes or ()}
     for plane in result.quality.planes:
@@ -153,8 +147,6 @@ def take_too_much(name, folder):
 
 def iteration(step):
     """A step of a solve."""
-    from tests.app.support import world
-
     return IterationEvent(
         iteration=step,
         round=0,

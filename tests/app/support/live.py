@@ -105,9 +105,7 @@ class Live:
 @contextmanager
 def serving(data_dir, *, launcher=None, **settings):
     """A server over a data directory.   launcher: what runs its jobs; None: a process each, for the jobs of fake_jobs."""
-    chosen = AppSettings(
-        data_dir=data_dir, **{"cancel_grace_s": 0.3, "min_free_bytes": 0, "spare_worker": False, **settings}
-    )
+    chosen = AppSettings(data_dir=data_dir, **{"cancel_grace_s": 0.3, "min_free_bytes": 0, **settings})
     bound = socket.socket()
     bound.bind(("127.0.0.1", 0))
     bound.listen(128)

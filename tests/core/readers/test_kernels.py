@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud
-from calib_core.readers.clouds.kernels import get_ready, mark_valid, pack_points
-from calib_core.readers.scans import select_points
+from calib_core.readers.clouds.kernels import mark_valid, pack_points
+from calib_core.readers.scans import load_loops, select_points
 from calib_core.readers.timing.point_time import PointTiming, Reference, Unit
 from calib_core.types import POINT_DTYPE
 from tests.core.readers.build import EPOCH_NS
@@ -105,5 +105,5 @@ def test_what_is_made_ready_is_what_clouds_need() -> None:
     timing = PointTiming("time", "s", "header-first", -1e9, 1e9)
     select_points(RawCloud(EPOCH_NS, 0, "lidar", points, points.size, 1), timing, 0.3, 200.0)
     needed = [[*loop.signatures] for loop in (mark_valid, pack_points)]
-    get_ready()
+    load_loops()
     assert [[*loop.signatures] for loop in (mark_valid, pack_points)] == needed
