@@ -2,7 +2,7 @@
 
     list                                what can be measured
     run [NAME...]                       measure, show, write bench/results/NAME.json
-    gate [NAME...]                      measure what is gated, passes and lasers too; exit 1 where a ratio slipped
+    gate [NAME...]                      measure what is gated, passes, lasers and growth too; exit 1 where a ratio slipped
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's tables from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
@@ -26,7 +26,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, lasers, passes, starts
+from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, growth, lasers, passes, starts
 from bench.metrics import Metric, slips
 from bench.readme import README, with_tables
 from bench.store import RESULTS, bless, read_baseline, write_results
@@ -35,7 +35,7 @@ from calib_core.errors import InputError
 from calib_core.threads import usable_cores
 
 #: What is measured beside the workloads.
-_COSTS = {passes.NAME: passes.measure, lasers.NAME: lasers.measure}
+_COSTS = {passes.NAME: passes.measure, lasers.NAME: lasers.measure, growth.NAME: growth.measure}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -84,6 +84,9 @@ def _run(chosen: argparse.Namespace) -> int:
             for workload in WORKLOADS.values():
                 sys.stdout.write(f"{workload.name:24}{workload.text} Seeds {workload.seeds}.\n")
             sys.stdout.write(f"{lasers.NAME:24}CPU with the sensors' own parameters over that with ideal sensors.\n")
+            sys.stdout.write(
+                f"{growth.NAME:24}CPU of longer recordings, of more lasers and of more planes, and their memory.\n"
+            )
             sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":
             README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")

@@ -15,7 +15,8 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -24,11 +25,19 @@ from numpy.typing import NDArray
 
 from bench.metrics import RATIO, Metric
 from calib_core import api
+from calib_core.types import Recording
 
 NAME = "passes"
 SCENARIO = "handheld"
 DURATION_S = 20.0
 TURNS = 3
+#: What drivers call a point's own time, and PointField's numbers of the types in question.
+_TIMES = ("time", "t", "timestamp")
+_FORMATS = {6: "<u4", 7: "<f4", 8: "<f8"}
+#: Scans that the slider comes to.
+_SLID = 20
+#: Points of a cloud on the page.
+_DRAWN = 60_000
 #: Of a stage and of a whole run: on a machine with other work the same program has been seen to vary by a third.
 _SLACK, _STAGE_SLACK = 0.5, 1.0
 #: A stage cheaper than this is not judged: its time is mostly that of hearing about it.
@@ -37,12 +46,13 @@ _LEAST_PASSES = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """One run of the command line: seconds by stage and in all, iterations heard of, and the most memory."""
+    """One run of the command line: seconds by stage and in all, iterations heard of, the most memory, CPU of all threads."""
 
     stages: Mapping[str, float]
     whole_s: float
     iterations: int
     memory_mb: float
+    cpu_s: float = 0.0
 
 
 def honest_pass(bag: Path) -> float:
@@ -63,6 +73,7 @@ def honest_pass(bag: Path) -> float:
 class _Field(Protocol):
     name: str
     offset: int
+    datatype: int
 
 
 class _Cloud(Protocol):
@@ -73,20 +84,21 @@ class _Cloud(Protocol):
     point_step: int
 
 
-def _columns(cloud: _Cloud) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Points (N, 3) and the times of their own, whatever their unit is."""
-    offsets = {field.name: field.offset for field in cloud.fields}
-    names = ["x", "y", "z", "time"]
+def _columns(cloud: _Cloud) -> tuple[NDArray[np.float64], NDArray[np.generic]]:
+    """Points (N, 3) and the times of their own, whatever their name and unit are."""
+    fields = {field.name: field for field in cloud.fields}
+    time_name = next(name for name in _TIMES if name in fields)
+    names = ["x", "y", "z", time_name]
     layout = np.dtype(
         {
             "names": names,
-            "formats": ["<f4"] * len(names),
-            "offsets": [offsets[name] for name in names],
+            "formats": [_FORMATS[fields[name].datatype] for name in names],
+            "offsets": [fields[name].offset for name in names],
             "itemsize": cloud.point_step,
         }
     )
     points: NDArray[np.void] = np.frombuffer(cloud.data, layout)
-    return np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64), points["time"]
+    return np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64), points[time_name]
 
 
 def cost_of(events: Iterable[tuple[float, str]], end_s: float, memory_mb: float) -> Cost:
@@ -117,19 +129,34 @@ def run_command(words: Sequence[str]) -> Cost:
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
         raise SystemExit(f"unsweep {words[0]} ended with exit code {process.returncode}.")
-    return cost_of(heard, end_s, used.ru_maxrss / 1024.0)
+    return replace(cost_of(heard, end_s, used.ru_maxrss / 1024.0), cpu_s=used.ru_utime + used.ru_stime)
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """Seconds of what has no command of its own. load_s: of the library.   second_s: a solve with one plane less, when the first
+    is kept.   slider_s: a scan drawn raw and straightened, as the page's slider comes to it.   scans: of the recording.
+    """
+
+    load_s: float
+    second_s: float
+    slider_s: float
+    scans: int
 
 
 def metrics_of(
-    pass_s: float, load_s: float, solve: Sequence[Cost], inspect: Sequence[Cost], bag_mb: float
+    pass_s: float, apart: Apart, solve: Sequence[Cost], ideal: Sequence[Cost], inspect: Sequence[Cost], bag_mb: float
 ) -> list[Metric]:
-    """The ratios, and the seconds of the pass to read them by."""
+    """The ratios, and the seconds of the pass to read them by. solve, ideal: default, and with ideal sensors."""
     stages = {name: min(cost.stages.get(name, 0.0) for cost in solve) for name in solve[0].stages}
     iteration_s = min(cost.stages.get("solve", 0.0) / max(cost.iterations, 1) for cost in solve)
     whole = [
-        ("decode", load_s / pass_s),
+        ("decode", apart.load_s / pass_s),
         ("iteration", iteration_s / pass_s),
         ("whole", min(cost.whole_s for cost in solve) / pass_s),
+        ("whole_ideal", min(cost.whole_s for cost in ideal) / pass_s),
+        ("second_solve", apart.second_s / pass_s),
+        ("slider_over_scan", apart.slider_s / (pass_s / apart.scans)),
         ("inspect", min(cost.whole_s for cost in inspect) / pass_s),
         ("memory_over_bag", min(cost.memory_mb for cost in solve) / bag_mb),
     ]
@@ -153,14 +180,40 @@ def measure(duration_s: float = DURATION_S, turns: int = TURNS) -> list[Metric]:
         bag, result = Path(folder) / "room.bag", Path(folder) / "result.json"
         api.simulate(SCENARIO, bag, seed=0, duration_s=duration_s)
         honest_pass(bag)
-        passes, loads, solve, inspect = [], [], [], []
+        passes, loads, solve, ideal, inspect = [], [], [], [], []
+        calibrate = ["calibrate", str(bag), "--output", str(result)]
         for _ in range(turns):
             passes.append(honest_pass(bag))
             loads.append(_seconds(lambda: api.load(bag, fingerprint=False)))
-            solve.append(run_command(["calibrate", str(bag), "--output", str(result)]))
+            solve.append(run_command(calibrate))
+            ideal.append(run_command([*calibrate, "--intrinsics", "off"]))
             inspect.append(run_command(["inspect", str(bag), "--json"]))
             passes.append(honest_pass(bag))
-        return metrics_of(min(passes), min(loads), solve, inspect, bag.stat().st_size / 1e6)
+        recording = api.load(bag, fingerprint=False)
+        second_s, slider_s = _again(recording, Path(folder) / "kept", turns)
+        apart = Apart(min(loads), second_s, slider_s, len(recording.scans))
+        return metrics_of(min(passes), apart, solve, ideal, inspect, bag.stat().st_size / 1e6)
+
+
+def _again(recording: Recording, kept_in: Path, turns: int) -> tuple[float, float]:
+    """Seconds of a second solve without the last plane, and of a scan on the page, the quickest of some turns each."""
+    from app.scene.build import Solved, solved_stage
+    from app.scene.inspect import Look, Motions, build_inspection
+
+    first = api.calibrate(recording, kept_in=kept_in)
+    if first.trajectory is None or first.result.T_imu_lidar is None:
+        raise SystemExit(f"The {SCENARIO} of the passes was not calibrated.")
+    fewer = [replace(patch.plane, suggested=True) for patch in api.propose_planes(recording).patches[:-1]]
+    second_s = [_seconds(lambda: api.calibrate(recording, planes=fewer, kept_in=kept_in)) for _ in range(turns)]
+    planes = first.result.quality.planes
+    T_imu_lidar = np.array(first.result.T_imu_lidar.matrix, dtype=np.float64)
+    solved = Solved(first.trajectory, planes, list(range(len(planes))), T_imu_lidar)
+    motions, stage = Motions(solved, first.trajectory, None), solved_stage(recording, solved)
+    slid_s = []
+    for place in range(0, len(recording.scans), max(1, len(recording.scans) // _SLID)):
+        look = Look(place, "both", "raw", "scan", "plane", 0.5, _DRAWN, stage)
+        slid_s.append(_seconds(partial(build_inspection, recording, look, motions, None)))
+    return min(second_s), min(slid_s)
 
 
 def _seconds(work: Callable[[], object]) -> float:

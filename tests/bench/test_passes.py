@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from bench.metrics import slips
-from bench.passes import Cost, cost_of, honest_pass, metrics_of
+from bench.passes import Apart, Cost, cost_of, honest_pass, metrics_of
 from calib_core.simulate import simulate
+from calib_core.simulate.sensors import OS1_64, VLP_16, XT_32, Lidar
 from tests.core.full.conftest import SHORT
 
 
@@ -31,24 +35,33 @@ def test_ratios_are_of_the_quickest_turn_and_seconds_are_not_judged() -> None:
         Cost({"start": 1.0, "read": 0.02, "solve": 6.0}, 7.0, 3, 300.0),
         Cost({"start": 2.0, "read": 0.01, "solve": 4.0}, 6.0, 4, 280.0),
     ]
-    inspect = [Cost({"start": 1.0}, 3.0, 0, 200.0)]
-    metrics = {metric.key.removeprefix("passes."): metric for metric in metrics_of(0.5, 1.0, turns, inspect, 140.0)}
+    inspect, ideal = [Cost({"start": 1.0}, 3.0, 0, 200.0)], [Cost({}, 6.0, 2, 1.0), Cost({}, 5.0, 2, 1.0)]
+    apart = Apart(load_s=1.0, second_s=2.0, slider_s=0.1, scans=10)
+    found = metrics_of(0.5, apart, turns, ideal, inspect, 140.0)
+    metrics = {metric.key.removeprefix("passes."): metric for metric in found}
     values = {key: metric.value for key, metric in metrics.items()}
     assert values["whole"] == 12.0
     assert values["stage_start"] == 2.0
     assert values["stage_solve"] == 8.0
     assert values["iteration"] == 2.0
     assert values["decode"] == 2.0
+    assert values["whole_ideal"] == 10.0
+    assert values["second_solve"] == 4.0
+    assert values["slider_over_scan"] == 2.0
     assert values["inspect"] == 6.0
     assert values["memory_over_bag"] == 2.0
     assert not metrics["pass_s"].is_judged()
     assert not metrics["stage_read"].is_judged()
-    slow = {metric.key: metric for metric in metrics_of(0.2, 1.0, turns, inspect, 140.0)}
+    slow = {metric.key: metric for metric in metrics_of(0.2, apart, turns, ideal, inspect, 140.0)}
     assert slips([slow["passes.whole"]], {"passes.whole": metrics["whole"]})
 
 
-def test_the_pass_reads_every_cloud(tmp_path: Path) -> None:
-    """A pass over a whole recording of a sensor that names its time `time`. Mutation: a field of another name is read."""
+@pytest.mark.parametrize("lidar", [VLP_16, XT_32, OS1_64], ids=["time", "timestamp", "t"])
+def test_the_pass_reads_every_cloud(tmp_path: Path, lidar: Lidar) -> None:
+    """A pass over a whole recording of sensors that name their points' time `time`, `timestamp` and `t`.
+
+    Mutation: a field of another name is read.
+    """
     bag = tmp_path / "room.bag"
-    simulate(SHORT, bag, seed=1, duration_s=1.0)
+    simulate(replace(SHORT, lidar=lidar), bag, seed=1, duration_s=0.5)
     assert honest_pass(bag) > 0.0

@@ -1,0 +1,65 @@
+"""What grows with recordings: which runs are held against one another, and the rooms of many planes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench.growth import Grown, metrics_of, page, room_of
+from bench.metrics import slips
+from bench.passes import Cost
+from calib_core.simulate import SCENARIOS
+
+
+def run(of, size, cpu_s, pass_s, memory_mb=500.0):
+    return Grown(of, size, 6, 10**6, pass_s, Cost({}, cpu_s / 2, 3, memory_mb, cpu_s))
+
+
+def test_the_largest_is_held_against_the_smallest_in_passes_of_its_own():
+    """By hand. Mutations: seconds in place of passes; kinds mixed; megabytes judged."""
+    runs = [
+        run("length", 10.0, 5.0, 0.1),
+        run("length", 60.0, 15.0, 0.5, 600.0),
+        run("planes", 3, 2.0, 0.2),
+        run("planes", 30, 8.0, 0.2),
+    ]
+    metrics = {metric.key: metric for metric in metrics_of(runs)}
+    assert metrics["growth.length_60_over_10"].value == pytest.approx(30.0 / 50.0)
+    assert metrics["growth.planes_30_over_3"].value == pytest.approx(4.0)
+    assert metrics["growth.length_60_mb"].value == 600.0
+    assert [key for key, metric in metrics.items() if metric.is_judged()] == [
+        "growth.length_60_over_10",
+        "growth.planes_30_over_3",
+    ]
+    slower = metrics_of([runs[0], run("length", 60.0, 45.0, 0.5)])
+    assert [slip.key for slip in slips(slower, metrics)] == ["growth.length_60_over_10"]
+
+
+def test_the_page_has_a_row_for_each_and_a_table_for_each_kind():
+    """By hand. Mutation: CPU in the column of what was waited."""
+    text = page([run("length", 10.0, 5.0, 0.1), run("lasers", 128, 8.0, 0.4)])
+    assert "| 10 | 6 | 1.0 | 0.10 | 2.5 | 25 | 5.0 | 50 | 500 |" in text
+    assert "| lasers | planes used |" in text
+
+
+@pytest.mark.parametrize("planes", [3, 6, 12, 30])
+def test_a_room_of_so_many_planes_has_them_all_about_the_rig(planes):
+    """Each faces wherever the rig comes, no two are one, and walls stand from floor to ceiling, end to end.
+
+    Oracle: the motion itself and the outlines' own corners. Mutations: walls that look outwards; a polygon of one radius, whose
+    walls are a cylinder's.
+    """
+    scene = room_of(planes)
+    assert len(scene.faces) == planes
+    normals = np.array([face.unit_normal for face in scene.faces])
+    offsets_m = np.array([face.offset_m for face in scene.faces])
+    kinematics = SCENARIOS["handheld"].motion.kinematics(np.arange(0, 20 * 10**9, 10**8))
+    assert ((kinematics.p_m @ normals.T + offsets_m) > 0.2).all()
+    walls = [face for face in scene.faces if face.outline_m]
+    assert len(walls) in {0, planes - 2}
+    for one, other in zip(walls, [*walls[1:], *walls[:1]], strict=True):
+        assert one.outline_m[1] == other.outline_m[0]
+        assert {corner[2] for corner in one.outline_m} == {0.0, 2.7}
+        np.testing.assert_allclose(np.array(one.outline_m) @ one.unit_normal + one.offset_m, 0.0, atol=1e-12)
+        if planes > 6:
+            assert np.degrees(np.arccos(one.unit_normal @ other.unit_normal)) > 15.0
