@@ -19,10 +19,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.children import THREAD_CAPS
 from app.fleet.campaign import run_fleet
 from app.fleet.cluster import DaskCluster
 from app.fleet.orders import FleetOrder
-from app.jobs.launch import THREAD_CAPS
 from bench.speed import processor
 from bench.store import RESULTS
 from calib_core import api

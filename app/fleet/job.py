@@ -5,18 +5,15 @@ A process for each, because a process can be bounded and killed: a thread of a c
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
+import math
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
+from app.children import Child, begin, kill_group
+from app.fleet.child import run_child
 from app.fleet.orders import FleetOrder, FleetOutcome
-from app.jobs.launch import THREAD_CAPS
 
-CALIBRATE = "app.fleet.child:calibrate_one"
+CALIBRATE = "app.fleet.ready:calibrate_one"
 
 #: How long nobody looks whether the recording's time is up, or whether it is still wanted.
 _LOOK_S = 0.1
@@ -29,45 +26,32 @@ def run_order(order_text: str, entry: str, should_stop: Callable[[], bool]) -> s
     """
     order = FleetOrder.model_validate_json(order_text)
     start_s = time.monotonic()
-    command = [sys.executable, "-m", "app.fleet.child", str(os.getpid()), entry]
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=os.environ | THREAD_CAPS,
-        start_new_session=True,
-    ) as process:
-        try:
-            said = _listen(process, order_text, order.time_limit_s, should_stop)
-        finally:
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
+    child = begin(run_child, entry, order_text)
+    try:
+        said = _listen(child, order.time_limit_s, should_stop)
+    finally:
+        child.end()
     if said is None:
         outcome = _out_of_time(order)
-    elif said and process.returncode == 0:
+    elif said:
         outcome = FleetOutcome.model_validate_json(said)
     else:
-        outcome = _died(order, process.returncode)
+        outcome = _died(order, child.process.exitcode or 0)
     return outcome.model_copy(update={"duration_s": time.monotonic() - start_s}).model_dump_json()
 
 
-def _listen(
-    process: subprocess.Popen[str], order_text: str, time_limit_s: float | None, should_stop: Callable[[], bool]
-) -> str | None:
+def _listen(child: Child, time_limit_s: float | None, should_stop: Callable[[], bool]) -> bytes | None:
     """What the process says until it ends or is stopped; None where its time is up."""
-    ahead: str | None = order_text
     start_s = time.monotonic()
-    while True:
-        try:
-            return process.communicate(ahead, timeout=_LOOK_S)[0]
-        except subprocess.TimeoutExpired:
-            ahead = None  # it has been sent, or goes on being sent
-        if should_stop():
-            return ""
-        if time_limit_s is not None and time.monotonic() - start_s > time_limit_s:
-            return None
+    while not child.said.poll(_LOOK_S):
+        is_late = time.monotonic() - start_s > (time_limit_s or math.inf)
+        if is_late or should_stop():
+            kill_group(child.process)
+            return None if is_late else b""
+    try:
+        return child.said.recv_bytes()
+    except (EOFError, OSError):
+        return b""
 
 
 def _out_of_time(order: FleetOrder) -> FleetOutcome:

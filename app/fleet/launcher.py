@@ -22,10 +22,11 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from app.children import TERMINATE_GRACE_S
 from app.errors import Unavailable
 from app.fleet.cluster import connect
 from app.fleet.on_worker import run_on_worker
-from app.jobs.launch import TERMINATE_GRACE_S, RunningJob
+from app.jobs.launch import RunningJob
 from app.jobs.orders import PARCEL, Begun, Failed, Happened, Order, Parcel
 from app.schemas.common import ErrorFacts
 from calib_core import __version__

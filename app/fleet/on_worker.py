@@ -5,7 +5,6 @@ The scheduler takes a task back where its server asks or dies: the worker sees i
 
 from __future__ import annotations
 
-import multiprocessing
 import threading
 import uuid
 from collections.abc import Iterator
@@ -57,8 +56,6 @@ def _seen_through(
     if not _sees(order):
         yield Failed(error=_unseen(worker))
         return
-    # dask starts workers as daemons, which may have no children lest they be left behind. Ours leave with their parent.
-    multiprocessing.current_process().daemon = False
     running = ProcessLauncher(entry).launch(_with_memory_of(worker, order, memory_bytes))
     ended = threading.Event()
     threading.Thread(target=_heed, args=(running, worker, key, grace_s, ended), daemon=True).start()

@@ -1,28 +1,26 @@
 """The child process of one job: reads its order, runs the job's function, tells what happens through a pipe.
 
-Nothing heavy is imported here: the thread caps of launch.py must be in force before NumPy is.
+Nothing heavy is imported here: the thread caps of children.py must be in force before NumPy is.
 """
 
 from __future__ import annotations
 
 import importlib
 import os
-import signal
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Callable
-from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event as ProcessEvent
 from typing import cast
 
+from app.children import stay_with
 from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
 from app.limits import apply_limits, full_disk, out_of_memory
-from app.process import hear_no_interrupts, keep_freed_memory, leave
+from app.process import keep_freed_memory, leave
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
 from calib_core.errors import Cancelled, TopicError, UnsweepError
@@ -36,11 +34,10 @@ PATIENCE = 5
 
 
 def run_worker(entry: str, order_json: str, pipe: Connection, cancel: ProcessEvent, alive: Connection) -> None:
-    """Run one order and tell its end. `entry`: module:function of a JobFunction.
-
-    alive: says nothing, and ends with the server: a worker whose server was killed must not go on computing.
-    """
-    _stay_with_server(alive)
+    """Run one order and tell its end. `entry`: module:function of a JobFunction.   alive: as children.py has it."""
+    stay_with(alive)
+    if sys.platform != "win32":
+        os.nice(PATIENCE)
     keep_freed_memory()
     order = Order.model_validate_json(order_json)
     if order.limits is not None:
@@ -91,18 +88,6 @@ def _resolve(entry: str) -> JobFunction:
     return cast(JobFunction, getattr(importlib.import_module(module), name))
 
 
-def _stay_with_server(alive: Connection) -> None:
-    """No Ctrl-C (the server decides), a group of its own, by which its children end too, less haste than the server, and an
-    end with it.
-    """
-    if sys.platform != "win32":
-        os.setpgid(0, 0)
-        os.nice(PATIENCE)
-    hear_no_interrupts()
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_leave_with_server, args=(alive,), daemon=True).start()
-
-
 def _log_to_file(order: Order) -> None:
     """What the job prints goes into its own log file."""
     order.folder.mkdir(parents=True, exist_ok=True)
@@ -112,11 +97,3 @@ def _log_to_file(order: Order) -> None:
     os.dup2(log, 1)
     os.dup2(log, 2)
     os.close(log)
-
-
-def _leave_with_server(alive: Connection) -> None:
-    with suppress(EOFError, OSError):
-        alive.recv_bytes()
-    if sys.platform != "win32":
-        os.killpg(0, signal.SIGKILL)
-    os._exit(1)

@@ -1,6 +1,6 @@
-"""The door to jobs for a process that is forked (app/jobs/launch.py): with it comes, once, all that jobs import on their way.
+"""The door to jobs for a process that is forked (app/children.py): with it comes, once, all that jobs import on their way.
 
-On one thread: of others, what is forked would have the locks that they held, and nobody to open them.
+There on one thread: of others, what is forked would have the locks that they held, and nobody to open them.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from contextlib import suppress
 
+from app.children import FORKED
 from app.work.functions import run_job
 from calib_core import api
 
@@ -15,6 +16,6 @@ __all__ = ["run_job"]
 
 # Where something of it is missing or broken, the job that needs it says so.
 with suppress(Exception):
-    api.get_ready(aside=False)
+    api.get_ready(aside=not FORKED)
     for _name in ("calib_core.full.odometry.reference_cloud", "calib_core.doctor.examine"):
         importlib.import_module(_name)

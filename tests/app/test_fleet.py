@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from app.cli import main as cli
@@ -120,7 +121,7 @@ def test_limits_of_time_and_memory_are_kept_and_said(hall):
     assert "--time-limit-s" in rows["slow"].sentence
     assert "2000 MB" in rows["greedy"].sentence
     if (hall / "slow.started").exists():
-        assert not is_alive(int((hall / "slow.started").read_text().split()[0]))
+        assert not is_alive(int((hall / "slow.started").read_text()))
 
 
 def test_a_killed_process_loses_no_recording(hall):
@@ -130,7 +131,7 @@ def test_a_killed_process_loses_no_recording(hall):
 
     def kill():
         wait_for((hall / "sleepy.started").exists)
-        killed.append(int((hall / "sleepy.started").read_text().split()[0]))
+        killed.append(int((hall / "sleepy.started").read_text()))
         os.kill(killed[0], signal.SIGKILL)
 
     killer = threading.Thread(target=kill)
@@ -202,8 +203,13 @@ def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
         said = process.communicate(timeout=PATIENCE_S)[1].splitlines()
     assert process.returncode == 130
     assert "the same command goes on" in said[-1]
-    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
     assert [row.name for row in read_rows(hall / "out")] in ([], ["room"])
+
+
+def begun_by(pid):
+    """Processes that a process has started, and those that these have forked."""
+    return {child.pid for child in psutil.Process(pid).children(recursive=True)}
 
 
 def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
@@ -218,10 +224,9 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
 
         def kill():
             wait_for((hall / "sleepy.started").exists)
-            child = int((hall / "sleepy.started").read_text().split()[0])
-            parent = int((hall / "sleepy.started").read_text().split()[1])
+            child = int((hall / "sleepy.started").read_text())
             killed.append(child)
-            next(process for process in started if process.pid == parent).kill()
+            next(process for process in started if child in begun_by(process.pid)).kill()
 
         killer = threading.Thread(target=kill)
         killer.start()
@@ -237,7 +242,7 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
         stopping.start(orders(hall, "slow")[0].model_dump_json())
         wait_for((hall / "slow.started").exists)
         stopping.stop()
-        wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+        wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
 
 
 def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(hall):
@@ -260,7 +265,7 @@ def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(
             run_fleet(asked, hall, cluster.DaskCluster(address, FAKE), done.append)
         loser.join()
     assert [row.name for row in read_rows(hall)] == ["room"]
-    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text().split()[0])))
+    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
     kept, ahead = take_up(asked, hall)
     assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
 

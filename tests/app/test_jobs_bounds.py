@@ -27,7 +27,7 @@ def started(live, name):
     """A solve under way, and its worker's process id."""
     job_id = live.start(live.upload(name))
     live.wait(lambda: live.job(job_id)["stage"] == "solve")
-    return job_id, live.services.jobs._processes.find(job_id)._process.pid
+    return job_id, live.services.jobs._processes.find(job_id).pid
 
 
 def test_a_worker_that_ignores_sigterm_is_killed(live):

@@ -1,4 +1,4 @@
-"""How a job becomes a process: what it is forked from, and what is there when it begins."""
+"""How a process begins: what it is forked from, what is there then, and with whom it ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.launch import FORKED, THREAD_CAPS, ProcessLauncher
+from app.children import FORKED, THREAD_CAPS
+from app.jobs.launch import ProcessLauncher
 from app.jobs.orders import Finished, Happened, Order
 from tests.app.support.live import FAKE_JOBS, PATIENCE_S
 from tests.app.support.processes import is_alive
@@ -37,7 +38,7 @@ def waiting_job(folder, number):
     parcels = running.parcels()
     while not isinstance(next(parcels), Happened):
         pass
-    yield running._process.pid
+    yield running.pid
     (order.folder / "go-on").touch()
     assert isinstance(list(parcels)[-1], Finished)
 
@@ -134,7 +135,7 @@ order = Order(job_id="1" * 32, kind="inspect", recording_name="halfway.bag", sou
 running = ProcessLauncher(sys.argv[1]).launch(order)
 for parcel in running.parcels():
     if isinstance(parcel, Happened):
-        print(running._process.pid, flush=True)
+        print(running.pid, flush=True)
 """
 
 
