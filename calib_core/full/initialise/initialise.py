@@ -20,6 +20,9 @@ from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
 
+#: Rounds by which the time offset may be off as well that are told.
+_TOLD = 3
+
 
 def initialise(
     run: Run, motions: Sequence[ScanMotion], planes: Sequence[Plane], guess: InitialGuess | None
@@ -50,7 +53,7 @@ def initialise(
         return Start(rotation, linear)
 
     trials: list[Start] = []
-    best = candidates[0].residual
+    best = min(candidate.residual for candidate in candidates)
     for candidate in candidates:
         if candidate.residual > max(ROTATING.worse_times * best, best + ROTATING.worse_share):
             continue
@@ -58,6 +61,7 @@ def initialise(
         if candidate.open_axis_imu is not None:
             rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, ROTATING.open_turns)
         trials.extend(trial(replace(candidate, R_imu_lidar=R)) for R in rotations)
+    trials = _of_nearest_lag(run, trials)
     chosen = upright(trials, np.array([plane.normal for plane in planes]), trial)
     if chosen is not min(trials, key=lambda t: t.misfit):
         run.say(
@@ -76,6 +80,31 @@ def initialise(
     if guess is not None and guess.p_imu_lidar is not None:
         linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
     return lidar, Start(rotation, linear)
+
+
+def _of_nearest_lag(run: Run, trials: Sequence[Start]) -> list[Start]:
+    """All of them; or, of lags that differ by rounds of a motion that repeats itself and fit as well, those of the one nearest to
+    the stamps' own. The others are said.
+    """
+    best = min(trials, key=lambda t: t.misfit)
+    nearest = next((t.rotation for t in trials if t.rotation.repeats_s), None)
+    if nearest is None or best.rotation.time_offset_s not in (nearest.time_offset_s, *nearest.repeats_s):
+        return list(trials)
+    most = ROTATING.alike * best.misfit
+    alike = {t.rotation.time_offset_s for t in trials if t.misfit <= most}
+    own_s = nearest.time_offset_s
+    others = sorted(alike & set(nearest.repeats_s), key=abs)
+    if own_s not in alike or not others:
+        return list(trials)
+    more = "" if len(others) <= _TOLD else " and more"
+    told = ", ".join(f"{lag_s - own_s:+.2f} s" for lag_s in others[:_TOLD])
+    run.say(
+        "warning",
+        "start.repeats",
+        f"the motion repeats itself: a time offset that differs by {told}{more} fits as well, and the one nearest to the stamps' "
+        "own is taken; where clocks may be that far apart, give the time offset, or record with a move that comes once",
+    )
+    return [t for t in trials if t.rotation.time_offset_s == own_s]
 
 
 def _turns(run: Run, lidar: LidarTrack) -> bool:

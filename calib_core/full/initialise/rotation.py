@@ -9,11 +9,12 @@ turn at all has its rotation from the accelerations.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
-from calib_core.full.initialise.settings import LAGS, ROTATING
+from calib_core.full.initialise.settings import AGREEING, LAGS, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import (
     GyroTurns,
@@ -38,9 +39,33 @@ def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray)
 
 
 def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]]) -> list[RotationStart]:
-    """The rotation at each lag, the lag refined on the residual; best first. lags: with their correlations."""
+    """The rotation at each lag, the lag refined on the residual; best first, and of such as good the nearest to the stamps' own.
+
+    lags: with their correlations.
+    """
     fits = workers().map(lambda lag: _fit_lag(turns, gyro, *lag), lags)
-    return sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.residual)
+    return _nearest_first(sorted((f for f in fits if f is not None), key=lambda f: f.residual), turns, gyro)
+
+
+def _nearest_first(found: list[RotationStart], turns: Turns, gyro: GyroTurns) -> list[RotationStart]:
+    """Of lags that leave about as little as the best, each a valley of its own, the one nearest to the stamps' own before all.
+
+    A motion that repeats itself is as good a match a round later, and stamps are hardly off by a round.
+    """
+    if not found or found[0].residual > AGREEING.fits:
+        return found
+    best = found[0]
+    alike = [f for f in found if f.residual <= ROTATING.alike * best.residual and _is_apart(f, best, turns, gyro)]
+    nearest, *others = sorted([best, *alike], key=lambda f: abs(f.time_offset_s))
+    repeated = replace(nearest, repeats_s=tuple(f.time_offset_s for f in others))
+    return [repeated, *(f for f in found if f is not nearest)]
+
+
+def _is_apart(one: RotationStart, best: RotationStart, turns: Turns, gyro: GyroTurns) -> bool:
+    """Whether the fit is worse between two lags: a slow motion's is about as good for a quarter of a second on either side."""
+    between = np.linspace(best.time_offset_s, one.time_offset_s, ROTATING.between + 2)[1:-1]
+    left = [f.residual for f in _fit_rotations(turns, gyro, between, 0.0) if f is not None]
+    return max(left, default=0.0) > ROTATING.worse_times * one.residual
 
 
 def _fit_lag(turns: Turns, gyro: GyroTurns, lag_s: float, correlation: float) -> RotationStart | None:

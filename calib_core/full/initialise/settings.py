@@ -28,6 +28,12 @@ class Lags:
     #: by its rotation, so that too many cost time alone.
     candidates: int = 6
     apart_s: float = 0.25
+    #: judged: what a machine does over and over is as good a match after each of its rounds. So many lags nearest to the stamps'
+    #: own, one and its neighbours, go on beside the best ones where their correlation lacks so many times as much of 1, or this
+    #: little.
+    nearest: int = 3
+    nearly: float = 2.0
+    nearly_share: float = 0.02
     #: judged: variances below this share of the whole are none: a stretch of standstill correlates with anything. Lags at
     #: which only a standstill overlaps drop out by it.
     least_variance: float = 1e-3
@@ -187,6 +193,11 @@ class Rotating:
     #: on costs a linear start each.
     worse_times: float = 2.0
     worse_share: float = 0.1
+    #: derived: of lags that leave as much but for this the one nearest to the stamps' own is taken, and the others are said: a
+    #: round that comes again within half of what is left anyhow leaves a tenth more.
+    alike: float = 1.15
+    #: judged: so many lags between two are looked at for whether each is a valley of its own. Time depends on it.
+    between: int = 12
     #: judged: a guessed time offset takes the rotation of a lag this near: half a scan.
     guess_s: float = 0.05
     #: derived: turns about the only axis that are tried where it stays open, 15 deg apart.

@@ -58,6 +58,7 @@ class RotationStart:
     """A lag and the rotation at it. time_offset_s: added to IMU stamps. open_axis_imu: (3,) where the turn about it is open.
 
     correlation: of the rates' norms at the lag. residual: rms of the fit over rms of the rates, 0 for perfect.
+    repeats_s: other lags that fit as well, as of a motion that repeats itself; this one is the nearest to the stamps' own.
     """
 
     time_offset_s: float
@@ -66,6 +67,7 @@ class RotationStart:
     residual: float
     correlation: float
     open_axis_imu: FloatArray | None
+    repeats_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

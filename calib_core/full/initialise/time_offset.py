@@ -70,7 +70,10 @@ class GyroTurns:
 
 
 def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tuple[float, float]]:
-    """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first."""
+    """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first.
+
+    Of a motion that repeats itself the ones nearest to the stamps' own that are nearly as good go with them.
+    """
     t0, t1 = turns.start_s[0], turns.end_s[-1]
     lidar_t = np.arange(t0, t1, 1 / LAGS.grid_hz)
     norms = np.linalg.norm(turns.rate_rad_s, axis=1)
@@ -89,11 +92,26 @@ def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tup
     lag = t0 - imu_t[0] + shift / LAGS.grid_hz
     score = np.where(overlap >= least_overlap(len(lidar), len(imu)), correlation, -np.inf)
     best: list[tuple[float, float]] = []
+    nearest = _nearest_peaks(lag, score)
     while len(best) < LAGS.candidates and np.isfinite(score.max()):
         k = int(np.argmax(score))
         best.append((float(lag[k]), float(correlation[k])))
         score[np.abs(lag - lag[k]) < LAGS.apart_s] = -np.inf
-    return best
+    more = [k for k in nearest if np.isfinite(score[k])]
+    return best + [(float(lag[k]), float(correlation[k])) for k in sorted(more, key=lambda k: -correlation[k])]
+
+
+def _nearest_peaks(lag_s: FloatArray, score: FloatArray) -> list[int]:
+    """The few peaks nearest to no lag at all that are nearly as high as the highest, by number; none of what is not compared."""
+    if not np.isfinite(score.max()):
+        return []
+    least = 1.0 - max(LAGS.nearly * (1.0 - score.max()), LAGS.nearly_share)
+    peaks = np.flatnonzero((score[1:-1] >= np.maximum(score[:-2], score[2:])) & (score[1:-1] >= least)) + 1
+    nearest: list[int] = []
+    for k in peaks[np.argsort(np.abs(lag_s[peaks]))]:
+        if len(nearest) < LAGS.nearest and all(abs(lag_s[k] - lag_s[other]) >= LAGS.apart_s for other in nearest):
+            nearest.append(int(k))
+    return nearest
 
 
 def least_overlap(lidar: int, imu: int) -> float:
