@@ -21,8 +21,12 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event as ProcessEvent
+from typing import TYPE_CHECKING
 
 from app.process import hear_no_interrupts, interrupts_unheard
+
+if TYPE_CHECKING:
+    from multiprocessing.context import ForkServerContext, SpawnContext  # not all of them are made for every system
 
 #: One core per process: many tiny products on many threads were ten times slower than on one.
 THREAD_CAPS = {
@@ -39,7 +43,9 @@ TERMINATE_GRACE_S = 2.0
 BIRTHS, BIRTH_S = 10, 0.05
 
 FORKED = sys.platform.startswith("linux")
-_PROCESSES = multiprocessing.get_context("forkserver") if FORKED else multiprocessing.get_context("spawn")
+_SPAWNED = multiprocessing.get_context("spawn")
+if FORKED:
+    _FORKED = multiprocessing.get_context("forkserver")
 _ENVIRONMENT = threading.Lock()
 
 
@@ -72,13 +78,13 @@ def begin(
     """
     # dask starts its workers as daemons, which may have no children lest they be left behind. Ours leave with their parent.
     multiprocessing.current_process().daemon = False
-    said, tells = _PROCESSES.Pipe(duplex=False)
-    alive, alive_here = _PROCESSES.Pipe(duplex=False)
-    stop = _PROCESSES.Event()
-    process = _PROCESSES.Process(
-        target=target, args=(entry, order_json, tells, stop, alive), name="unsweep-worker", daemon=True
-    )
-    with _birth(entry):
+    with _birth(entry) as processes:
+        said, tells = processes.Pipe(duplex=False)
+        alive, alive_here = processes.Pipe(duplex=False)
+        stop = processes.Event()
+        process = processes.Process(
+            target=target, args=(entry, order_json, tells, stop, alive), name="unsweep-worker", daemon=True
+        )
         _start(process)
     tells.close()  # so that the pipe ends when the child does
     alive.close()
@@ -87,11 +93,8 @@ def begin(
 
 def get_ready(entry: str) -> None:
     """Start the process that those of an entry are forked from: what it imports takes longer than reading a cloud."""
-    if FORKED:
-        from multiprocessing.forkserver import ensure_running  # not made for every system
-
-        with _birth(entry):
-            ensure_running()
+    with _birth(entry):
+        pass
 
 
 def stay_with(alive: Connection) -> None:
@@ -133,14 +136,31 @@ def _start(process: BaseProcess) -> None:
 
 
 @contextmanager
-def _birth(entry: str) -> Iterator[None]:
-    """One at a time, deaf to Ctrl-C, in the environment of one; what it is forked from imports the entry's module."""
+def _birth(entry: str) -> Iterator[ForkServerContext | SpawnContext]:
+    """One at a time, deaf to Ctrl-C, in the environment of one: how processes are made. What they are forked from, which imports
+    the entry's module, is there then.
+    """
     with _ENVIRONMENT:
         if FORKED:
-            _PROCESSES.set_forkserver_preload(["__main__", entry.partition(":")[0]])
+            _FORKED.set_forkserver_preload(["__main__", entry.partition(":")[0]])
             resource_tracker.ensure_running()  # begun on the way to a child, it would have that child hear interrupts
         with interrupts_unheard(), _capped_threads():
-            yield
+            yield _FORKED if _can_fork() else _SPAWNED
+
+
+def _can_fork() -> bool:
+    """Whether there is a process to fork from; it is started where there is none. Its socket is among the temporary files, whose
+    folder may be read-only, or have a name too long for one.
+    """
+    if not FORKED:
+        return False
+    from multiprocessing.forkserver import ensure_running  # not made for every system
+
+    try:
+        ensure_running()
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager

@@ -27,6 +27,7 @@ from bench.passes import Cost, honest_pass, run_command
 from bench.speed import processor
 from bench.store import RESULTS
 from calib_core.simulate import SCENARIOS, Scenario, simulate
+from calib_core.simulate.motion import Sway, Wave
 from calib_core.simulate.scene import Face, Scene
 from calib_core.simulate.sensors import XT_32
 from calib_core.threads import usable_cores
@@ -82,12 +83,26 @@ def grown(lengths_s: Sequence[float], lasers: Sequence[int], planes: Sequence[in
     with tempfile.TemporaryDirectory(prefix="unsweep-growth-") as name:
         folder = Path(name)
         plain = SCENARIOS["handheld"]
+        assert isinstance(plain.motion, Sway)
+        plain = replace(plain, motion=never_again(plain.motion))
         for length_s in lengths_s:
             yield _measured("length", length_s, plain, length_s, folder)
         for count in lasers:
             yield _measured("lasers", count, replace(plain, lidar=_LIDARS[count]), SHORT_S, folder)
         for count in planes:
             yield _measured("planes", count, replace(plain, scene=room_of(count)), SHORT_S, folder)
+
+
+def never_again(motion: Sway) -> Sway:
+    """The motion at tempos of which none goes into another: hundredths of a Hertz come again together after 100 s."""
+    tempo = (hz for hz in np.sqrt(np.arange(2.0, 1000.0)) % 1.0 if hz > 0.0)
+
+    def at_tempo(wave: Wave) -> Wave:
+        return replace(wave, frequency_hz=wave.frequency_hz + 0.01 * next(tempo))
+
+    x, y, z = (tuple(at_tempo(wave) for wave in axis) for axis in motion.position)
+    turns = tuple(replace(turn, waves=tuple(at_tempo(wave) for wave in turn.waves)) for turn in motion.turns)
+    return replace(motion, position=(x, y, z), turns=turns)
 
 
 def room_of(planes: int) -> Scene:

@@ -20,7 +20,7 @@ in excess of the reading noise (missing samples) is added on top.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -107,6 +107,11 @@ class Links:
     Dp_D_bg: FloatArray
     Dp_D_ba: FloatArray
     sqrt_info: FloatArray
+
+    def part(self, first: int, last: int) -> Links:
+        """Those from first to last (exclusive)."""
+        arrays = (getattr(self, each.name) for each in fields(self) if each.name != "h_s")
+        return Links(self.h_s, *(array[first:last] for array in arrays))
 
 
 def knot_spacing_s(stamps_s: FloatArray) -> float:

@@ -147,6 +147,7 @@ def _descend(
     tolerance, relative = tolerances
     equations = _Equations(share_equations)
     for iteration in range(max_iterations):
+        system = None  # two of them at once would be the most memory of a long recording's solve
         system = problem.linearise(estimate)
         solution, used = None, 0.0  # an earlier linearisation's says nothing of this one
         equations.begin(system)

@@ -139,6 +139,20 @@ for parcel in running.parcels():
 """
 
 
+def test_where_nothing_can_be_forked_a_process_is_made_anew(tmp_path):
+    """The name of the folder of temporary files leaves no room for a socket's. Mutation: only what is forked is tried."""
+    deep = tmp_path / ("d" * 100)
+    deep.mkdir()
+    code = _SERVER.replace("if isinstance(parcel, Happened):", "if parcel.parcel == 'finished':")
+    (tmp_path / "1").mkdir()
+    (tmp_path / "1" / "go-on").touch()
+    server = [sys.executable, "-c", code, FAKE_JOBS, str(tmp_path)]
+    told = subprocess.run(
+        server, capture_output=True, text=True, check=True, cwd=ROOT, env=os.environ | {"TMPDIR": str(deep)}
+    )
+    assert told.stdout.strip().isdigit()
+
+
 def in_a_process(code):
     """What a Python of its own prints, with the environment of one that jobs are forked from."""
     command = [sys.executable, "-c", textwrap.dedent(code)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.growth import Grown, metrics_of, page, room_of
+from bench.growth import Grown, metrics_of, never_again, page, room_of
 from bench.metrics import slips
 from bench.passes import Cost
 from calib_core.simulate import SCENARIOS
@@ -40,6 +40,19 @@ def test_the_page_has_a_row_for_each_and_a_table_for_each_kind():
     text = page([run("length", 10.0, 5.0, 0.1), run("lasers", 128, 8.0, 0.4)])
     assert "| 10 | 6 | 1.0 | 0.10 | 2.5 | 25 | 5.0 | 50 | 500 |" in text
     assert "| lasers | planes used |" in text
+
+
+def test_a_long_recording_does_not_come_back_to_where_it_was():
+    """Seen: ten minutes whose motion came again after 100 s, whose lag of 200 s was as good a match, took a third longer.
+
+    Oracle: poses 100 s and 200 s apart. Mutation: the tempos as they are.
+    """
+    plain = SCENARIOS["handheld"].motion
+    t_ns = np.arange(20 * 10**9, 40 * 10**9, 10**8)
+    for motion, apart in ((plain, False), (never_again(plain), True)):
+        for later_ns in (100 * 10**9, 200 * 10**9):
+            now, then = motion.kinematics(t_ns), motion.kinematics(t_ns + later_ns)
+            assert (np.abs(now.p_m - then.p_m).max() > 0.05) == apart
 
 
 @pytest.mark.parametrize("planes", [3, 6, 12, 30])

@@ -83,7 +83,6 @@ def factor_influences(
 def _of_links(
     problem: JointProblem, estimate: Estimate, layout: Layout, along: FloatArray, border: FloatArray
 ) -> Influences:
-    f = link_factors(problem.links, estimate.states, estimate.gravity, *problem.bias_changes(estimate))
     gyro, accel = (
         problem.nodes.at_links(border[columns].reshape(-1, 3 * CALIBRATION)).reshape(-1, 3, CALIBRATION)
         for columns in (layout.gyro_bias(), layout.accel_bias())
@@ -92,15 +91,22 @@ def _of_links(
     if len(places):
         own = border[layout.nuisance()][places]
         gyro, accel = gyro + problem.sensors.gyro @ own, accel + problem.sensors.accel @ own
-    response = (
-        f.r_D_first @ along[:-1]
-        + f.r_D_second @ along[1:]
-        + f.r_D_gravity @ border[GRAVITY]
-        + f.r_D_gyro_bias @ gyro
-        + f.r_D_accel_bias @ accel
-    )
-    back = np.swapaxes(response, 1, 2)
-    return Influences(-(back @ f.residual[..., None])[..., 0], back @ response)
+    changes = problem.bias_changes(estimate)
+    moved, allowed = np.empty((len(gyro), CALIBRATION)), np.empty((len(gyro), CALIBRATION, CALIBRATION))
+    for first, last in problem.links_at_once():
+        some = slice(first, last)
+        states = estimate.states.part(first, last + 1)
+        f = link_factors(problem.links.part(first, last), states, estimate.gravity, *(each[some] for each in changes))
+        response = (
+            f.r_D_first @ along[first:last]
+            + f.r_D_second @ along[first + 1 : last + 1]
+            + f.r_D_gravity @ border[GRAVITY]
+            + f.r_D_gyro_bias @ gyro[some]
+            + f.r_D_accel_bias @ accel[some]
+        )
+        back = np.swapaxes(response, 1, 2)
+        moved[some], allowed[some] = -(back @ f.residual[..., None])[..., 0], back @ response
+    return Influences(moved, allowed)
 
 
 def _of_bins(

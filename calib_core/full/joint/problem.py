@@ -6,6 +6,7 @@ priors (priors.py); and what holds whatever none of them does: the map's frame f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,6 +35,9 @@ from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, pre
 from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray
+
+#: Links whose Jacobians are there at the same time: nearly three minutes of them, 60 MB.
+_LINKS_AT_ONCE = 2**14
 
 
 @dataclass(frozen=True)
@@ -189,16 +193,28 @@ class JointProblem:
         seen[layout.nuisance().start + self.sensors.imu_places] = False
         return seen
 
+    def links_at_once(self) -> Iterator[tuple[int, int]]:
+        """First and last (exclusive) of links in parts: of an hour's recording the Jacobians of all would be gigabytes."""
+        count = len(self.links.DR)
+        for first in range(0, count, _LINKS_AT_ONCE):
+            yield first, min(first + _LINKS_AT_ONCE, count)
+
     def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout, seen: FloatArray) -> None:
         """seen: (3, 3) of gravity, what is not along a direction that no plane sees."""
-        f = link_factors(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
-        system.cost += 0.5 * float(np.sum(f.residual**2))
-        columns = layout.nuisance().start + self.sensors.imu_places
-        own = np.zeros((len(f.residual), KNOT, len(columns)))
-        if len(columns):
-            own = f.r_D_gyro_bias @ self.sensors.gyro + f.r_D_accel_bias @ self.sensors.accel
-        add_links_kernel(
-            f.r_D_first, f.r_D_second, f.r_D_gravity @ seen, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
-            self.nodes.node, self.nodes.fraction, layout.nodes, GRAVITY.start, columns, *self.nodes.windows(),
-            system.diagonal, system.lower, system.border, system.corner, system.gradient, system.gradient_shared,
-        )  # fmt: skip
+        columns, (window, width) = layout.nuisance().start + self.sensors.imu_places, self.nodes.windows()
+        gyro, accel = self.bias_changes(estimate)
+        for first, last in self.links_at_once():
+            some, ends = slice(first, last), slice(first, last + 1)
+            f = link_factors(
+                self.links.part(first, last), estimate.states.part(first, last + 1), estimate.gravity, gyro[some], accel[some]
+            )  # fmt: skip
+            system.cost += 0.5 * float(np.sum(f.residual**2))
+            own = np.zeros((len(f.residual), KNOT, len(columns)))
+            if len(columns):
+                own = f.r_D_gyro_bias @ self.sensors.gyro[some] + f.r_D_accel_bias @ self.sensors.accel[some]
+            add_links_kernel(
+                f.r_D_first, f.r_D_second, f.r_D_gravity @ seen, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
+                self.nodes.node[some], self.nodes.fraction[some], layout.nodes, GRAVITY.start, columns, window[ends], width,
+                system.diagonal[ends], system.lower[some], system.border[ends], system.corner, system.gradient[ends],
+                system.gradient_shared,
+            )  # fmt: skip

@@ -129,6 +129,7 @@ def descend(
 
     Raises Refused where the answer has left its bounds, and Cancelled.
     """
+    data.laid_out.let_go()
     problem = gathered(data, state)
     require_points(len(problem.bins.knot))
     problem = replace(problem, frozen=problem.frozen + also_frozen)
