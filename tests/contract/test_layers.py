@@ -297,6 +297,7 @@ APP_ROOMS = (
     "errors",
     "limits",
     "process",
+    "children",
     "locks",
     "logs",
     "settings",

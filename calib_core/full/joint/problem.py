@@ -36,9 +36,6 @@ from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray
 
-#: Links whose Jacobians are there at the same time: nearly three minutes of them, 60 MB.
-_LINKS_AT_ONCE = 2**14
-
 
 @dataclass(frozen=True)
 class JointProblem:
@@ -196,8 +193,8 @@ class JointProblem:
     def links_at_once(self) -> Iterator[tuple[int, int]]:
         """First and last (exclusive) of links in parts: of an hour's recording the Jacobians of all would be gigabytes."""
         count = len(self.links.DR)
-        for first in range(0, count, _LINKS_AT_ONCE):
-            yield first, min(first + _LINKS_AT_ONCE, count)
+        for first in range(0, count, CHAIN.links_at_once):
+            yield first, min(first + CHAIN.links_at_once, count)
 
     def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout, seen: FloatArray) -> None:
         """seen: (3, 3) of gravity, what is not along a direction that no plane sees."""

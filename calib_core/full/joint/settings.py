@@ -28,6 +28,9 @@ class Chain:
     #: derived: a prior of gravity that is exact is this wide (1 sigma): far below what a solve knows it to (0.01), and far
     #: from round-off.
     exact_gravity_m_s2: float = 1e-7
+    #: derived: links whose Jacobians are there at the same time: nearly three minutes of them, 60 MB. Memory, not the answer,
+    #: depends on it.
+    links_at_once: int = 16_384
     #: data sheets: the worst parts in use (MPU-6050, unconfirmed) start up to 20 deg/s and 0.08 g off, within two of these:
     #: 11 deg/s, a tenth of gravity (1 sigma).
     gyro_bias_std_rad_s: float = 0.2

@@ -381,3 +381,18 @@ def test_parts_of_the_rows_share_no_knot(knots: list[int]) -> None:
     assert [row for first, last in parts for row in range(first, last)] == list(range(len(rows)))
     of_knot = [{k for k, (first, last) in enumerate(parts) if knot in rows[first:last]} for knot in set(knots)]
     assert all(len(each) == 1 for each in of_knot)
+
+
+def test_links_taken_in_parts_are_those_taken_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the equations with all links at once, and the cost; what parts are added in another order differs by round-off.
+
+    Mutations: the last link of a part left out; its knots counted from the first part's; its own bias changes not taken.
+    """
+    problem, estimate = _problem(4)
+    whole = problem.linearise(estimate)
+    monkeypatch.setattr("calib_core.full.joint.problem.CHAIN", replace(CHAIN, links_at_once=4))
+    assert list(problem.links_at_once()) == [(0, 4), (4, KNOTS - 1)]
+    parts = problem.linearise(estimate)
+    for name in ("diagonal", "lower", "border", "corner", "gradient", "gradient_shared", "cost"):
+        one, other = np.asarray(getattr(whole, name)), np.asarray(getattr(parts, name))
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * max(np.abs(one).max(), 1.0), err_msg=name)
