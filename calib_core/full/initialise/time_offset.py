@@ -92,7 +92,7 @@ def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tup
     lag = t0 - imu_t[0] + shift / LAGS.grid_hz
     score = np.where(overlap >= least_overlap(len(lidar), len(imu)), correlation, -np.inf)
     best: list[tuple[float, float]] = []
-    nearest = _nearest_peaks(lag, score)
+    nearest = nearest_peaks(lag, score)
     while len(best) < LAGS.candidates and np.isfinite(score.max()):
         k = int(np.argmax(score))
         best.append((float(lag[k]), float(correlation[k])))
@@ -101,7 +101,7 @@ def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tup
     return best + [(float(lag[k]), float(correlation[k])) for k in sorted(more, key=lambda k: -correlation[k])]
 
 
-def _nearest_peaks(lag_s: FloatArray, score: FloatArray) -> list[int]:
+def nearest_peaks(lag_s: FloatArray, score: FloatArray) -> list[int]:
     """The few peaks nearest to no lag at all that are nearly as high as the highest, by number; none of what is not compared."""
     if not np.isfinite(score.max()):
         return []

@@ -14,14 +14,17 @@ from __future__ import annotations
 import numpy as np
 
 from calib_core.full.initialise.settings import VECTORS
-from calib_core.full.initialise.time_offset import Turns
+from calib_core.full.initialise.time_offset import Turns, nearest_peaks
 from calib_core.types import FloatArray
 
 
 def lags_by_vectors(
     turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray, *, count: int = VECTORS.candidates
 ) -> list[tuple[float, float]]:
-    """The lags (seconds to add to IMU stamps) at which the turns are most alike, with their likeness, best first."""
+    """The lags (seconds to add to IMU stamps) at which the turns are most alike, with their likeness, best first.
+
+    Of a motion that repeats itself the ones nearest to the stamps' own that are nearly as good go with them.
+    """
     if len(turns.start_s) < VECTORS.fewest_turns or len(imu_s) < 2:
         return []
     first_s = float(turns.start_s[0] - imu_s[-1])
@@ -33,12 +36,14 @@ def lags_by_vectors(
             for k in range(0, len(lags), VECTORS.lags_at_once)
         ]
     )
+    nearest = nearest_peaks(lags, score)
     best: list[tuple[float, float]] = []
     while len(best) < count and np.isfinite(score.max()):
         k = int(np.argmax(score))
         best.append((float(lags[k]), float(score[k])))
         score[np.abs(lags - lags[k]) < VECTORS.apart_s] = -np.inf
-    return best
+    more = sorted((k for k in nearest if np.isfinite(score[k])), key=lambda k: -score[k])
+    return best + [(float(lags[k]), float(score[k])) for k in more]
 
 
 def likeness(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray, lags_s: FloatArray) -> FloatArray:

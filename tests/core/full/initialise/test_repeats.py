@@ -9,8 +9,10 @@ import pytest
 
 from calib_core.events import Event, LogEvent, never_cancel
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.rotation import rotation_start
+from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
@@ -64,6 +66,18 @@ def test_the_round_nearest_to_the_stamps_is_taken_and_the_others_are_named(offse
     assert len(rounds) >= 3
     np.testing.assert_allclose(rounds, np.round(rounds), atol=5e-3)
     assert np.abs(np.round(rounds)).min() == 1
+
+
+def test_turns_that_are_told_each_by_itself_have_the_nearest_round_among_their_lags_too() -> None:
+    """Oracle: the round's own length. Mutation: the most alike alone, which lie five rounds away."""
+    stamps_s, rates = _gyro(-12.0, 32.0)
+    track = _track(0.0, 20.0)
+    turns = Turns(track.start_s, track.start_s + SWEEP_S, track.omega_rad_s)
+    rates += 1e-3 * np.random.default_rng(3).normal(size=rates.shape)
+    lags = lags_by_vectors(turns, stamps_s - 0.031, rates)
+    assert min(abs(lag_s - 0.031) for lag_s, _ in lags) < 0.03
+    best, *_ = fit_lags(turns, GyroTurns(stamps_s - 0.031, rates), lags)
+    assert abs(best.time_offset_s - 0.031) < 5e-3
 
 
 def test_a_slow_motion_is_no_repetition_of_itself() -> None:
