@@ -7,6 +7,8 @@ elevation (signs: calib_core/intrinsics.py):
     range scale   f = c r      incidence  f = 1 - c          eccentricity  f = azimuth's, times sine and cosine of the azimuth
     grazing       f = -r sqrt(1 - c^2)
 
+and where walls are bent, by minus its share of each of the four heights of the surface that it lies between (patches.py).
+
 Beside the scatter matrix M of [x, 1, d] (factors/lidar_plane.py), what the normal equations ask for are first moments of the
 features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: 104 numbers for a laser's points on a
 plane within ten milliseconds, whatever their number. The blocks couple through the state alone, so that 128 lasers cost
@@ -22,18 +24,22 @@ import numpy as np
 
 from calib_core.factors.laser_kernels import (
     FEATURES,
-    HEIGHT,
+    MORE_PRODUCTS,
     OF_COLUMN,
     PRODUCTS,
+    SHARES,
+    SIGN,
     LaserTable,
     collapse_features_kernel,
     correct_kernel,
     features_crossed_kernel,
     features_kernel,
     gather_features_kernel,
+    share_products_kernel,
     sum_grams_kernel,
 )
 from calib_core.factors.lidar_plane import Hits, SlicePoses, distinct
+from calib_core.factors.patches import Between
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 
@@ -80,7 +86,10 @@ class LaserErrors:
 
 @dataclass(frozen=True)
 class LaserSums:
-    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, 8, 5), gram: (B, 8, 8), float32."""
+    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, F, 5), gram: (B, F, F), float32.
+
+    F: 8 features, or 12 with the shares of heights.
+    """
 
     group: IntArray
     plane: IntArray
@@ -117,44 +126,49 @@ def collapse_features(
     lasers: int,
     group: IntArray,
     middle: IntArray,
-    patch: IntArray | None = None,
-    patches: int = 1,
+    between: Between | None = None,
 ) -> LaserSums:
     """The kept points' moments. laser: (N,).   group: (S,) of each slice.   middle: (G,) slice in the middle of each group.
 
-    patch: (N,) of the plane that each point lies on, of so many `patches`: then moments are of (group, plane, patch, laser),
-    and "laser" counts patch * lasers + laser.
+    between: where each point lies on surfaces that are bent: then moments are of (group, plane, square, laser), and "laser"
+    counts square * lasers + laser.
     """
     n_planes = len(normals)
     n_lidar = normals @ hits.poses.R
     R, p = steps_to_middles(hits.poses, group, middle)
-    cells, cluster, keys = len(middle) * n_planes * lasers, np.zeros(0, np.int64), None
-    if patch is not None:
-        unit = (group[hits.slice_index] * n_planes + hits.plane) * patches + patch
+    cells, cluster, keys, share = len(middle) * n_planes * lasers, np.zeros(0, np.int64), None, np.zeros((0, SHARES))
+    if between is not None:
+        unit = (group[hits.slice_index] * n_planes + hits.plane) * between.squares + between.square
         keys, place = np.unique((unit * lasers + laser)[keep], return_inverse=True)
-        cells, cluster = len(keys), np.zeros(len(keep), np.int64)
+        cells, cluster, share = len(keys), np.zeros(len(keep), np.int64), between.share
         cluster[keep] = place
-    cross, gram, count = (
-        np.zeros((cells, FEATURES, 5)),
+    features = FEATURES if between is None else FEATURES + SHARES
+    cross, gram, more, count = (
+        np.zeros((cells, features, 5)),
         np.zeros((cells, PRODUCTS)),
+        np.zeros((0 if between is None else cells, MORE_PRODUCTS)),
         np.zeros(cells, np.int64),
     )
     collapse_features_kernel(
         keep, hits.plane, hits.slice_index, hits.x_hit, hits.d, hits.cosine, weight, laser, n_lidar, group,
-        R, p, lasers, cross, gram, count, cluster,
+        R, p, lasers, cross, gram, count, cluster, share, more,
     )  # fmt: skip
-    if keys is None:
+    if between is None or keys is None:
         return LaserSums.filled(cross, gram, count, n_planes, lasers)
-    pair, of = np.divmod(keys, patches * lasers)
-    return LaserSums(pair // n_planes, pair % n_planes, of, *_moments(cross, gram, np.arange(cells)))
+    pair, of = np.divmod(keys, between.squares * lasers)
+    every = np.arange(cells)
+    moments, products = _moments(cross, gram, every)
+    share_products_kernel(cross, more, every, products)
+    return LaserSums(pair // n_planes, pair % n_planes, of, moments, products)
 
 
 def _moments(cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray) -> tuple[Float32Array, Float32Array]:
-    """Moments (B, 8, 5), (B, 8, 8) of some of the sums (C, 8, 5), (C, 28) of `add_features`; (0, 28): none but those of ones."""
+    """Moments (B, F, 5), (B, F, F) of some of the sums (C, F, 5), (C, 28) of `add_features`; (0, 28): none but those of ones."""
+    features = cross_sums.shape[1]
     if len(gram_sums) == 0:
-        return cross_sums[some].astype(np.float32), np.zeros((len(some), FEATURES, FEATURES), np.float32)
-    cross = np.empty((len(some), FEATURES, 5), np.float32)
-    gram = np.empty((len(some), FEATURES, FEATURES), np.float32)
+        return cross_sums[some].astype(np.float32), np.zeros((len(some), features, features), np.float32)
+    cross = np.empty((len(some), features, 5), np.float32)
+    gram = np.empty((len(some), features, features), np.float32)
     features_kernel(cross_sums, gram_sums, some, cross, gram)
     return cross, gram
 
@@ -169,9 +183,10 @@ def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tu
 class LaserFactors:
     """Moments by knot, plane and laser, as the joint problem takes them.
 
-    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, 8, 5), hits in the
-    lidar's frame at the knot.   gram: (U, 8, 8), which moves with no motion and stays as it was made, of the cluster `of` (U,)
-    each.   grams: (P, L, 8, 8) their sums by plane and laser, which is all that a cost and its derivatives ask for.
+    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, F, 5), hits in the
+    lidar's frame at the knot.   gram: (U, F, F), which moves with no motion and stays as it was made, of the cluster `of` (U,)
+    each.   grams: (G, F, F) their sums by plane and laser, of those that have points: of_plane, of_laser (G,). That is all that a
+    cost and its derivatives ask for.
     """
 
     bin: IntArray
@@ -180,16 +195,19 @@ class LaserFactors:
     gram: Float32Array
     of: IntArray
     grams: FloatArray
+    of_plane: IntArray
+    of_laser: IntArray
 
     @staticmethod
     def made(
         bins: IntArray, laser: IntArray, cross: FloatArray, gram: Float32Array, of: IntArray, plane: IntArray
     ) -> LaserFactors:
         """With its sums. plane: (Q,) of the bins."""
-        planes, lasers = int(plane.max(initial=-1)) + 1, int(laser.max(initial=-1)) + 1
-        grams = np.zeros((planes, lasers, FEATURES, FEATURES))
-        sum_grams_kernel(gram, plane[bins[of]], laser[of], grams)
-        return LaserFactors(bins, laser, cross, gram, of, grams)
+        lasers = int(laser.max(initial=0)) + 1
+        keys, place = np.unique(plane[bins[of]] * lasers + laser[of], return_inverse=True)
+        grams = np.zeros((len(keys), *gram.shape[1:]))
+        sum_grams_kernel(gram, place, grams)
+        return LaserFactors(bins, laser, cross, gram, of, grams, keys // lasers, keys % lasers)
 
     @staticmethod
     def empty() -> LaserFactors:
@@ -197,6 +215,11 @@ class LaserFactors:
         none = np.zeros(0, np.int64)
         cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES), np.float32)
         return LaserFactors.made(none, none, cross, gram, none, none)
+
+    @property
+    def features(self) -> int:
+        """F."""
+        return self.cross.shape[1]
 
     def within(self, mine: BoolArray, plane: IntArray) -> LaserFactors:
         """Those of some of the bins (Q,) alone, which are counted anew. plane: (Q,) of all bins."""
@@ -222,29 +245,29 @@ def move_and_sum_features(
     use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
     """
     keys, place = distinct(key)
-    cross = np.zeros((len(keys), FEATURES, 5))
+    cross = np.zeros((len(keys), *sums.cross.shape[1:]))
     gather_features_kernel(sums.cross, use, R, p, pose, place, cross)
     return keys, cross, place
 
 
-def feature_changes(change: FloatArray) -> FloatArray:
-    """(L, 8) what the features' coefficients change by, from the changes of the columns: (L, 10), or (L, 10, ..)."""
-    out = np.zeros((len(change), FEATURES, *change.shape[2:]))
+def feature_changes(change: FloatArray, features: int) -> FloatArray:
+    """(L, F) what the coefficients of so many features change by, from the changes of the columns: (L, 13), or (L, 13, ..)."""
+    out = np.zeros((len(change), FEATURES + SHARES, *change.shape[2:]))
     for column, feature in enumerate(OF_COLUMN):
-        out[:, feature] += change[:, column]
-    for feature in (0, 4):
-        out[:, feature] -= change[:, HEIGHT]
-    return out
+        out[:, feature] += SIGN[column] * change[:, column]
+    return out[:, :features]
 
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, plane: IntArray) -> FloatArray:
     """What changed parameters add to the sum of squares of each plane's points, (P,).
 
-    a: (Q, 5) of the bins.   change: (L, 10).   plane: (Q,) of the bins.
+    a: (Q, 5) of the bins.   change: (L, 13).   plane: (Q,) of the bins.
     """
-    planes, lasers = factors.grams.shape[:2]
-    by_feature = feature_changes(change)[:lasers]
+    planes = int(plane.max(initial=-1)) + 1
+    by_feature = feature_changes(change, factors.features)
     crossed = np.empty(len(factors.laser))
     features_crossed_kernel(factors.bin, factors.laser, a, factors.cross, by_feature, crossed)
-    own = np.einsum("lf,plfe,le->p", by_feature, factors.grams, by_feature, optimize=True)
-    return np.asarray(2.0 * np.bincount(plane[factors.bin], crossed, planes) + own)
+    moved = by_feature[factors.of_laser]
+    own = np.einsum("gf,gfe,ge->g", moved, factors.grams, moved, optimize=True)
+    of_planes = np.bincount(plane[factors.bin], 2.0 * crossed, planes) + np.bincount(factors.of_plane, own, planes)
+    return np.asarray(of_planes)

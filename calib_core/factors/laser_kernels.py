@@ -33,17 +33,17 @@ INCIDENCE = 4
 #: The others, and how many products two of them make.
 OTHERS = np.array([0, 1, 2, 3, 5, 6, 7])
 PRODUCTS = len(OTHERS) * (len(OTHERS) + 1) // 2
-#: Columns of a cluster, and what a unit of each adds to the features' coefficients: the laser's offset, elevation, azimuth and
-#: scale, everybody's offset, incidence, sine and cosine, grazing; last the surface's height where the points lie, towards the
-#: lidar, which shortens every distance alike: minus the cosine and minus one less the cosine.
-COLUMNS = 10
-HEIGHT = COLUMNS - 1
-OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6, 7])
-#: The same as a list of terms: a column, the feature that it adds to, and by how much for a unit.
-TERM_COLUMN = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, HEIGHT, HEIGHT])
-TERM_FEATURE = np.append(OF_COLUMN, [0, 4])
-TERM_SIGN = np.array([1.0] * 9 + [-1.0, -1.0])
-TERMS = len(TERM_COLUMN)
+#: Where walls are bent a point has as many features more: its shares of the four heights that it lies between (patches.py). Each
+#: makes products with the others of the above, and with the shares from its own on.
+SHARES = 4
+MORE_PRODUCTS = SHARES * len(OTHERS) + SHARES * (SHARES + 1) // 2
+#: Columns of a cluster, the feature to whose coefficient each adds, and how much for a unit: the laser's offset, elevation,
+#: azimuth and scale, everybody's offset, incidence, sine and cosine, grazing; last the surface's heights about the points, which
+#: shorten distances.
+HEIGHT = 9
+COLUMNS = HEIGHT + SHARES
+OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6, 7, *range(FEATURES, FEATURES + SHARES)])
+SIGN = np.array([1.0] * HEIGHT + [-1.0] * SHARES)
 #: Columns of a bin's Jacobian but for the clocks' rate (factors/planes_seen.py).
 COLUMNS_SEEN = 19
 
@@ -135,14 +135,59 @@ def add_features(S: FloatArray, m: int, d: float, weight: float, b: int, cross: 
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_shares(
+    S: FloatArray, m: int, d: float, weight: float, share: FloatArray, b: int, cross: FloatArray, more: FloatArray
+) -> None:
+    """Adds to the sums of cluster b the m-th hit of a block by its shares (4,). S: after `features_block`.
+
+    cross (B, 12, 5): weight share y', in the last four rows.   more (B, 38): weight share f' of the seven features and weight
+    share share' from its own on, one share after the other.
+    """
+    y0, y1, y2 = S[PLACE + m], S[PLACE + BLOCK + m], S[PLACE + 2 * BLOCK + m]
+    place = 0
+    for r in range(SHARES):
+        w = weight * share[r]
+        cross[b, FEATURES + r, 0] += w * y0
+        cross[b, FEATURES + r, 1] += w * y1
+        cross[b, FEATURES + r, 2] += w * y2
+        cross[b, FEATURES + r, 3] += w
+        cross[b, FEATURES + r, 4] += w * d
+        for f in range(7):
+            more[b, place] += w * S[FEATURE + f * BLOCK + m]
+            place += 1
+        for c in range(r, SHARES):
+            more[b, place] += w * share[c]
+            place += 1
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def share_products_kernel(cross_sums: FloatArray, more_sums: FloatArray, some: IntArray, gram: Float32Array) -> None:
+    """Fills the rest of the products (B, 12, 12) from `some` (B,) of the sums of `add_shares`."""
+    for b in range(some.shape[0]):
+        s, place = some[b], 0
+        for r in range(FEATURES, FEATURES + SHARES):
+            first = more_sums[s, place]
+            for m in range(OTHERS.shape[0]):
+                gram[b, r, OTHERS[m]] = gram[b, OTHERS[m], r] = more_sums[s, place]
+                place += 1
+            gram[b, r, INCIDENCE] = gram[b, INCIDENCE, r] = cross_sums[s, r, 3] - first
+            for c in range(r, FEATURES + SHARES):
+                gram[b, r, c] = gram[b, c, r] = more_sums[s, place]
+                place += 1
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def features_kernel(
     cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray, cross: Float32Array, gram: Float32Array
 ) -> None:
-    """Fills moments (B, 8, 5), (B, 8, 8) from `some` (B,) of the sums of `add_features`: of 1 - f what is left of the one's."""
+    """Fills moments (B, F, 5), (B, F, F) from `some` (B,) of the sums of `add_features`: of 1 - f what is left of the one's.
+
+    F: 8, or 12 with shares, whose products are not filled here.
+    """
     for b in range(some.shape[0]):
         s, place = some[b], 0
         for c in range(5):
-            for m in range(FEATURES):
+            for m in range(cross.shape[1]):
                 cross[b, m, c] = cross_sums[s, m, c]
             cross[b, INCIDENCE, c] = cross_sums[s, INCIDENCE, c] - cross_sums[s, 0, c]
         for m in range(OTHERS.shape[0]):
@@ -174,12 +219,15 @@ def collapse_features_kernel(
     gram: FloatArray,
     count: IntArray,
     cluster: IntArray,
+    share: FloatArray,
+    more: FloatArray,
 ) -> None:
-    """Adds kept hits to the sums of their (group, plane, laser): `add_features`.
+    """Adds kept hits to the sums of their (group, plane, laser): `add_features`, `add_shares`.
 
     cross: (G P L, 8, 5).   gram: (G P L, 28).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
     group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.   cluster:
-    (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.
+    (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.   share: (N, 4), (0, 4) where
+    walls are flat; else cross is (C, 12, 5), and more (C, 38).
     """
     n_planes, points = n_lidar.shape[1], keep.shape[0]
     S, at, i = new_block(0), np.empty(BLOCK, np.int64), 0
@@ -198,6 +246,8 @@ def collapse_features_kernel(
             of = at[m]
             b = cluster[of] if cluster.shape[0] > 0 else (group[s] * n_planes + plane[of]) * lasers + laser[of]
             add_features(S, m, d[of], weight[of], b, cross, gram)
+            if share.shape[0] > 0:
+                add_shares(S, m, d[of], weight[of], share[of], b, cross, more)
             count[b] += 1
 
 
@@ -211,13 +261,13 @@ def gather_features_kernel(
     place: IntArray,
     total_cross: FloatArray,
 ) -> None:
-    """Adds moments (B, 8, 5) to those at their places, with their hits moved by x -> R x + p of their pose.
+    """Adds moments (B, F, 5) to those at their places, with their hits moved by x -> R x + p of their pose.
 
     use: (U,) which of them, pose, place: (U,) each one's pose and place.   R: (T, 3, 3), p: (T, 3).
     """
     for u in range(use.shape[0]):
         b, t, k = use[u], pose[u], place[u]
-        for f in range(FEATURES):
+        for f in range(cross.shape[1]):
             x0, x1, x2, one = cross[b, f, 0], cross[b, f, 1], cross[b, f, 2], cross[b, f, 3]
             for c in range(3):
                 total_cross[k, f, c] += R[t, c, 0] * x0 + R[t, c, 1] * x1 + R[t, c, 2] * x2 + p[t, c] * one
@@ -226,23 +276,23 @@ def gather_features_kernel(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def sum_grams_kernel(gram: Float32Array, plane: IntArray, laser: IntArray, grams: FloatArray) -> None:
-    """Adds gram (U, 8, 8) to the sums of their plane and laser (U,): grams (P, L, 8, 8)."""
+def sum_grams_kernel(gram: Float32Array, place: IntArray, grams: FloatArray) -> None:
+    """Adds gram (U, F, F) to the sums at their places (U,): grams (G, F, F)."""
     for u in range(gram.shape[0]):
-        for f in range(FEATURES):
-            for e in range(FEATURES):
-                grams[plane[u], laser[u], f, e] += gram[u, f, e]
+        for f in range(gram.shape[1]):
+            for e in range(gram.shape[2]):
+                grams[place[u], f, e] += gram[u, f, e]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def features_crossed_kernel(
     bins: IntArray, laser: IntArray, a: FloatArray, cross: FloatArray, change: FloatArray, crossed: FloatArray
 ) -> None:
-    """Fills crossed (B,) with sum w (f . change) (y . a) of each cluster. a: (Q, 5) of the bins.   change: (L, 8)."""
+    """Fills crossed (B,) with sum w (f . change) (y . a) of each cluster. a: (Q, 5) of the bins.   change: (L, F)."""
     for b in range(bins.shape[0]):
         q, j = bins[b], laser[b]
         total = 0.0
-        for f in range(FEATURES):
+        for f in range(cross.shape[1]):
             moved = change[j, f]
             if moved != 0.0:
                 value = 0.0
@@ -276,7 +326,7 @@ def add_features_kernel(
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster: first..last (exclusive).
 
     bins, laser: (B,), clusters of one bin in a row.   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the
-    bins.   cross: (B, 8, 5).   column_of: (L, 10) shared columns, -1 for none.   change: (L, 8) of the features' coefficients
+    bins.   cross: (B, F, 5).   column_of: (L, 13) shared columns, -1 for none.   change: (L, F) of the features' coefficients
     since the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
 
     What all clusters of a bin say of one column is the same four numbers times the bin's J. They are laid side by side first, a
@@ -391,15 +441,16 @@ def _lay_beside(
     u: FloatArray,
 ) -> None:
     """Adds cluster b of laser j to moments (5, C) by column, counted from `start`, and to u (4,) as the lasers have changed."""
-    for f in range(FEATURES):
+    for f in range(cross.shape[1]):
         moved = change[j, f]
         if moved != 0.0:
             for c in range(4):
                 u[c] += moved * cross[b, f, c]
-    for t in range(TERMS):
-        column, f, sign = column_of[j, TERM_COLUMN[t]] - start, TERM_FEATURE[t], TERM_SIGN[t]
+    for t in range(COLUMNS):
+        column = column_of[j, t] - start
         if column >= 0:
             touched[column] = True
+            f, sign = OF_COLUMN[t], SIGN[t]
             for c in range(5):
                 moments[c, column] += sign * cross[b, f, c]
 
@@ -431,17 +482,23 @@ def _put_beside(row: int, sums: FloatArray, of: int, start: int, corner: FloatAr
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_grams_kernel(
-    grams: FloatArray, column_of: IntArray, change: FloatArray, corner: FloatArray, gradient_shared: FloatArray
+    grams: FloatArray,
+    laser: IntArray,
+    column_of: IntArray,
+    change: FloatArray,
+    corner: FloatArray,
+    gradient_shared: FloatArray,
 ) -> None:
-    """Adds what the lidar's parameters share with one another. grams: (L, 8, 8) of all planes; others: add_features_kernel."""
-    for j in range(grams.shape[0]):
-        for t in range(TERMS):
-            column, f, sign = column_of[j, TERM_COLUMN[t]], TERM_FEATURE[t], TERM_SIGN[t]
+    """Adds what the lidar's parameters share with one another. grams: (G, F, F), laser: (G,); others: add_features_kernel."""
+    for g in range(grams.shape[0]):
+        j = laser[g]
+        for t in range(COLUMNS):
+            column, f, sign = column_of[j, t], OF_COLUMN[t], SIGN[t]
             if column < 0:
                 continue
-            for e in range(FEATURES):
-                gradient_shared[column] += sign * grams[j, f, e] * change[j, e]
-            for o in range(TERMS):
-                other = column_of[j, TERM_COLUMN[o]]
+            for e in range(grams.shape[2]):
+                gradient_shared[column] += sign * grams[g, f, e] * change[j, e]
+            for o in range(COLUMNS):
+                other = column_of[j, o]
                 if other >= 0:
-                    corner[column, other] += sign * TERM_SIGN[o] * grams[j, f, TERM_FEATURE[o]]
+                    corner[column, other] += sign * SIGN[o] * grams[g, f, OF_COLUMN[o]]

@@ -314,7 +314,7 @@ def _about(data: JointData, problem: JointProblem, estimate: Estimate, share: fl
         problem.priors,
         inflation=float(np.sqrt(share)),
         frozen_offset=not data.run.settings.estimate_time_offset,
-        offset_std_s=float(np.hypot(data.run.clocks.jitter_mean_std_s * np.sqrt(share), data.run.clocks.steps_std_s)),
+        offset_std_s=float(np.hypot(data.run.clocks.line.mean_std_s * np.sqrt(share), data.run.clocks.steps_std_s)),
     )
     return knowledge, _step_held(data_information(solution.information, problem.priors), solution.step_shared)
 

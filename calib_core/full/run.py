@@ -43,14 +43,35 @@ class StampStep:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class LineStd:
+    """How well the line through jittering stamps is known. mean_std_s: the mean of what they are off it, which is part of the
+    time offset.   rate_std_ppm: its slope, which is part of the clocks' rate.
+    """
+
+    mean_std_s: float = 0.0
+    rate_std_ppm: float = 0.0
+
+    @staticmethod
+    def of(mean_std_s: float, every_std_s: float, duration_s: float) -> LineStd:
+        """Of stamps spread evenly over so long, whose mean would be known to every_std_s were there nothing but noise: the slope
+        of a line through N of them is known to sigma sqrt(12 / N) / duration.
+        """
+        return LineStd(mean_std_s, 1e6 * 2.0 * math.sqrt(3.0) * every_std_s / duration_s)
+
+    def beside(self, other: LineStd) -> LineStd:
+        """Of two clocks, each with its own."""
+        return LineStd(math.hypot(self.mean_std_s, other.mean_std_s), math.hypot(self.rate_std_ppm, other.rate_std_ppm))
+
+
 @dataclass(frozen=True)
 class Clocks:
     """Both clocks in seconds of their own epochs. lidar time = imu time + offset, |offset| small after coarse alignment.
 
     imu_s: (Q,).   scan_s: (M,) first points' times.   sweep_s: (M,) last point after the first.   scan_points: (M,) how
-    many there are.   jitter_mean_std_s: what the time offset is unsure by because the mean of the stamps' jitter is part
-    of it.   late_ns: of scans that were taken before their stamp says, by stamp: how late it is.   steps: of stamps and times
-    that a clock's ticks cut.   sieve_std_s: what the time offset is unsure by for clouds that a grid thinned.
+    many there are.   line: what the time offset and the clocks' rate are unsure by because stamps jitter.   late_ns: of scans
+    that were taken before their stamp says, by stamp: how late it is.   steps: of stamps and times that a clock's ticks cut.
+    sieve_std_s: what the time offset is unsure by for clouds that a grid thinned.
     """
 
     lidar_epoch_ns: int
@@ -59,7 +80,7 @@ class Clocks:
     scan_s: FloatArray
     sweep_s: FloatArray
     scan_points: IntArray
-    jitter_mean_std_s: float = 0.0
+    line: LineStd = LineStd()
     late_ns: Mapping[int, int] = field(default_factory=dict)
     steps: tuple[StampStep, ...] = ()
     sieve_std_s: float = 0.0

@@ -60,7 +60,8 @@ class Sampling:
     (infinite where they do not tell).   compared: readings that were held against their neighbours.   mean_std_s: how well
     the mean of the jitter, which no line takes away, is known to be the one over all time; where the readings change, since
     there the time offset is learnt. What the tail of a one-sided law changes in it is part of that, as likely to be any
-    share of it: where the law ends and a host's stall begins, nobody can say.   late_s: by how much the mean stamp comes after
+    share of it: where the law ends and a host's stall begins, nobody can say.   every_std_s: how well the mean over all stamps is
+    known, were there nothing but noise in it.   late_s: by how much the mean stamp comes after
     the most punctual ones, where most of the jitter is to that side; 0 where it is to both.
     """
 
@@ -72,6 +73,7 @@ class Sampling:
     in_sampling_std: float
     compared: int
     mean_std_s: float
+    every_std_s: float
     late_s: float = 0.0
 
     @property
@@ -134,6 +136,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
                 jitter * lasting(rows, t) * _std_where_it_moves(rows, whole, values, n), mean_of_all / np.sqrt(3.0)
             )
         ),
+        every_std_s=jitter * lasting(rows, t) / float(np.sqrt(np.count_nonzero(used))),
         late_s=mean_lateness(tau[used], mean_of_all),
     )
 

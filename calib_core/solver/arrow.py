@@ -273,25 +273,6 @@ def _chain_step(chain: _Chain, shared: FloatArray, gradient: float) -> FloatArra
     return step * chain.scale
 
 
-def unit_responses(system: ArrowSystem, count: int) -> tuple[FloatArray, FloatArray]:
-    """The first `count` columns of H^-1 E on the shared unknowns: chain (K, n, count) and border (S, count).
-
-    A factor with Jacobian J and residual r moves the first unknowns by -(J X)' r, X these columns: its influence. Frozen
-    columns respond to nothing. Raises NotPositiveDefinite.
-    """
-    chain = _eliminated(system, 0.0)
-    shared = len(chain.free)
-    inverse = covariance(chain.schur).matrix
-    picked = np.searchsorted(chain.free, np.arange(count))
-    asked = (picked < shared) & (chain.free[np.minimum(picked, shared - 1)] == np.arange(count))
-    border, along = np.zeros((system.corner.shape[0], count)), np.zeros((*system.gradient.shape, count))
-    for c in np.flatnonzero(asked):
-        own = inverse[:, picked[c]]
-        border[chain.free, c] = own
-        along[:, :, c] = _chain_step(chain, own, 0.0)
-    return along, border
-
-
 @dataclass(frozen=True)
 class Eliminated:
     """A system with its chain eliminated, for its own gradient and for others: the gradient is a column like any other.
@@ -300,15 +281,33 @@ class Eliminated:
     """
 
     _chain: _Chain
+    _shared: int
 
     @staticmethod
     def of(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
         """Raises NotPositiveDefinite where the damped chain is not positive definite."""
-        return Eliminated(_eliminated(system, damping))
+        return Eliminated(_eliminated(system, damping), system.corner.shape[0])
 
     def solution(self, system: ArrowSystem) -> ArrowSolution:
         """The step by the gradient last given. system: of that gradient."""
         return _solution(self._chain, system)
+
+    def unit_responses(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """C columns of H^-1 E on the shared unknowns, each numbered below S: chain (K, n, C) and border (S, C).
+
+        A factor with Jacobian J and residual r moves those unknowns by -(J X)' r, X these columns: its influence. Frozen
+        columns respond to nothing. Raises NotPositiveDefinite.
+        """
+        chain = self._chain
+        inverse = covariance(chain.schur).matrix
+        border, along = np.zeros((self._shared, len(columns))), np.zeros((*chain.scale.shape, len(columns)))
+        place = np.full(self._shared, -1)
+        place[chain.free] = np.arange(len(chain.free))
+        for c in np.flatnonzero(place[columns] >= 0):
+            own = inverse[:, place[columns[c]]]
+            border[chain.free, c] = own
+            along[:, :, c] = _chain_step(chain, own, 0.0)
+        return along, border
 
     def again(self, system: ArrowSystem) -> ArrowSolution:
         """The step by another system's gradient, as if its equations were these: true as far as the estimate has hardly moved.

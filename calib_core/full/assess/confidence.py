@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from calib_core.full.assess.considered import Considered, consider
-from calib_core.full.assess.disagreement import Apart, Disagreement, disagreements, take_apart, together
+from calib_core.full.assess.disagreement import (
+    Apart,
+    Disagreement,
+    disagreements,
+    take_apart,
+    together,
+    unexplained_variance,
+)
 from calib_core.full.assess.given import Contradiction, contradictions, say_contradictions
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
 from calib_core.full.assess.settings import PARTS
-from calib_core.full.joint.by_laser import by_laser
+from calib_core.full.joint.by_laser import ByLaser, by_laser
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
@@ -36,7 +43,8 @@ _WORDS = {
 class Confidence:
     """knowledge: with everything counted.   considered: None where the sensors' parameters were estimated, or are none.
 
-    apart: the parts that were compared.   contradicted: what was given beforehand and is wrong.
+    apart: the parts that were compared.   contradicted: what was given beforehand and is wrong.   sensors_unexplained: (N,) what
+    noise does not explain of the variances of the sensors' parameters that were estimated.
     """
 
     knowledge: Knowledge
@@ -44,11 +52,7 @@ class Confidence:
     found: tuple[Disagreement, ...]
     apart: Apart
     contradicted: tuple[Contradiction, ...] = ()
-
-    @property
-    def apart_times(self) -> float:
-        """How many times what noise allows the parts disagree."""
-        return apart_times(self.found)
+    sensors_unexplained: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def is_torn(self) -> bool:
@@ -86,17 +90,29 @@ def confidence(run: Run, solved: Solved) -> Confidence:
         information,
         priors,
         frozen_offset=frozen,
-        offset_std_s=float(np.hypot(run.clocks.jitter_mean_std_s, run.clocks.steps_std_s)),
+        offset_std_s=float(np.hypot(run.clocks.line.mean_std_s, run.clocks.steps_std_s)),
         added=added + beyond,
     )
     if not frozen:
         _say_steps(run, knowledge)
-    return Confidence(knowledge, considered, found, apart, tuple(contradicted))
+    unexplained = _sensors_unexplained(run, solved, found) if considered is None else np.zeros(sensors.size)
+    return Confidence(knowledge, considered, found, apart, tuple(contradicted), unexplained)
 
 
-def apart_times(found: Sequence[Disagreement]) -> float:
-    """How many times what noise allows those parts disagree that do so beyond it the most; 1 where none do."""
-    return max([1.0, *(each.ratio for each in found if each.is_beyond_noise)])
+def _sensors_unexplained(run: Run, solved: Solved, found: Sequence[Disagreement]) -> FloatArray:
+    """(N,) of the variances of the sensors' parameters: what parts disagree about, and of the clocks' rate what jittering stamps
+    leave open.
+    """
+    if not solved.nuisance.sensors.blocks:
+        return np.zeros(0)
+    problem, lasers = solved.problem, solved.nuisance.lasers
+    start = problem.layout(solved.estimate).nuisance().start
+    told_apart = [ByLaser(problem.lidar, lasers)] if lasers else []
+    own = slice(start, start + solved.nuisance.sensors.size)
+    variance = unexplained_variance(problem, solved.estimate, own, found, told_apart)
+    if problem.sensors.clock_place >= 0:
+        variance[problem.sensors.clock_place] += run.clocks.line.rate_std_ppm**2
+    return variance
 
 
 def is_torn(found: Sequence[Disagreement]) -> bool:

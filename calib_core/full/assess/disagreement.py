@@ -8,7 +8,8 @@ pull on the seven (influence.py) is held against what noise allows it:
     T = sum |C^-1/2 u_k|^2,     under noise alone  E T = sum tr P_k,   var T = 2 sum tr P_k^2     (P_k in C's own units)
 
 matched by a gamma law. Beyond its 99.9 % quantile the clustered covariance counts: the part of sum (u_k u_k' - P_k) that is
-positive is added to C, along the directions in which the clusters disagree and along no other.
+positive is added to C, along the directions in which the clusters disagree and along no other. The sensors' own parameters are
+bent by the same walls, each by its own pulls.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences
+from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences, parameter_influences
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNDETERMINED
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -60,19 +61,73 @@ class Apart:
     ranges_m: FloatArray
 
 
+@dataclass(frozen=True)
+class _Ways:
+    """Which cluster each factor belongs to. block: (K,) stretch of time of each knot.   knot, plane: (B,) of each bin.
+
+    planes: how many.   space: by name, a key for each bin.
+    """
+
+    block: IntArray
+    knot: IntArray
+    plane: IntArray
+    planes: int
+    space: dict[str, IntArray]
+
+    def clusters(self, of: FactorInfluences) -> dict[str, Influences]:
+        """Each way of it."""
+        links = of.links.summed(self.block[:-1], PARTS.time_blocks)
+        bins = of.bins.summed(self.block[self.knot], PARTS.time_blocks)
+        clusters = {"time": Influences(links.moved + bins.moved, links.allowed + bins.allowed)}
+        clusters |= {name: of.bins.summed(*numbered(key)) for name, key in self.space.items()}
+        clusters["planes"] = of.bins.summed(self.plane, self.planes)
+        if len(of.lasers.moved):
+            clusters["lasers"] = of.lasers
+        return clusters
+
+
 def take_apart(problem: JointProblem, estimate: Estimate, told_apart: Iterable[ByLaser] = ()) -> Apart:
     """Every way of it. told_apart: the lidar's factors, laser by laser. Raises NotPositiveDefinite."""
     of = factor_influences(problem, estimate, told_apart)
-    block = np.arange(len(problem.readings.knots_s)) * PARTS.time_blocks // len(problem.readings.knots_s)
-    space, ranges_m = _in_space(problem, estimate)
-    clusters = {"time": _in_time(problem, of, block)}
-    clusters |= {name: of.bins.summed(*numbered(key)) for name, key in space.items()}
-    clusters["planes"] = of.bins.summed(problem.bins.plane, len(estimate.normals))
-    if len(of.lasers.moved):
-        clusters["lasers"] = of.lasers
+    ways, ranges_m = _ways(problem, estimate)
     knots_s = problem.readings.knots_s
-    starts_s = knots_s[np.minimum(np.searchsorted(block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]
-    return Apart(clusters, of.covariance, np.append(starts_s, knots_s[-1]), ranges_m)
+    starts_s = knots_s[np.minimum(np.searchsorted(ways.block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]
+    return Apart(ways.clusters(of), of.covariance, np.append(starts_s, knots_s[-1]), ranges_m)
+
+
+def unexplained_variance(
+    problem: JointProblem,
+    estimate: Estimate,
+    own: slice,
+    found: Iterable[Disagreement],
+    told_apart: Iterable[ByLaser] = (),
+) -> FloatArray:
+    """(N,) that the variances of the sensors' parameters lack, which are the shared unknowns of columns `own`.
+
+    found: what the seven disagree about. There each parameter takes its own part of it; and where it alone disagrees beyond what
+    noise allows so many of them. What one way of taking the recording apart accounts for, no other adds again.
+    Raises NotPositiveDefinite.
+    """
+    ways, _ = _ways(problem, estimate)
+    beyond = {each.name for each in found if each.is_beyond_noise}
+    lacking = np.zeros(own.stop - own.start)
+    for some, of in parameter_influences(problem, estimate, own, told_apart):
+        for name, clusters in ways.clusters(of).items():
+            excess = np.sum(clusters.moved**2 - clusters.allowed, axis=0)
+            if name not in beyond:
+                excess = np.where(_is_beyond_noise(clusters, len(lacking)), excess, 0.0)
+            lacking[some] = np.maximum(lacking[some], excess)
+    return lacking
+
+
+def _is_beyond_noise(clusters: Influences, of_so_many: int) -> BoolArray:
+    """(N,) whether each unknown's pulls are, where as many are asked: by the gamma law of `judge`."""
+    mean, variance = clusters.allowed.sum(axis=0), 2.0 * np.sum(clusters.allowed**2, axis=0)
+    known = (mean > 0.0) & (variance > 0.0)
+    mean, variance = np.where(known, mean, 1.0), np.where(known, variance, 1.0)
+    confidence = 1.0 - (1.0 - PARTS.confidence) / of_so_many
+    limit = variance / mean * scipy.special.gammaincinv(mean**2 / variance, confidence)
+    return np.asarray(known & (np.sum(clusters.moved**2, axis=0) > limit))
 
 
 def disagreements(apart: Apart, covariance: FloatArray) -> list[Disagreement]:
@@ -100,14 +155,17 @@ def numbered(key: IntArray) -> tuple[IntArray, int]:
     return number, int(number.max(initial=-1)) + 1
 
 
-def _in_time(problem: JointProblem, of: FactorInfluences, block: IntArray) -> Influences:
-    links = of.links.summed(block[:-1], PARTS.time_blocks)
-    bins = of.bins.summed(block[problem.bins.knot], PARTS.time_blocks)
-    return Influences(links.moved + bins.moved, links.allowed + bins.allowed)
+def _ways(problem: JointProblem, estimate: Estimate) -> tuple[_Ways, FloatArray]:
+    """How factors are put together: by time, and by every bin's metre of its plane, plane, and the nearer or farther half; and
+    where the halves end, (3,) [m].
+    """
+    knots = len(problem.readings.knots_s)
+    block = np.arange(knots) * PARTS.time_blocks // knots
+    space, ranges_m = _in_space(problem, estimate)
+    return _Ways(block, problem.bins.knot, problem.bins.plane, len(estimate.normals), space), ranges_m
 
 
 def _in_space(problem: JointProblem, estimate: Estimate) -> tuple[dict[str, IntArray], FloatArray]:
-    """Keys of every bin: the metre of its plane, its plane, and the nearer or farther half; and where the halves end."""
     bins = problem.bins
     weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
     centre = bins.scatter[:, 3, :3] / weight[:, None]

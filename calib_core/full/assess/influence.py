@@ -7,6 +7,9 @@ included, the first is zero and the second is the stated covariance: both are te
 A cluster of points on a plane has the residual a . y + f . v per point (factors/laser_features.py); with Q = (d a / d state) X
 and F = (d v / d state) X its part is the same in its moments: u = -(Q' M a + F' cross a), P = Q' M Q + Q' cross' F + ... .
 
+The sensors' own parameters are moved in the same way, by other columns of H^-1. They are many, and of them only what noise allows
+each by itself is asked.
+
 Laser by laser not all of M is kept, but its points' sums are: c + (1 - c) = 1 are two of the features. What a laser says on a
 plane within ten milliseconds is then the mean of it, one residual a . m + f . v of weight W with m and f the means: noise
 lets it pull by W (Q' m + F' f)(..)', exactly. What is off in a laser is off in the mean.
@@ -14,7 +17,7 @@ lets it pull by W (Q' m + F' f)(..)', exactly. What is off in a laser is off in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,35 +30,45 @@ from calib_core.full.assess.kernels import (
     add_own_influences_kernel,
     laser_influences_kernel,
 )
+from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
-from calib_core.solver.arrow import unit_responses
+from calib_core.solver.arrow import Eliminated
 from calib_core.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
 class Influences:
-    """Of F factors on the seven, in units of 1 deg, 10 mm, 1 ms: moved (F, 7), and what noise allows, allowed (F, 7, 7)."""
+    """Of F factors on N unknowns: moved (F, N), and what noise allows, allowed (F, N, N), or (F, N) each by itself.
+
+    The seven are in units of 1 deg, 10 mm, 1 ms.
+    """
 
     moved: FloatArray
     allowed: FloatArray
 
+    @staticmethod
+    def none(factors: int, unknowns: int, *, alone: bool) -> Influences:
+        """To be added to. alone: each unknown by itself."""
+        of_each = (unknowns,) if alone else (unknowns, unknowns)
+        return Influences(np.zeros((factors, unknowns)), np.zeros((factors, *of_each)))
+
     def summed(self, cluster: IntArray, count: int) -> Influences:
         """By cluster: (F,) numbers below `count`, negative for none."""
-        moved, allowed = np.zeros((count, CALIBRATION)), np.zeros((count, CALIBRATION, CALIBRATION))
+        out = Influences.none(count, self.moved.shape[1], alone=self.allowed.ndim == self.moved.ndim)
         mine = cluster >= 0
-        np.add.at(moved, cluster[mine], self.moved[mine])
-        np.add.at(allowed, cluster[mine], self.allowed[mine])
-        return Influences(moved, allowed)
+        np.add.at(out.moved, cluster[mine], self.moved[mine])
+        np.add.at(out.allowed, cluster[mine], self.allowed[mine])
+        return out
 
 
 @dataclass(frozen=True)
 class FactorInfluences:
     """links: one a link.   bins: one a bin, its lasers' part included.   lasers: one a laser, none where they are not told
-    apart.   covariance: (7, 7) of the seven, in their units.
+    apart.   covariance: (N, N) of the unknowns, in their units.
     """
 
     links: Influences
@@ -64,27 +77,73 @@ class FactorInfluences:
     covariance: FloatArray
 
 
+@dataclass(frozen=True)
+class _Responses:
+    """What one unit of N unknowns' columns of H^-1 does to all of a problem. along: (K, 9, N).   border: (S, N).
+
+    alone: what noise allows is asked of each unknown by itself.
+    """
+
+    problem: JointProblem
+    estimate: Estimate
+    layout: Layout
+    along: FloatArray
+    border: FloatArray
+    alone: bool
+
+    @property
+    def unknowns(self) -> int:
+        """N."""
+        return self.border.shape[1]
+
+    def allowed(self, response: FloatArray) -> FloatArray:
+        """By whitened residuals (F, m) that follow by `response` (F, m, N)."""
+        if self.alone:
+            return np.asarray(np.einsum("fmn,fmn->fn", response, response))
+        return np.asarray(np.swapaxes(response, 1, 2) @ response)
+
+
 def factor_influences(
     problem: JointProblem, estimate: Estimate, told_apart: Iterable[ByLaser] = ()
 ) -> FactorInfluences:
-    """Of every factor at the optimum. told_apart: the lidar's, laser by laser. Raises NotPositiveDefinite."""
-    along, border = unit_responses(problem.linearise(estimate), CALIBRATION)
-    layout = problem.layout(estimate)
+    """Of every factor on the seven, at the optimum. told_apart: the lidar's, laser by laser. Raises NotPositiveDefinite."""
+    eliminated = Eliminated.of(problem.linearise(estimate))
+    along, border = eliminated.unit_responses(np.arange(CALIBRATION))
+    of = _responses(problem, estimate, along / UNITS, border / UNITS, alone=False)
+    return _influences(of, told_apart, of.border[:CALIBRATION] / UNITS[:, None])
+
+
+def parameter_influences(
+    problem: JointProblem, estimate: Estimate, own: slice, told_apart: Iterable[ByLaser] = ()
+) -> Iterator[tuple[IntArray, FactorInfluences]]:
+    """The same on shared unknowns of columns `own`, some at a time, each by itself: which of them, counted from the first.
+
+    Raises NotPositiveDefinite.
+    """
+    eliminated, parts = Eliminated.of(problem.linearise(estimate)), list(told_apart)
+    every = np.arange(own.start, own.stop)
+    for first in range(0, len(every), PARTS.parameters_at_once):
+        some = every[first : first + PARTS.parameters_at_once]
+        along, border = eliminated.unit_responses(some)
+        of = _responses(problem, estimate, along, border, alone=True)
+        yield some - own.start, _influences(of, parts, border[some])
+
+
+def _responses(
+    problem: JointProblem, estimate: Estimate, along: FloatArray, border: FloatArray, *, alone: bool
+) -> _Responses:
     along = along + problem.unseen(estimate).falls(border[GRAVITY])
-    along, border = along / UNITS, border / UNITS
-    return FactorInfluences(
-        _of_links(problem, estimate, layout, along, border),
-        _of_bins(problem, estimate, layout, along, border),
-        _of_lasers(problem, estimate, layout, along, border, told_apart),
-        border[:CALIBRATION] / UNITS[:, None],
-    )
+    return _Responses(problem, estimate, problem.layout(estimate), along, border, alone)
 
 
-def _of_links(
-    problem: JointProblem, estimate: Estimate, layout: Layout, along: FloatArray, border: FloatArray
-) -> Influences:
+def _influences(of: _Responses, told_apart: Iterable[ByLaser], covariance: FloatArray) -> FactorInfluences:
+    return FactorInfluences(_of_links(of), _of_bins(of), _of_lasers(of, told_apart), covariance)
+
+
+def _of_links(of: _Responses) -> Influences:
+    problem, estimate, layout, along, border = of.problem, of.estimate, of.layout, of.along, of.border
     gyro, accel = (
-        problem.nodes.at_links(border[columns].reshape(-1, 3 * CALIBRATION)).reshape(-1, 3, CALIBRATION)
+        problem.nodes.at_links(border[columns].reshape(-1, 3 * of.unknowns)).reshape(-1, 3, of.unknowns)
         for columns in (layout.gyro_bias(), layout.accel_bias())
     )
     places = problem.sensors.imu_places
@@ -92,7 +151,7 @@ def _of_links(
         own = border[layout.nuisance()][places]
         gyro, accel = gyro + problem.sensors.gyro @ own, accel + problem.sensors.accel @ own
     changes = problem.bias_changes(estimate)
-    moved, allowed = np.empty((len(gyro), CALIBRATION)), np.empty((len(gyro), CALIBRATION, CALIBRATION))
+    out = Influences.none(len(gyro), of.unknowns, alone=of.alone)
     for first, last in problem.links_at_once():
         some = slice(first, last)
         states = estimate.states.part(first, last + 1)
@@ -104,25 +163,23 @@ def _of_links(
             + f.r_D_gyro_bias @ gyro[some]
             + f.r_D_accel_bias @ accel[some]
         )
-        back = np.swapaxes(response, 1, 2)
-        moved[some], allowed[some] = -(back @ f.residual[..., None])[..., 0], back @ response
-    return Influences(moved, allowed)
+        out.moved[some] = -(np.swapaxes(response, 1, 2) @ f.residual[..., None])[..., 0]
+        out.allowed[some] = of.allowed(response)
+    return out
 
 
-def _of_bins(
-    problem: JointProblem, estimate: Estimate, layout: Layout, along: FloatArray, border: FloatArray
-) -> Influences:
-    bins = problem.bins
-    a, J = problem.lidar.bins_seen(estimate)
-    Q = _response(J, bins.knot, bins.plane, problem, layout, along, border)
-    back = np.swapaxes(Q, 1, 2)
-    moved = -(back @ (bins.scatter[:, :4] @ a[..., None]))[..., 0]
-    allowed = back @ bins.scatter[:, :4, :4] @ Q
+def _of_bins(of: _Responses) -> Influences:
+    problem, bins = of.problem, of.problem.bins
+    a, J = problem.lidar.bins_seen(of.estimate)
+    Q = _response(J, bins.knot, bins.plane, of)
+    moved = -(np.swapaxes(Q, 1, 2) @ (bins.scatter[:, :4] @ a[..., None]))[..., 0]
+    by_scatter = bins.scatter[:, :4, :4] @ Q
+    allowed = np.einsum("fmn,fmn->fn", Q, by_scatter) if of.alone else np.swapaxes(Q, 1, 2) @ by_scatter
     lasers = bins.lasers
     if len(lasers.laser) == 0:
         return Influences(moved, allowed)
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
-    F, change = _feature_response(problem.lidar, layout, border), feature_changes(problem.lidar.laser_changes(estimate))
+    F, change = _feature_response(problem.lidar, of), _feature_change(problem.lidar, of)
     add_influences_kernel(
         lasers.bin, lasers.laser, lasers.cross, a, Q, F, change, moved, allowed,
     )  # fmt: skip
@@ -130,51 +187,44 @@ def _of_bins(
     return Influences(moved, allowed)
 
 
-def _of_lasers(
-    problem: JointProblem,
-    estimate: Estimate,
-    layout: Layout,
-    along: FloatArray,
-    border: FloatArray,
-    told_apart: Iterable[ByLaser],
-) -> Influences:
-    moved, allowed = np.zeros((0, CALIBRATION)), np.zeros((0, CALIBRATION, CALIBRATION))
+def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:
+    out = Influences.none(0, of.unknowns, alone=of.alone)
     for part in told_apart:
-        if len(moved) == 0:
-            moved, allowed = np.zeros((part.lasers, CALIBRATION)), np.zeros((part.lasers, CALIBRATION, CALIBRATION))
+        if len(out.moved) == 0:
+            out = Influences.none(part.lasers, of.unknowns, alone=of.alone)
         lidar, bins = part.factors, part.factors.bins
-        a, J = lidar.bins_seen(estimate)
-        Q = _response(J, bins.knot, bins.plane, problem, layout, along, border)
-        F, change = _feature_response(lidar, layout, border), feature_changes(lidar.laser_changes(estimate))
+        a, J = lidar.bins_seen(of.estimate)
+        Q = _response(J, bins.knot, bins.plane, of)
+        F, change = _feature_response(lidar, of), _feature_change(lidar, of)
         laser_influences_kernel(
-            bins.lasers.bin, bins.lasers.laser, bins.lasers.cross, a, Q, F, change, moved, allowed,
+            bins.lasers.bin, bins.lasers.laser, bins.lasers.cross, a, Q, F, change, out.moved, out.allowed,
         )  # fmt: skip
-    return Influences(moved, allowed)
+    return out
 
 
-def _response(
-    J: FloatArray,
-    knot: IntArray,
-    plane: IntArray,
-    problem: JointProblem,
-    layout: Layout,
-    along: FloatArray,
-    border: FloatArray,
-) -> FloatArray:
-    """(B, 4, 7) what [n_lidar, w_lidar] follow of the seven's columns."""
-    planes = border[layout.every_plane()].reshape(-1, 3, CALIBRATION)
+def _response(J: FloatArray, knot: IntArray, plane: IntArray, of: _Responses) -> FloatArray:
+    """(B, 4, N) what [n_lidar, w_lidar] follow of the unknowns' columns."""
+    layout, along, border, sensors = of.layout, of.along, of.border, of.problem.sensors
+    planes = border[layout.every_plane()].reshape(-1, 3, of.unknowns)
     out = (
         J[:, :, OF_KNOT] @ along[knot]
         + J[:, :, OF_CALIBRATION] @ border[:CALIBRATION]
         + J[:, :, OF_PLANE] @ planes[plane]
     )
-    if problem.sensors.clock_place >= 0:
-        out = out + J[:, :, OF_CLOCK] * border[layout.nuisance().start + problem.sensors.clock_place]
+    if sensors.clock_place >= 0:
+        out = out + J[:, :, OF_CLOCK] * border[layout.nuisance().start + sensors.clock_place]
     return np.asarray(out)
 
 
-def _feature_response(lidar: LidarFactors, layout: Layout, border: FloatArray) -> FloatArray:
-    """(lasers, 8, 7) what each laser's features follow of them."""
+def _feature_response(lidar: LidarFactors, of: _Responses) -> FloatArray:
+    """(lasers, F, N) what the coefficients of each laser's features follow of them."""
     places = lidar.sensors.laser_places
-    columns = np.vstack([border[layout.nuisance()], np.zeros(CALIBRATION)])  # the last is of what is not in play, -1
-    return feature_changes(columns[places])
+    columns = np.vstack(
+        [of.border[of.layout.nuisance()], np.zeros(of.unknowns)]
+    )  # the last is of what is not in play, -1
+    return feature_changes(columns[places], lidar.bins.lasers.features)
+
+
+def _feature_change(lidar: LidarFactors, of: _Responses) -> FloatArray:
+    """(lasers, F) by how much they have changed since the points were laid out."""
+    return feature_changes(lidar.laser_changes(of.estimate), lidar.bins.lasers.features)

@@ -41,23 +41,25 @@ class SensorFindings:
         return next((each for each in self.parameters if each.block == block), None)
 
 
-def sensor_findings(solved: Solved, considered: Considered | None, *, wider: float = 1.0) -> SensorFindings:
+def sensor_findings(solved: Solved, considered: Considered | None, unexplained: FloatArray) -> SensorFindings:
     """Of a solved recording. considered: where the parameters were held.
 
-    wider: by how many times what noise allows parts of the recording disagree. What is no plane bends the sensors, too. With
-    a bent wall that somebody kept, an ideal lidar's beams read long by 13 of their own sigmas.
+    unexplained: (N,) what their variances lack where parts of the recording disagree. What is no plane bends the sensors, too:
+    with a bent wall that somebody kept, an ideal lidar's beams read long by 13 of their own sigmas.
     """
     sensors = solved.nuisance.sensors
     if not sensors.blocks:
         return SensorFindings((), ())
-    values, state = solved.estimate.nuisance, "estimated"
+    values, state, doubtful = solved.estimate.nuisance, "estimated", False
     if considered is not None:
         values, std, state = considered.value, considered.std, "considered"
     else:
         assert solved.minimum.solution is not None
         start = solved.problem.layout(solved.estimate).nuisance().start
         own = slice(start, start + sensors.size)
-        std = wider * parameter_std(solved.minimum.solution.information, own)
+        by_noise = parameter_std(solved.minimum.solution.information, own)
+        std = np.hypot(by_noise, np.sqrt(unexplained))
+        doubtful = bool(np.any(std > WORDING.counted * by_noise))
     parameters = []
     for each in sensors.blocks:
         place = sensors.places[each.block]
@@ -81,7 +83,7 @@ def sensor_findings(solved: Solved, considered: Considered | None, *, wider: flo
                 )
             )
     told = _sentences(parameters, corrected=considered is None)
-    if wider > 1.0:
+    if doubtful:
         told = [
             (code, f"{text}; parts of the recording disagree, and this may come of what they disagree about")
             for code, text in told

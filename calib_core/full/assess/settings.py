@@ -68,6 +68,8 @@ class Parts:
     #: judged: walls are bent over metres, panels and doors are about one wide. How widened error bars are, where walls are
     #: bent, depends on it.
     cell_m: float = 1.0
+    #: derived: parameters of sensors that are asked at once: each column is as long as the recording, half a megabyte a minute.
+    parameters_at_once: int = 16
     #: derived: digits worth keeping of what a part answers: its standard deviation is known to one or two, and three more
     #: are of no loss to whoever adds parts up.
     digits: int = 5

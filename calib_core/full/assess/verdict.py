@@ -68,7 +68,7 @@ def require_rotation(knowledge: Knowledge) -> None:
 def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Answer:
     """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
-    sensors = sensor_findings(solved, trust.considered, wider=trust.apart_times)
+    sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained)
     counted = told_considered(sensors.parameters, knowledge.covariance)
     cost = told_cost(run, solved, trust.considered)
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")

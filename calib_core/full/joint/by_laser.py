@@ -25,7 +25,7 @@ from calib_core.threads import MOST_THREADS
 @dataclass(frozen=True)
 class ByLaser:
     """factors: of some or all scans, with moments laser by laser.   lasers: how many there are; "laser" of the moments counts
-    patch * lasers + laser where walls are bent (factors/laser_features.py).
+    square * lasers + laser where walls are bent (factors/laser_features.py).
     """
 
     factors: LidarFactors

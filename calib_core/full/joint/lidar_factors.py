@@ -85,8 +85,8 @@ class LidarFactors:
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
         system.cost += 0.5 * float(features_squares(lasers, a, change, bins.plane).sum())
-        column_of, by_feature = np.where(places >= 0, start + places, -1), feature_changes(change)
-        add_grams_kernel(lasers.grams.sum(axis=0), column_of, by_feature, system.corner, system.gradient_shared)
+        column_of, by_feature = np.where(places >= 0, start + places, -1), feature_changes(change, lasers.features)
+        add_grams_kernel(lasers.grams, lasers.of_laser, column_of, by_feature, system.corner, system.gradient_shared)
 
         def one(first: int, last: int) -> ArrowSystem:
             own = replace(_with_own_sums(system), gradient=np.zeros_like(system.gradient))
@@ -106,7 +106,7 @@ class LidarFactors:
         total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
         if len(self.bins.lasers.laser):
             lasers = self.bins.lasers
-            change = feature_changes(self.laser_changes(estimate))[lasers.laser]
+            change = feature_changes(self.laser_changes(estimate), lasers.features)[lasers.laser]
             total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
         return total
 
@@ -125,7 +125,7 @@ class LidarFactors:
         return np.bincount(self.bins.lasers.bin, of_cluster, len(self.bins.plane)).astype(np.float64)
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
-        """(L, 8) of each laser's columns since the points were laid out."""
+        """(L, 13) of each laser's columns since the points were laid out."""
         change = np.append(estimate.nuisance - self.bins.nuisance, 0.0)  # the last is of what is not in play, -1
         return np.asarray(change[self.sensors.laser_places])
 

@@ -22,7 +22,7 @@ class SensorColumns:
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
     links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
-    lidar's time at which it adds nothing.   laser_places: (lasers, 10), columns as in factors/laser_kernels.py.
+    lidar's time at which it adds nothing.   laser_places: (lasers, 13), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -138,11 +138,11 @@ def sensor_columns(
 
 
 def laser_places(nuisance: Nuisance) -> IntArray:
-    """(U, 10) of each laser's parameters, of everybody's, and of each patch; -1 for what is not in play.
+    """(U, 13) of each laser's parameters, of everybody's, and of the heights about points; -1 for what is not in play.
 
-    U: lasers, or each of these on each patch, and on none: patch * lasers + laser.
+    U: lasers, or each of these in each square between heights, and in none: square * lasers + laser.
     """
-    lasers, patches = max(nuisance.lasers, 1), nuisance.patches
+    lasers = max(nuisance.lasers, 1)
     places = np.full((lasers, COLUMNS), -1)
     for column, block in enumerate(LASER_BLOCKS):
         start = nuisance.start(block)
@@ -153,7 +153,9 @@ def laser_places(nuisance: Nuisance) -> IntArray:
     if nuisance.start("eccentricity") >= 0:
         places[:, len(LASER_BLOCKS) + 2 : HEIGHT - 1] = nuisance.start("eccentricity") + np.arange(2)
     places[:, HEIGHT - 1] = nuisance.start("grazing")
-    if patches:
-        places = np.tile(places, (patches + 1, 1))
-        places[: patches * lasers, HEIGHT] = nuisance.places[SURFACE].start + np.arange(patches).repeat(lasers)
+    if nuisance.surface is not None:
+        corners = nuisance.surface.corners
+        places = np.tile(places, (len(corners) + 1, 1))
+        heights = np.where(corners >= 0, nuisance.start(SURFACE) + corners, -1)
+        places[: len(corners) * lasers, HEIGHT:] = heights.repeat(lasers, axis=0)
     return places

@@ -122,7 +122,8 @@ class View:
             hits.d[on] = errors.straightened(hits.d[on], hits.cosine[on], hits.x_hit[on])
         if self.nuisance.surface is not None:
             # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
-            hits.d[:] -= self.nuisance.surface.heights_m(hits, self.nuisance.values(e.nuisance, SURFACE))
+            surface = self.nuisance.surface
+            hits.d[:] -= surface.heights_m(surface.between(hits), self.nuisance.values(e.nuisance, SURFACE))
         if stride > 1:
             self.thinned[key] = hits
         return hits
@@ -157,7 +158,7 @@ class View:
         surface = self.nuisance.surface
         sums = collapse_features(
             hits, keep, weight, self.estimate.normals, laser=laser, lasers=groups.lasers, group=groups.group,
-            middle=groups.middle, patch=None if surface is None else surface.of(hits), patches=self.nuisance.patches + 1,
+            middle=groups.middle, between=None if surface is None else surface.between(hits),
         )  # fmt: skip
         return self._with_lasers(positions, bins, hits.poses, groups, sums)
 

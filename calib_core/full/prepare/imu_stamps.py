@@ -8,19 +8,20 @@ import numpy as np
 
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.prepare.settings import STAMPS
+from calib_core.full.run import LineStd
 from calib_core.imu.rows import LEAST
 from calib_core.imu.sampling import Sampling, study_sampling
 from calib_core.settings import CalibrateSettings
 from calib_core.types import IntArray, Recording
 
 
-def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEvent) -> tuple[Recording, float]:
-    """The recording with even stamps where sampling was even, and the standard deviation of the jitter's mean [s].
+def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEvent) -> tuple[Recording, LineStd]:
+    """The recording with even stamps where sampling was even, and how well the line through the jittering ones is known.
 
-    The mean is part of the time offset and cannot be told from it: 0 where the stamps are used as they are.
+    Their mean is part of the time offset and cannot be told from it; nothing where the stamps are used as they are.
     """
     if settings.imu_sampling == "as-stamped":
-        return recording, 0.0
+        return recording, LineStd()
     imu = recording.imu
     sampling = study_sampling(imu.stamps_ns, np.hstack([imu.gyro_rad_s, imu.accel_m_s2]))
     forced = settings.imu_sampling == "even"
@@ -29,13 +30,15 @@ def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEven
         if forced or _is_uneven(imu.stamps_ns):
             text = f"the stamps of {topic} follow no even row of samples: {_AS_STAMPED}"
             on_event(LogEvent(level="warning" if forced else "info", code="imu.sampling", text=text))
-        return recording, 0.0
+        return recording, LineStd()
     even = forced or sampling.is_even
     if even or sampling.jitter_s > STAMPS.worth_saying * sampling.period_s:
         on_event(LogEvent(level="info", code="imu.sampling", text=_in_words(sampling, topic, forced=forced)))
     if not even:
-        return recording, 0.0
-    return replace(recording, imu=replace(imu, stamps_ns=sampling.even_ns)), sampling.mean_std_s
+        return recording, LineStd()
+    duration_s = float(imu.stamps_ns[-1] - imu.stamps_ns[0]) * 1e-9
+    line = LineStd.of(sampling.mean_std_s, sampling.every_std_s, duration_s)
+    return replace(recording, imu=replace(imu, stamps_ns=sampling.even_ns)), line
 
 
 _AS_STAMPED = "readings are taken as sampled when stamped"

@@ -53,14 +53,14 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
     steps = _steps(recording, stamps_ns, settings)
     _say_exact(recording, stamps_ns, settings, on_event)
-    recording, jitter_mean_std_s = as_taken(recording, settings, on_event)
+    recording, imu_line = as_taken(recording, settings, on_event)
     stamped = look(recording, stamps_ns)
     require_order(stamped.stamps_ns, "scans")
     sieve = _sieve(recording, stamped.period_s, settings, on_event)
-    recording, seen, sweeps_mean_std_s = begun_evenly(recording, stamped, settings, on_event)
+    recording, seen, sweeps_line = begun_evenly(recording, stamped, settings, on_event)
     clocks = replace(
         clocks_of(recording, seen),
-        jitter_mean_std_s=float(np.hypot(jitter_mean_std_s, sweeps_mean_std_s)),
+        line=imu_line.beside(sweeps_line),
         late_ns=late_ns(stamped, seen),
         steps=steps,
         sieve_std_s=0.0 if sieve is None else sieve.std_s,

@@ -22,6 +22,7 @@ import numpy as np
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.prepare.clocks import FirstLook
 from calib_core.full.prepare.settings import SWEEPS
+from calib_core.full.run import LineStd
 from calib_core.imu.rows import LEAST, even_rows, lasting
 from calib_core.imu.sampling import usual_mean
 from calib_core.settings import CalibrateSettings
@@ -33,13 +34,14 @@ class SweepTimes:
     """late_s: (M,) what each stamp is off the rotor's line, but for what they all are; 0 where the scan is on no line.
 
     jitter_s: root mean square of that.   most_s: largest.   mean_std_s: how well the mean over all stamps is known, which no
-    line takes away.   period_s: of a turn.
+    line takes away.   every_std_s: the same were there nothing but noise in it.   period_s: of a turn.
     """
 
     late_s: FloatArray
     jitter_s: float
     most_s: float
     mean_std_s: float
+    every_std_s: float
     period_s: float
 
 
@@ -59,14 +61,14 @@ class _Restamped(KeptScans):
 
 def begun_evenly(
     recording: Recording, seen: FirstLook, settings: CalibrateSettings, on_event: OnEvent
-) -> tuple[Recording, FirstLook, float]:
-    """The recording and the look at it with the rotor's times, and the standard deviation of their mean [s].
+) -> tuple[Recording, FirstLook, LineStd]:
+    """The recording and the look at it with the rotor's times, and how well their line is known.
 
     As they are where nothing rotates, where the stamps follow the rotor, and where that is asked for.
     """
     found = None if settings.lidar_sampling == "as-stamped" else study_sweeps(seen)
     if found is None:
-        return recording, seen, 0.0
+        return recording, seen, LineStd()
     topic = recording.lidar.topic or "the lidar"
     text = (
         f"the stamps of {topic} are off its rotor's turning by {1e3 * found.jitter_s:.2g} ms rms ({1e3 * found.most_s:.2g} ms at "
@@ -75,7 +77,8 @@ def begun_evenly(
     on_event(LogEvent(level="info", code="lidar.sampling", text=text))
     stamps_ns = seen.stamps_ns - np.rint(1e9 * found.late_s).astype(np.int64)
     taken = replace(recording, scans=_Restamped(recording, stamps_ns))
-    return taken, replace(seen, stamps_ns=stamps_ns), found.mean_std_s
+    duration_s = float(seen.stamps_ns[-1] - seen.stamps_ns[0]) * 1e-9
+    return taken, replace(seen, stamps_ns=stamps_ns), LineStd.of(found.mean_std_s, found.every_std_s, duration_s)
 
 
 def late_ns(stamped: FirstLook, taken: FirstLook) -> dict[int, int]:
@@ -114,6 +117,7 @@ def study_sweeps(seen: FirstLook) -> SweepTimes | None:
         jitter_s=float(np.sqrt(np.mean(late[known] ** 2))),
         most_s=float(np.abs(late).max()),
         mean_std_s=float(np.hypot(std, mean / np.sqrt(3.0))),
+        every_std_s=std,
         period_s=period_s,
     )
 

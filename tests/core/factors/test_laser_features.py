@@ -18,6 +18,7 @@ from calib_core.factors.laser_features import (
 )
 from calib_core.factors.laser_kernels import add_features_kernel
 from calib_core.factors.lidar_plane import Gate, find_hits
+from calib_core.factors.patches import Between
 from calib_core.types import FloatArray
 from tests.core.factors import test_bins as bins
 
@@ -179,40 +180,39 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
     one = np.zeros(1, np.int64)
     factors = LaserFactors.made(one, one + 1, (f.T @ y)[None], (f.T @ f)[None], one, one)
-    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 10))
-    moved = feature_changes(change)[1]
+    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 13))
+    moved = feature_changes(change, 8)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
     assert features_squares(factors, a, change, one)[0] == pytest.approx(after @ after - before @ before)
-    offset, *others, height = change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:]
-    expected = np.array([offset, *others])
-    expected[[0, 4]] -= height
+    expected = np.array([change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:9]])
     np.testing.assert_allclose(moved, expected)
+    np.testing.assert_allclose(feature_changes(change, 12)[1], [*expected, *-change[1, 9:]])
 
 
-def test_a_patch_s_height_shortens_every_distance_alike() -> None:
-    """Its column in the features' coefficients is minus one for whatever cosine: of each point's features, minus one.
+def test_heights_are_felt_by_the_shares_that_points_have_of_them() -> None:
+    """Moments of the points in a square between heights, laser by laser, with their shares as four features more.
 
-    Mutations: the cosine alone; the sign. And moments of a patch are those of its points, laser by laser (mutation: patch and
-    laser exchanged in the cluster's number).
+    Mutations: square and laser exchanged in the cluster's number; of a share's products with the incidence the one's; two shares'
+    product taken twice; a share's moments without the weight.
     """
     scene = bins._scene(6, slices=3)
     rng = np.random.default_rng(6)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
     keep, weight = hits.plane >= 0, rng.uniform(1.0, 2.0, len(hits.plane))
     laser = rng.integers(0, LASERS, len(hits.plane)).astype(np.uint16)
-    patch = rng.integers(0, 4, len(hits.plane))
+    between = Between(rng.integers(0, 4, len(hits.plane)), rng.dirichlet(np.ones(4), len(hits.plane)), 4)
     sums = collapse_features(
         hits, keep, weight, bins.NORMALS, laser=laser, lasers=LASERS,
-        group=np.zeros(3, np.int64), middle=np.array([1]), patch=patch, patches=4,
+        group=np.zeros(3, np.int64), middle=np.array([1]), between=between,
     )  # fmt: skip
-    change = np.zeros((1, 10))
-    change[0, 9] = 1.0
-    coefficients = feature_changes(change)[0]
     seen = 0
-    for plane, unit, cross in zip(sums.plane, sums.laser, sums.cross, strict=True):
-        mine = keep & (hits.plane == plane) & (patch == unit // LASERS) & (laser == unit % LASERS)
-        assert coefficients @ cross[:, 4] == pytest.approx(-(weight[mine] @ hits.d[mine]), rel=1e-4, abs=1e-3)
-        assert coefficients @ cross[:, 3] == pytest.approx(-weight[mine].sum(), rel=1e-5)
+    for plane, unit, cross, gram in zip(sums.plane, sums.laser, sums.cross, sums.gram, strict=True):
+        mine = keep & (hits.plane == plane) & (between.square == unit // LASERS) & (laser == unit % LASERS)
+        n_lidar = (bins.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]]
+        f = np.hstack([_features(hits.x_hit[mine], -hits.cosine[mine], n_lidar), between.share[mine]])
+        np.testing.assert_allclose(gram, (weight[mine, None] * f).T @ f, rtol=2e-6, atol=1e-3)
+        np.testing.assert_allclose(cross[:, 3], weight[mine] @ f, rtol=1e-5, atol=1e-4)
+        np.testing.assert_allclose(cross[:, 4], (weight * hits.d)[mine] @ f, rtol=1e-4, atol=1e-4)
         seen += int(mine.sum())
     assert seen == keep.sum()
 
@@ -231,17 +231,18 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
     laser, bins_ = np.concatenate([np.sort(w) for w in which]), np.repeat(np.arange(4), 4)
     planes_start, clock = 12, 12 + 3 * planes
     first = clock + 2  # one column that is nobody's of these
-    column_of = np.full((lasers, 10), -1)
+    column_of = np.full((lasers, 13), -1)
     column_of[:, 0], column_of[:, 1] = first + np.arange(lasers), first + lasers + np.arange(lasers)
     column_of[2, 1] = -1
     column_of[:, 4], column_of[:, 5] = first + 2 * lasers, first + 2 * lasers + 1
-    column_of[:3, 9] = first + 2 * lasers + 3
-    size = first + 2 * lasers + 4
+    column_of[:3, 9], column_of[1:, 12] = (
+        first + 2 * lasers + 3,
+        first + 2 * lasers + 5,
+    )  # two heights, one between is nobody's
+    size = first + 2 * lasers + 6
     J, a = rng.normal(size=(4, 4, width)), rng.normal(size=(4, 5))
-    cross, change = rng.normal(size=(len(bins_), 8, 5)), rng.normal(size=(lasers, 8))
-    coefficients = np.stack(
-        [feature_changes(column)[:, :] for column in np.eye(10)[:, None].repeat(lasers, 1)], axis=-1
-    )
+    cross, change = rng.normal(size=(len(bins_), 12, 5)), rng.normal(size=(lasers, 12))
+    coefficients = np.stack([feature_changes(column, 12) for column in np.eye(13)[:, None].repeat(lasers, 1)], axis=-1)
     border, gradient = np.zeros((knots, 9, size - squeezed)), np.zeros((knots, 9))
     corner, shared = np.zeros((size, size)), np.zeros(size)
     untouched = np.delete(np.arange(size), np.unique(column_of[column_of >= 0]))
@@ -251,7 +252,7 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
     for b, q in enumerate(bins_):
         j, k = laser[b], knot[q]
         own = np.concatenate([np.arange(7), planes_start + 3 * plane[q] + np.arange(3), np.full(width - 19, clock)])
-        by = J[q].T @ cross[b, :, :4].T  # (width, 8)
+        by = J[q].T @ cross[b, :, :4].T  # (width, 12)
         want_gradient[k] += by[:9] @ change[j]
         want_shared[own] += by[9:] @ change[j]
         for c, column in enumerate(column_of[j]):

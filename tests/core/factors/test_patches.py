@@ -37,7 +37,7 @@ def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
 def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> None:
     """Heights that are linear in the place come back exactly wherever four patches are about.
 
-    Mutations: middles half a patch aside; rows for columns; a hit's own patch instead of what is between.
+    Mutations: middles half a patch aside; rows for columns; two corners exchanged; a hit's own patch instead of what is between.
     """
     scene = bins._scene(3)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
@@ -47,7 +47,8 @@ def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> Non
     width_m = patches.width * CELL_M
     middle_m = (np.stack([row, column], axis=1) + 0.5) * width_m - HALF_CELLS * CELL_M
     values = np.einsum("ni,ni->n", slope[plane], middle_m)
-    found = patches.heights_m(hits, values)
+    between = patches.between(hits)
+    found = patches.heights_m(between, values)
     seen = hits.plane >= 0
     R, p = scene.poses.R[hits.slice_index], scene.poses.p[hits.slice_index]
     there = (R @ hits.x_hit[..., None])[..., 0] + p
@@ -58,3 +59,8 @@ def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> Non
     np.testing.assert_allclose(found[well_within], expected[well_within], atol=1e-9)
     assert (patches.of(hits)[well_within] < patches.count).all()
     assert found[~seen] == pytest.approx(0.0)
+    assert (between.square[~seen] == between.squares - 1).all()
+    # What is missing at an edge the others have: all alike, heights are that everywhere they lie about.
+    alike = patches.heights_m(between, np.ones(patches.count))
+    np.testing.assert_allclose(alike, between.square < between.squares - 1)
+    assert alike[patches.of(hits) < patches.count] == pytest.approx(1.0)

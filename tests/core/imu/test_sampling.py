@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from calib_core.full.run import LineStd
 from calib_core.imu.sampling import _spread_runs, study_sampling
 from tests.core.imu.instants import (
     JITTER_S,
@@ -52,17 +53,23 @@ def test_where_nothing_moves_nothing_is_decided() -> None:
     assert not sampling.is_as_stamped
 
 
-def test_both_standard_deviations_are_those_of_many_recordings() -> None:
-    """Chi-square over 60 recordings of each kind. Mutations: leave out what neighbours share; mean over all recordings 0."""
-    shares, means = [], []
+def test_all_standard_deviations_are_those_of_many_recordings() -> None:
+    """Chi-square over 60 recordings of each kind. Mutations: leave out what neighbours share; mean over all recordings 0; the
+    line's slope by the mean of where it moves, or without the root of twelve.
+    """
+    shares, means, slopes = [], [], []
     for seed in range(60):
         rng = np.random.default_rng([4, seed])
         t = even_instants(rng, 1200, lost=0.01)
         tau = uniform_jitter(rng, len(t))
         sampling = studied(in_ns(t + tau), readings_at(t, rng))
         shares.append(sampling.in_sampling / sampling.in_sampling_std)
-        means.append(off_line_s(sampling, t).mean() / sampling.mean_std_s)
+        off_s = off_line_s(sampling, t)
+        means.append(off_s.mean() / sampling.mean_std_s)
+        rate_std_ppm = LineStd.of(0.0, sampling.every_std_s, float(t[-1] - t[0])).rate_std_ppm
+        slopes.append(1e6 * np.polyfit(t, off_s, 1)[0] / rate_std_ppm)
     # 99.9 % of chi-square with 60 degrees of freedom, over 60.
+    assert 0.5 < np.mean(np.square(slopes)) < 1.66
     assert 0.5 < np.mean(np.square(shares)) < 1.66
     assert 0.5 < np.mean(np.square(means)) < 1.66
     assert abs(np.mean(shares)) < 4.0 / np.sqrt(60)

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from calib_core.full.assess.considered import consider
-from calib_core.full.assess.disagreement import Disagreement, judge, roots, together
-from calib_core.full.assess.influence import Influences, factor_influences
+from calib_core.full.assess.disagreement import (
+    Disagreement,
+    _is_beyond_noise,
+    judge,
+    roots,
+    together,
+    unexplained_variance,
+)
+from calib_core.full.assess.influence import Influences, factor_influences, parameter_influences
 from calib_core.full.assess.kernels import add_influences_kernel, add_own_influences_kernel
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.priors import prior_rows
@@ -17,7 +24,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.nuisance import Nuisance
-from calib_core.solver.arrow import solve_arrow, unit_responses
+from calib_core.solver.arrow import Eliminated, solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
@@ -35,7 +42,7 @@ def _of_priors(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, F
     """Response and residuals of the priors, and what the terms add that keep unseen states in place: (7, 7)."""
     system = problem.linearise(estimate)
     residual, jacobian = prior_rows(problem.priors, problem.nodes, estimate, problem.layout(estimate))
-    along, border = unit_responses(system, CALIBRATION)
+    along, border = Eliminated.of(system).unit_responses(np.arange(CALIBRATION))
     along, border = along / UNITS, border / UNITS
     planes = border[problem.layout(estimate).every_plane()]
     kept = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes
@@ -86,8 +93,8 @@ def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
         np.testing.assert_allclose(allowed[q], P, rtol=1e-5, atol=1e-4)
 
 
-@pytest.mark.parametrize(("nuisance", "patches"), [(NUISANCE, 0), (BENT, 2)])
-def test_a_laser_pulls_by_the_means_of_its_points(nuisance: Nuisance, patches: int) -> None:
+@pytest.mark.parametrize("nuisance", [NUISANCE, BENT])
+def test_a_laser_pulls_by_the_means_of_its_points(nuisance: Nuisance) -> None:
     """Against single points, differenced numerically, in whole matrices: a laser's points on a plane at a knot are one residual,
     their sum over the root of their number.
 
@@ -104,8 +111,8 @@ def test_a_laser_pulls_by_the_means_of_its_points(nuisance: Nuisance, patches: i
     for laser in range(LASERS):
         u, P = np.zeros(CALIBRATION), np.zeros((CALIBRATION, CALIBRATION))
         for q in range(len(case.problem.bins.knot)):
-            for patch in range(patches + 1):
-                mine = (case.laser == laser) & (case.pair == q) & (case.patch == patch)
+            for square in range(case.squares + 1):
+                mine = (case.laser == laser) & (case.pair == q) & (case.square == square)
                 if mine.any():
                     root = np.sqrt(mine.sum())
                     one = rows[mine].sum(axis=0) / root
@@ -116,6 +123,91 @@ def test_a_laser_pulls_by_the_means_of_its_points(nuisance: Nuisance, patches: i
             unit * of.lasers.moved[laser], unit * u, rtol=1e-3, atol=1e-3 * np.abs(unit * u).max()
         )
         np.testing.assert_allclose(unit[:, None] * of.lasers.allowed[laser] * unit, unit[:, None] * P * unit, atol=2e-3)
+
+
+@pytest.mark.parametrize("nuisance", [NUISANCE, BENT])
+def test_the_sensors_parameters_are_moved_like_the_seven(nuisance: Nuisance) -> None:
+    """Pulls on all columns, some at a time and each by itself: on the seven those of `factor_influences`, on the others, with
+    what the priors have, the stated variance and the next step.
+
+    Mutations: of either kernel the mixed part once, in the branch of each by itself; columns of the next lot; numbers counted
+    from the first of all unknowns.
+    """
+    case = Case(1, nuisance)
+    problem, e, layout = case.problem, case.estimate, case.problem.layout(case.estimate)
+    lasers = [ByLaser(problem.lidar, LASERS)]
+    own, seven = layout.nuisance(), factor_influences(problem, e, lasers)
+    ((some, first),) = parameter_influences(problem, e, slice(0, CALIBRATION), lasers)
+    assert some.tolist() == list(range(CALIBRATION))
+    for one, other in ((first.links, seven.links), (first.bins, seven.bins), (first.lasers, seven.lasers)):
+        np.testing.assert_allclose(one.moved, other.moved * UNITS, rtol=1e-8, atol=1e-12)
+        diagonal = np.diagonal(other.allowed, axis1=1, axis2=2) * UNITS**2
+        np.testing.assert_allclose(one.allowed, diagonal, rtol=1e-6, atol=1e-12 * diagonal.max())
+    parts = list(parameter_influences(problem, e, own, lasers))
+    assert np.concatenate([some for some, _ in parts]).tolist() == list(range(nuisance.size))
+    system = problem.linearise(e)
+    solution = solve_arrow(system)
+    columns = np.arange(own.start, own.stop)
+    along, border = Eliminated.of(system).unit_responses(columns)
+    residual, jacobian = prior_rows(problem.priors, problem.nodes, e, layout)
+    prior, planes = jacobian @ border, border[layout.every_plane()]
+    kept = 1e-6 * np.sum(along**2, axis=(0, 1)) + 1e-4 * np.sum(planes**2, axis=0)
+    allowed = np.concatenate([of.links.allowed.sum(axis=0) + of.bins.allowed.sum(axis=0) for _, of in parts])
+    stated = np.diag(covariance(solution.information).matrix)[columns]
+    np.testing.assert_allclose((allowed + np.sum(prior**2, axis=0) + kept) / stated, 1.0, atol=2e-3)
+    pulls = [np.concatenate([of.links.moved, of.bins.moved]) for _, of in parts]
+    moved = np.concatenate([each.sum(axis=0) for each in pulls]) - prior.T @ residual
+    size = np.concatenate([np.abs(each).sum(axis=0) for each in pulls])
+    np.testing.assert_allclose((moved - solution.step_shared[columns]) / size, 0.0, atol=1e-5)
+
+
+def test_what_planes_disagree_about_widens_each_parameter_by_its_own_pulls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against single points, differenced numerically, in whole matrices.
+
+    Mutations: what noise allows not taken off; squares of sums and sums of squares exchanged; whatever the seven disagree about.
+    """
+    monkeypatch.setattr("calib_core.full.assess.disagreement._is_beyond_noise", lambda _clusters, _: False)
+    case = Case(1)
+    problem, own = case.problem, case.problem.layout(case.estimate).nuisance()
+    J, r = case.numerical_jacobian(), case.stacked(case.estimate)
+    H, _ = _written_out(case)
+    start = 9 * plain.KNOTS + own.start
+    X = np.linalg.solve(H, np.eye(len(H))[:, start : start + own.stop - own.start])
+    links = 9 * len(problem.links.DR)
+    mine = slice(links, links + len(case.pair))
+    plane, rows, residual = problem.bins.plane[case.pair], J[mine] @ X, r[mine]
+    lacking = sum(
+        (rows[plane == p].T @ residual[plane == p]) ** 2 - np.sum(rows[plane == p] ** 2, axis=0)
+        for p in range(len(case.estimate.normals))
+    )
+    said = [Disagreement("planes", 4.0, np.eye(CALIBRATION)), Disagreement("range", 1.0, np.zeros((7, 7)))]
+    found = unexplained_variance(problem, case.estimate, own, said)
+    np.testing.assert_allclose(found, np.maximum(lacking, 0.0), rtol=2e-3, atol=1e-3 * np.abs(lacking).max())
+    assert (found > 0.0).any()
+    assert unexplained_variance(problem, case.estimate, own, said[1:]).tolist() == [0.0] * case.nuisance.size
+    # Pulls of what noise allows and less widen nothing; of two ways to take a recording apart the one that lacks more.
+    ways = {
+        "planes": Influences(np.array([[1.0, 2.0, 3.0]]), np.array([[3.0, 1.0, 1.0]])),
+        "time": Influences(np.array([[1.0, 3.0, 1.0]]), np.array([[3.0, 1.0, 1.0]])),
+    }
+    monkeypatch.setattr("calib_core.full.assess.disagreement._Ways.clusters", lambda _ways, _of: ways)
+    both = [said[0], Disagreement("time", 4.0, np.eye(CALIBRATION))]
+    three = slice(own.start, own.start + 3)
+    assert unexplained_variance(problem, case.estimate, three, both).tolist() == [0.0, 8.0, 8.0]
+
+
+def test_a_parameter_that_alone_disagrees_is_found_among_many_and_noise_is_not() -> None:
+    """Mutations: the limit of one parameter for each of a hundred; the law's mean for its limit."""
+    rng = np.random.default_rng(5)
+    unknowns, clusters, runs = 100, 40, 200
+    allowed = rng.dirichlet(np.ones(clusters), unknowns).T
+    beyond = 0
+    for _ in range(runs):
+        moved = np.sqrt(allowed) * rng.normal(size=allowed.shape)
+        beyond += int(_is_beyond_noise(Influences(moved, allowed), unknowns).any())
+    assert beyond <= 3  # 0.2 expected
+    moved[:, 3] *= 3.0
+    assert np.flatnonzero(_is_beyond_noise(Influences(moved, allowed), unknowns)).tolist() == [3]
 
 
 def _clusters(rng: np.random.Generator, count: int, direction: FloatArray | None = None) -> Influences:

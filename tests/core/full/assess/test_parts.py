@@ -165,9 +165,7 @@ def test_a_plane_that_nothing_is_seen_of_answers_nothing() -> None:
                 bins.lasers,
                 cross=np.where(lasers[:, None, None], 0.0, bins.lasers.cross),
                 gram=np.where(lasers[bins.lasers.of, None, None], 0.0, bins.lasers.gram),
-                grams=np.where(
-                    np.arange(len(bins.lasers.grams))[:, None, None, None] == unseen, 0.0, bins.lasers.grams
-                ),
+                grams=np.where((bins.lasers.of_plane == unseen)[:, None, None], 0.0, bins.lasers.grams),
             ),
         )
         apart = take_apart(replace(case.problem, bins=gone), case.estimate)

@@ -96,7 +96,7 @@ def test_parts_that_disagree_make_a_sensor_less_sure(wider: float, said: str) ->
         minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag([1.0, 1.0, 1e8]))),
         problem=SimpleNamespace(layout=lambda _: layout),
     )
-    found = sensor_findings(solved, None, wider=wider)
+    found = sensor_findings(solved, None, np.array([(wider**2 - 1.0) * 1e-8]))
     (one,) = found.parameters
     assert one.std == pytest.approx(wider * 1e-4)
     assert one.significant is bool(said)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.assess.confidence import apart_times, is_torn
+from calib_core.full.assess.confidence import is_torn
 from calib_core.full.assess.disagreement import Disagreement
 
 
@@ -17,12 +17,3 @@ def test_time_that_contradicts_itself(name: str, ratio: float, excess: float, to
     """Mutations: places on bent walls, too; whatever the ratio; what is within what noise allows."""
     calm = Disagreement("range", 1.1, np.zeros((7, 7)))
     assert is_torn([calm, Disagreement(name, ratio, excess * np.eye(7))]) is torn
-
-
-def test_by_how_much_parts_are_apart() -> None:
-    """Mutations: those within noise; the least of them; below 1."""
-    beyond = [Disagreement(name, ratio, np.eye(7)) for name, ratio in (("planes", 1.6), ("surfaces", 2.4))]
-    within = Disagreement("time", 3.0, np.zeros((7, 7)))
-    assert apart_times([within, *beyond]) == 2.4
-    assert apart_times([within]) == 1.0
-    assert apart_times([Disagreement("time", 0.9, np.eye(7))]) == 1.0

@@ -36,11 +36,11 @@ def test_sensors_are_less_sure_by_what_parts_disagree_about(monkeypatch: pytest.
     class Asked(Exception):
         pass
 
-    def asked(_solved: object, _considered: object, *, wider: float) -> None:
-        raise Asked(wider)
+    def asked(_solved: object, _considered: object, unexplained: object) -> None:
+        raise Asked(unexplained)
 
     monkeypatch.setattr(verdict, "sensor_findings", asked)
     nothing: Any = SimpleNamespace(estimate=None)
-    trust: Any = SimpleNamespace(knowledge=None, considered=None, apart_times=2.4)
+    trust: Any = SimpleNamespace(knowledge=None, considered=None, sensors_unexplained=2.4)
     with pytest.raises(Asked, match=r"2\.4"):
         verdict.answer(nothing, nothing, trust, nothing)

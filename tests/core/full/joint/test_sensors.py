@@ -59,13 +59,18 @@ class Case:
         )
         self.f = ROOT_WEIGHT * rng.normal(size=(n, 8))
         self.f[:, 4] = self.y[:, 3] - self.f[:, 0]  # cosine and incidence are one together
-        self.patch = rng.integers(0, nuisance.patches + 1, n)
-        unit = self.patch * LASERS + self.laser
+        self.squares = 0 if nuisance.surface is None else len(nuisance.surface.corners)
+        self.square = rng.integers(0, self.squares + 1, n)
+        if nuisance.surface is not None:
+            self.corners = np.vstack([nuisance.surface.corners, np.full((1, 4), -1)])[self.square]
+            share = np.where(self.corners >= 0, rng.uniform(size=(n, 4)), 0.0)
+            self.f = np.hstack([self.f, ROOT_WEIGHT * share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)])
+        unit = self.square * LASERS + self.laser
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
         clusters = [
             (q, j)
             for q in range(len(pairs))
-            for j in range(LASERS * (nuisance.patches + 1))
+            for j in range(LASERS * (self.squares + 1))
             if ((self.pair == q) & (unit == j)).any()
         ]
         mine = [(self.pair == q) & (unit == j) for q, j in clusters]
@@ -107,7 +112,8 @@ class Case:
             n = e.normals[j]
             seen = np.append(e.R_imu_lidar.T @ R.T @ n, n @ (R @ e.p_imu_lidar + origin) + e.offsets_m[j])
             own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(9))
-            own -= heights[self.patch[i]] * (self.f[i, 0] + self.f[i, 4])
+            if self.squares:
+                own -= heights[self.corners[i]] @ self.f[i, 8:]
             out.append(seen @ self.y[i, :4] + self.y[i, 4] + own)
         prior, _ = prior_rows(p.priors, p.nodes, e, p.layout(e))
         return np.concatenate([links.ravel(), out, prior])
@@ -162,8 +168,8 @@ def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
 def test_normal_equations_are_those_of_single_points_with_their_lasers(seed: int, nuisance: Nuisance) -> None:
     """Mutations: the incidence's feature read for the scale's column, grazing's for the eccentricity's, the rate's lever
     without the middle, a parameter's
-    change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's; a patch's height
-    with the other sign, or by the cosine alone, or without what two heights share."""
+    change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's; a height with the other sign, its
+    corner exchanged with another, or without what two heights share."""
     case = Case(seed, nuisance)
     r, J = case.stacked(case.estimate), case.numerical_jacobian()
     assert case.problem.cost(case.estimate) == pytest.approx(0.5 * r @ r, rel=1e-9)

@@ -16,7 +16,7 @@ from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.joint.unseen import Unseen
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.solver.arrow import ArrowSystem, solve_arrow, unit_responses
+from calib_core.solver.arrow import ArrowSystem, Eliminated, solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
@@ -134,7 +134,7 @@ def test_influences_are_those_of_all_knots_as_they_follow() -> None:
     of, system = factor_influences(problem, e), problem.linearise(e)
     layout = problem.layout(e)
     stated = covariance(solve_arrow(system).information).matrix[:CALIBRATION, :CALIBRATION] / UNITS / UNITS[:, None]
-    along, border = (each / UNITS for each in unit_responses(system, CALIBRATION))
+    along, border = (each / UNITS for each in Eliminated.of(system).unit_responses(np.arange(CALIBRATION)))
     prior = prior_rows(problem.priors, problem.nodes, e, layout)[1] @ border
     planes, drift = border[layout.every_plane()], e.normals[2] @ along[problem.gauge_knot, 6:]
     held = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes + 1e4 * np.outer(drift, drift)

@@ -22,11 +22,12 @@ JITTER_S = 0.002
 
 def _said(recording: Recording, settings: CalibrateSettings) -> tuple[Recording, float, list[str]]:
     heard: list[LogEvent] = []
-    taken, std_s = as_taken(
+    taken, line = as_taken(
         recording, settings, lambda event: heard.append(event) if isinstance(event, LogEvent) else None
     )
     assert {event.code for event in heard} <= {"imu.sampling"}
-    return taken, std_s, [event.text for event in heard]
+    assert (line.mean_std_s > 0.0) == (line.rate_std_ppm > 0.0)
+    return taken, line.mean_std_s, [event.text for event in heard]
 
 
 def _jittered(recording: Recording, seed: int = 0) -> tuple[Recording, FloatArray]:
@@ -123,7 +124,7 @@ def test_stamps_in_no_row_are_said_to_be_even_when_nobody_asked(noisy: tuple[Rec
 def test_what_is_said_is_what_was_found(beta: float, std: float, in_rows: float, compared: int, words: str) -> None:
     """Mutations: any two of the sentences exchanged."""
     stamps = np.arange(3, dtype=np.int64)
-    found = Sampling(stamps, in_rows, 0.01, 1e-3, beta, std, compared, 1e-5)
+    found = Sampling(stamps, in_rows, 0.01, 1e-3, beta, std, compared, 1e-5, 1e-5)
     assert words in _in_words(found, "/imu", forced=False)
 
 
