@@ -127,6 +127,11 @@ def paired(spoiled: Sequence[Run], clean: Sequence[Run]) -> tuple[list[Run], lis
     return [a[seed] for seed in seeds], [b[seed] for seed in seeds]
 
 
+def those_solved(*campaigns: Sequence[Run]) -> list[list[Run]]:
+    """Those of each campaign that ended with an answer."""
+    return [[run for run in runs if run.is_solved] for runs in campaigns]
+
+
 def seeds_text(seeds: Sequence[int]) -> str:
     """`1-5, 8` from numbers in any order."""
     parts: list[list[int]] = []

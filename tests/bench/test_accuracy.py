@@ -170,6 +170,18 @@ def test_pairs_share_their_seeds() -> None:
     assert [run.seed for run in a] == [run.seed for run in b] == [1, 3]
 
 
+def test_recordings_with_noise_of_their_own_are_no_pairs(tmp_path: Path) -> None:
+    """Every run of either counts, and the draw's own error is not compared. Mutation: paired all the same (20 of 30 here)."""
+    own = [replace(run, label="v1-independent") for run in drawn_runs("paper-normal", 30)]
+    own += [replace(run, label="v1-independent", seed=run.seed + 10) for run in drawn_runs("outliers", 30, scale=1.4)]
+    for run in own:
+        append_row(tmp_path / campaign.MONTE_CARLO, run, PARAMETERS)
+    text = write_report(tmp_path).read_text(encoding="utf-8")
+    assert "| outliers | paper-normal | 30 | 1.40 / 1.40 / 1.40 |" in text
+    assert "noise of its own" in text
+    assert "Pairs share" not in text
+
+
 def test_latest_version_only() -> None:
     """Fails if versions are mixed in one figure."""
     rows = [run_with(np.ones(7), seed=s, label=v) for v in ("v1", "v2") for s in (2, 1)]

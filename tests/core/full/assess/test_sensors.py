@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.full.assess import confidence
+from calib_core.full.assess.disagreement import Disagreement
 from calib_core.full.assess.sensors import _sentences, sensor_findings
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
+from calib_core.full.run import LineStd
 from calib_core.intrinsics import NAMES, UNITS, Block
 from calib_core.result import Intrinsic
 
@@ -102,3 +105,26 @@ def test_parts_that_disagree_make_a_sensor_less_sure(wider: float, said: str) ->
     assert one.significant is bool(said)
     assert [text for _, text in found.sentences if said not in text] == []
     assert bool(found.sentences) is bool(said)
+
+
+@pytest.mark.parametrize(("disagree", "expected"), [(True, [1.0, 6.0, 3.0]), (False, [0.0, 4.0, 0.0])])
+def test_what_their_variances_lack(monkeypatch: pytest.MonkeyPatch, disagree: bool, expected: list[float]) -> None:
+    """What parts disagree about, and of the clocks' rate, the second here, the square of what jittering stamps leave open.
+
+    Mutations: either left out; the rate's standard deviation for its square; asked of columns that are not theirs.
+    """
+    asked: list[slice] = []
+
+    def lacking(_problem: object, _estimate: object, own: slice, _found: object, _apart: object) -> np.ndarray:
+        asked.append(own)
+        return np.array([1.0, 2.0, 3.0])
+
+    monkeypatch.setattr(confidence, "unexplained_variance", lacking)
+    block = NuisanceBlock("accelerometer_scale", ("x", "y", "z"), np.ones(3))
+    layout = SimpleNamespace(nuisance=lambda: slice(8, 13))  # two of a tone besides
+    problem = SimpleNamespace(layout=lambda _: layout, sensors=SimpleNamespace(clock_place=1), lidar=None)
+    solved: Any = SimpleNamespace(nuisance=Nuisance((block,)), estimate=None, problem=problem)
+    run: Any = SimpleNamespace(clocks=SimpleNamespace(line=LineStd(rate_std_ppm=2.0)))
+    found = [Disagreement("time", 2.0, (1.0 if disagree else 0.0) * np.eye(7))]
+    assert confidence._sensors_unexplained(run, solved, found).tolist() == expected
+    assert asked == ([slice(8, 11)] if disagree else [])
