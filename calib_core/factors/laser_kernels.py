@@ -209,32 +209,26 @@ def collapse_features_kernel(
     d: FloatArray,
     cosine: FloatArray,
     weight: FloatArray,
-    laser: LaserArray,
+    cluster: IntArray,
     n_lidar: FloatArray,
-    group: IntArray,
     R: FloatArray,
     p: FloatArray,
-    lasers: int,
     cross: FloatArray,
     gram: FloatArray,
-    count: IntArray,
-    cluster: IntArray,
     share: FloatArray,
     more: FloatArray,
 ) -> None:
-    """Adds kept hits to the sums of their (group, plane, laser): `add_features`, `add_shares`.
+    """Adds kept hits to the sums of their clusters (N,): `add_features`, `add_shares`.
 
-    cross: (G P L, 8, 5).   gram: (G P L, 28).   count: (G P L,).   n_lidar: (S, P, 3) planes as each slice sees them.
-    group: (S,) of each slice; R (S, 3, 3), p (S, 3) take its hits to the group's middle.   laser: (N,), from 0.   cluster:
-    (N,) where each point's moments go, if not to those of its group, plane and laser; else empty.   share: (N, 4), (0, 4) where
-    walls are flat; else cross is (C, 12, 5), and more (C, 38).
+    cross: (C, 8, 5).   gram: (C, 28).   n_lidar: (S, P, 3) planes as each slice sees them.   R (S, 3, 3), p (S, 3) take its hits
+    to the middle of its group.   share: (N, 4), (0, 4) where walls are flat; else cross is (C, 12, 5), and more (C, 38).
     """
-    n_planes, points = n_lidar.shape[1], keep.shape[0]
+    points = keep.shape[0]
     S, at, i = new_block(0), np.empty(BLOCK, np.int64), 0
     while i < points:
         s, n = slice_index[i], 0
         while i < points and n < BLOCK and slice_index[i] == s:
-            if keep[i] and laser[i] < lasers:
+            if keep[i]:
                 j = plane[i]
                 S[X + n], S[Y + n], S[Z + n], S[COSINE + n] = x_hit[i, 0], x_hit[i, 1], x_hit[i, 2], cosine[i]
                 S[NORMAL_X + n], S[NORMAL_Y + n], S[NORMAL_Z + n] = n_lidar[s, j, 0], n_lidar[s, j, 1], n_lidar[s, j, 2]
@@ -244,11 +238,9 @@ def collapse_features_kernel(
         features_block(S, n, s, R, p)
         for m in range(n):
             of = at[m]
-            b = cluster[of] if cluster.shape[0] > 0 else (group[s] * n_planes + plane[of]) * lasers + laser[of]
-            add_features(S, m, d[of], weight[of], b, cross, gram)
+            add_features(S, m, d[of], weight[of], cluster[of], cross, gram)
             if share.shape[0] > 0:
-                add_shares(S, m, d[of], weight[of], share[of], b, cross, more)
-            count[b] += 1
+                add_shares(S, m, d[of], weight[of], share[of], cluster[of], cross, more)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

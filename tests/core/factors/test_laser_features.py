@@ -15,6 +15,7 @@ from calib_core.factors.laser_features import (
     collapse_features,
     feature_changes,
     features_squares,
+    numbered,
 )
 from calib_core.factors.laser_kernels import add_features_kernel
 from calib_core.factors.lidar_plane import Gate, find_hits
@@ -215,6 +216,16 @@ def test_heights_are_felt_by_the_shares_that_points_have_of_them() -> None:
         np.testing.assert_allclose(cross[:, 4], (weight * hits.d)[mine] @ f, rtol=1e-4, atol=1e-4)
         seen += int(mine.sum())
     assert seen == keep.sum()
+
+
+@pytest.mark.parametrize("cells", [40, 10_000])
+def test_clusters_are_numbered_in_order_looked_up_or_sorted(cells: int) -> None:
+    """Oracle: NumPy's. Mutations: numbers of keys that nobody has counted along; the keys' own order."""
+    key = np.random.default_rng(cells).integers(0, 40, 200)
+    keys, place = numbered(key[key != 7], cells)
+    expected, of = np.unique(key[key != 7], return_inverse=True)
+    assert keys.tolist() == expected.tolist()
+    assert place.tolist() == of.tolist()
 
 
 @pytest.mark.parametrize("width", [19, 20])
