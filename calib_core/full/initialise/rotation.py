@@ -8,7 +8,8 @@ turn at all has its rotation from the accelerations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from calib_core.full.initialise.time_offset import (
     Turns,
     candidate_lags,
     masked_correlation,
+    nearest_peaks,
     turns_of,
 )
 from calib_core.full.initialise.told_once import told_once
@@ -44,28 +46,31 @@ def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]])
     lags: with their correlations.
     """
     fits = workers().map(lambda lag: _fit_lag(turns, gyro, *lag), lags)
-    return _nearest_first(sorted((f for f in fits if f is not None), key=lambda f: f.residual), turns, gyro)
+
+    def left(lags_s: FloatArray) -> list[float]:
+        return [f.residual for f in _fit_rotations(turns, gyro, lags_s, 0.0) if f is not None]
+
+    return _nearest_first(sorted((f for f in fits if f is not None), key=lambda f: f.residual), left)
 
 
-def _nearest_first(found: list[RotationStart], turns: Turns, gyro: GyroTurns) -> list[RotationStart]:
+def _nearest_first(found: list[RotationStart], left: Callable[[FloatArray], list[float]]) -> list[RotationStart]:
     """Of lags that leave about as little as the best, each a valley of its own, the one nearest to the stamps' own before all.
 
-    A motion that repeats itself is as good a match a round later, and stamps are hardly off by a round.
+    A motion that repeats itself is as good a match a round later, and stamps are hardly off by a round. left: residuals at lags.
     """
     if not found or found[0].residual > AGREEING.fits:
         return found
     best = found[0]
-    alike = [f for f in found if f.residual <= ROTATING.alike * best.residual and _is_apart(f, best, turns, gyro)]
+    alike = [f for f in found if f.residual <= ROTATING.alike * best.residual and _is_apart(f, best, left)]
     nearest, *others = sorted([best, *alike], key=lambda f: abs(f.time_offset_s))
     repeated = replace(nearest, repeats_s=tuple(f.time_offset_s for f in others))
     return [repeated, *(f for f in found if f is not nearest)]
 
 
-def _is_apart(one: RotationStart, best: RotationStart, turns: Turns, gyro: GyroTurns) -> bool:
+def _is_apart(one: RotationStart, best: RotationStart, left: Callable[[FloatArray], list[float]]) -> bool:
     """Whether the fit is worse between two lags: a slow motion's is about as good for a quarter of a second on either side."""
     between = np.linspace(best.time_offset_s, one.time_offset_s, ROTATING.between + 2)[1:-1]
-    left = [f.residual for f in _fit_rotations(turns, gyro, between, 0.0) if f is not None]
-    return max(left, default=0.0) > ROTATING.worse_times * one.residual
+    return max(left(between), default=0.0) > ROTATING.worse_times * one.residual
 
 
 def _fit_lag(turns: Turns, gyro: GyroTurns, lag_s: float, correlation: float) -> RotationStart | None:
@@ -150,7 +155,8 @@ def _trusted(size: FloatArray, of: BoolArray) -> FloatArray:
 
 
 def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatArray) -> list[RotationStart]:
-    """Time offset and rotation of a platform that moves without turning, from the accelerations alone, best first.
+    """Time offset and rotation of a platform that moves without turning, from the accelerations alone, best first, and of such as
+    good the nearest to the stamps' own.
 
     The second derivative of the lidar's smoothed position and the equally smoothed specific force differ by a rotation
     and a constant (gravity and bias): Kabsch on both, centred, at the lags where their norms agree.
@@ -163,27 +169,36 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     R0 = mean_rotation(track.R)
     position = scipy.ndimage.gaussian_filter1d(track.at(lidar_t)[1], width_s * rate, axis=0)
     lidar = np.gradient(np.gradient(position, 1 / rate, axis=0), 1 / rate, axis=0) @ R0
+    # What is smoothed beyond either end is mirrored there, which nothing moved by: a lag that leaves an end out would fit better.
+    edge = 3 * math.ceil(width_s * rate)
+    lidar_t, lidar = lidar_t[edge:-edge], lidar[edge:-edge]
     force = np.stack([np.interp(imu_t, imu_s, accel_m_s2[:, i]) for i in range(3)], axis=1)
     force = scipy.ndimage.gaussian_filter1d(force, width_s * rate, axis=0)
     force -= force.mean(axis=0)
     lidar -= lidar.mean(axis=0)
     a, b = np.linalg.norm(lidar, axis=1), np.linalg.norm(force, axis=1)
     correlation, overlap = masked_correlation(a, b, np.ones(len(b)))
-    lags = track.start_s[0] - imu_t[0] + (np.arange(len(correlation)) - (len(b) - 1)) / rate
+    lags = lidar_t[0] - imu_t[0] + (np.arange(len(correlation)) - (len(b) - 1)) / rate
     score = np.where(overlap >= max(ROTATING.overlap_s * rate, LAGS.overlap_share * len(a)), correlation, -np.inf)
-    starts = []
-    for _ in range(ROTATING.lags):
-        k = int(np.argmax(score))
-        if not np.isfinite(score[k]):
-            break
-        fits = []
-        for offset in lags[k] + _around():
-            moved = np.stack([np.interp(lidar_t - offset, imu_t, force[:, i]) for i in range(3)], axis=1)
-            inside = (lidar_t - offset > imu_t[0]) & (lidar_t - offset < imu_t[-1])
-            x, y = lidar[inside] - lidar[inside].mean(axis=0), moved[inside] - moved[inside].mean(axis=0)
-            R = nearest_rotation(y.T @ x)
-            rest = float(np.sqrt(np.mean((y - x @ R.T) ** 2) / max(np.mean(y**2), 1e-12)))
-            fits.append(RotationStart(float(offset), R, np.zeros(3), rest, float(correlation[k]), None))
-        starts.append(min(fits, key=lambda f: f.residual))
-        score[np.abs(lags - lags[k]) < LAGS.apart_s] = -np.inf
-    return sorted(starts, key=lambda f: f.residual)
+    nearest = nearest_peaks(lags, score)
+    tried: list[int] = []
+    while len(tried) < ROTATING.lags and np.isfinite(score.max()):
+        tried.append(int(np.argmax(score)))
+        score[np.abs(lags - lags[tried[-1]]) < LAGS.apart_s] = -np.inf
+    tried += [k for k in nearest if np.isfinite(score[k])]
+
+    def fit(offset_s: float, alike: float) -> RotationStart:
+        moved = np.stack([np.interp(lidar_t - offset_s, imu_t, force[:, i]) for i in range(3)], axis=1)
+        inside = (lidar_t - offset_s > imu_t[0]) & (lidar_t - offset_s < imu_t[-1])
+        x, y = lidar[inside] - lidar[inside].mean(axis=0), moved[inside] - moved[inside].mean(axis=0)
+        R = nearest_rotation(y.T @ x)
+        rest = float(np.sqrt(np.mean((y - x @ R.T) ** 2) / max(np.mean(y**2), 1e-12)))
+        return RotationStart(offset_s, R, np.zeros(3), rest, alike, None)
+
+    starts = [
+        min((fit(float(lags[k] + away), float(correlation[k])) for away in _around()), key=lambda f: f.residual)
+        for k in tried
+    ]
+    return _nearest_first(
+        sorted(starts, key=lambda f: f.residual), lambda between: [fit(lag, 0.0).residual for lag in between.tolist()]
+    )

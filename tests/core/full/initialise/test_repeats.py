@@ -9,7 +9,7 @@ import pytest
 
 from calib_core.events import Event, LogEvent, never_cancel
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.rotation import fit_lags, rotation_start
+from calib_core.full.initialise.rotation import acceleration_start, fit_lags, rotation_start
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.full.initialise.vectors import lags_by_vectors
@@ -78,6 +78,35 @@ def test_turns_that_are_told_each_by_itself_have_the_nearest_round_among_their_l
     assert min(abs(lag_s - 0.031) for lag_s, _ in lags) < 0.03
     best, *_ = fit_lags(turns, GyroTurns(stamps_s - 0.031, rates), lags)
     assert abs(best.time_offset_s - 0.031) < 5e-3
+
+
+def _slid(t_s: FloatArray) -> FloatArray:
+    """(N, 3) where a rail that never turns has the lidar [m], over and over."""
+    phase = 2.0 * np.pi * t_s[:, None] / ROUND_S
+    amplitude_m, more_m = np.array([0.3, 0.2, 0.1]), np.array([0.05, 0.06, 0.04])
+    return amplitude_m * np.sin(phase + np.array([0.0, 1.0, 2.0])) + more_m * np.sin(2.0 * phase)
+
+
+@pytest.mark.parametrize("offset_s", [0.031, -0.9])
+def test_a_rail_that_goes_to_and_fro_without_turning_has_rounds_too(offset_s: float) -> None:
+    """By its accelerations alone. Oracle: the round's own length. Mutations: the nearest peaks not tried; the best first;
+    a track's ends smoothed beyond, where a lag that leaves one out fits better.
+    """
+    start_s, h = np.arange(0.0, 20.0, SWEEP_S), 1e-3
+    rng = np.random.default_rng(3)
+    still, every = np.zeros((len(start_s), 3)), np.repeat(np.eye(3)[None], len(start_s), axis=0)
+    seen_m = _slid(start_s) + 5e-4 * rng.normal(size=still.shape)
+    speed_m_s = (_slid(start_s + SWEEP_S) - _slid(start_s)) / SWEEP_S
+    track = LidarTrack(start_s, np.full(len(start_s), SWEEP_S), every, seen_m, still, speed_m_s)
+    t = np.arange(-40.0, 60.0, 0.005)
+    felt = (_slid(t + h) - 2.0 * _slid(t) + _slid(t - h)) / h**2 + np.array([0.0, 0.0, 9.8])
+    felt = felt @ R_C.T + 0.02 * rng.normal(size=felt.shape)
+    best, *_ = acceleration_start(track, t - offset_s, felt)
+    assert abs(best.time_offset_s - offset_s) < 0.02
+    rounds = (np.array(best.repeats_s) - best.time_offset_s) / ROUND_S
+    assert len(rounds) >= 2
+    np.testing.assert_allclose(rounds, np.round(rounds), atol=0.02)
+    assert np.abs(np.round(rounds)).min() == 1
 
 
 def test_a_slow_motion_is_no_repetition_of_itself() -> None:
