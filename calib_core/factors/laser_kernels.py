@@ -259,10 +259,15 @@ def gather_features_kernel(
     """
     for u in range(use.shape[0]):
         b, t, k = use[u], pose[u], place[u]
+        # Read once: what is written to the sums might be the pose, for all that a compiler knows.
+        r00, r01, r02, p0 = R[t, 0, 0], R[t, 0, 1], R[t, 0, 2], p[t, 0]
+        r10, r11, r12, p1 = R[t, 1, 0], R[t, 1, 1], R[t, 1, 2], p[t, 1]
+        r20, r21, r22, p2 = R[t, 2, 0], R[t, 2, 1], R[t, 2, 2], p[t, 2]
         for f in range(cross.shape[1]):
             x0, x1, x2, one = cross[b, f, 0], cross[b, f, 1], cross[b, f, 2], cross[b, f, 3]
-            for c in range(3):
-                total_cross[k, f, c] += R[t, c, 0] * x0 + R[t, c, 1] * x1 + R[t, c, 2] * x2 + p[t, c] * one
+            total_cross[k, f, 0] += r00 * x0 + r01 * x1 + r02 * x2 + p0 * one
+            total_cross[k, f, 1] += r10 * x0 + r11 * x1 + r12 * x2 + p1 * one
+            total_cross[k, f, 2] += r20 * x0 + r21 * x1 + r22 * x2 + p2 * one
             total_cross[k, f, 3] += one
             total_cross[k, f, 4] += cross[b, f, 4]
 
