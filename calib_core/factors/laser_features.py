@@ -17,7 +17,6 @@ plane within ten milliseconds, whatever their number. The blocks couple through 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -89,9 +88,9 @@ class LaserErrors:
 
 @dataclass(frozen=True)
 class LaserSums:
-    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, F, 5), gram: (B, F, F), float32.
+    """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, F, 5), gram: (B, F (F + 1) / 2), float32.
 
-    F: 8 features, or 12 with the shares of heights.
+    F: 8 features, or 12 with the shares of heights.   gram: the upper triangle of their products, row by row.
     """
 
     group: IntArray
@@ -108,15 +107,21 @@ class LaserSums:
         return LaserSums(pair // n_planes, pair % n_planes, of, *_moments(cross, gram, some))
 
     @staticmethod
-    def joined(parts: Sequence[LaserSums]) -> LaserSums:
-        """Those of several scans in a row; groups are counted in each."""
-        return LaserSums(
-            np.concatenate([part.group for part in parts]),
-            np.concatenate([part.plane for part in parts]),
-            np.concatenate([part.laser for part in parts]),
-            np.concatenate([part.cross for part in parts]),
-            np.concatenate([part.gram for part in parts]),
+    def joined(parts: list[LaserSums]) -> LaserSums:
+        """Those of several scans in a row; groups are counted in each. The list is emptied: parts go once they are in place."""
+        group, plane, laser = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("group", "plane", "laser")
         )
+        cross = np.empty((len(group), *parts[0].cross.shape[1:]), np.float32)
+        gram = np.empty((len(group), parts[0].gram.shape[1]), np.float32)
+        begin = 0
+        parts.reverse()
+        while parts:
+            part = parts.pop()
+            mine = slice(begin, begin + len(part.cross))
+            cross[mine], gram[mine] = part.cross, part.gram
+            begin = mine.stop
+        return LaserSums(group, plane, laser, cross, gram)
 
 
 def collapse_features(
@@ -181,12 +186,13 @@ def numbered(key: IntArray, cells: int) -> tuple[IntArray, IntArray]:
 
 
 def _moments(cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray) -> tuple[Float32Array, Float32Array]:
-    """Moments (B, F, 5), (B, F, F) of some of the sums (C, F, 5), (C, 28) of `add_features`; (0, 28): none but those of ones."""
+    """As LaserSums has them, of some of the sums (C, F, 5), (C, 28) of `add_features`; (0, 28): none but those of ones."""
     features = cross_sums.shape[1]
+    products = features * (features + 1) // 2
     if len(gram_sums) == 0:
-        return cross_sums[some].astype(np.float32), np.zeros((len(some), features, features), np.float32)
+        return cross_sums[some].astype(np.float32), np.zeros((len(some), products), np.float32)
     cross = np.empty((len(some), features, 5), np.float32)
-    gram = np.empty((len(some), features, features), np.float32)
+    gram = np.empty((len(some), products), np.float32)
     features_kernel(cross_sums, gram_sums, some, cross, gram)
     return cross, gram
 
@@ -202,9 +208,9 @@ class LaserFactors:
     """Moments by knot, plane and laser, as the joint problem takes them.
 
     bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, F, 5), hits in the
-    lidar's frame at the knot.   gram: (U, F, F), which moves with no motion and stays as it was made, of the cluster `of` (U,)
-    each.   grams: (G, F, F) their sums by plane and laser, of those that have points: of_plane, of_laser (G,). That is all that a
-    cost and its derivatives ask for.
+    lidar's frame at the knot.   gram: (U, F (F + 1) / 2), which moves with no motion and stays as it was made (LaserSums), of the
+    cluster `of` (U,) each.   grams: (G, F, F) their sums by plane and laser, of those that have points: of_plane, of_laser (G,).
+    That is all that a cost and its derivatives ask for.
     """
 
     bin: IntArray
@@ -223,7 +229,7 @@ class LaserFactors:
         """With its sums. plane: (Q,) of the bins."""
         lasers = int(laser.max(initial=0)) + 1
         keys, place = np.unique(plane[bins[of]] * lasers + laser[of], return_inverse=True)
-        grams = np.zeros((len(keys), *gram.shape[1:]))
+        grams = np.zeros((len(keys), cross.shape[1], cross.shape[1]))
         sum_grams_kernel(gram, place, grams)
         return LaserFactors(bins, laser, cross, gram, of, grams, keys // lasers, keys % lasers)
 
@@ -231,7 +237,7 @@ class LaserFactors:
     def empty() -> LaserFactors:
         """None at all."""
         none = np.zeros(0, np.int64)
-        cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES, FEATURES), np.float32)
+        cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES * (FEATURES + 1) // 2), np.float32)
         return LaserFactors.made(none, none, cross, gram, none, none)
 
     @property

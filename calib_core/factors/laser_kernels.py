@@ -160,19 +160,26 @@ def add_shares(
             place += 1
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def product_at(f: int, e: int, features: int) -> int:
+    """Where the product of features f <= e is among those of so many: an upper triangle, row by row."""
+    return f * features - (f * (f - 1)) // 2 + e - f
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def share_products_kernel(cross_sums: FloatArray, more_sums: FloatArray, some: IntArray, gram: Float32Array) -> None:
-    """Fills the rest of the products (B, 12, 12) from `some` (B,) of the sums of `add_shares`."""
+    """Fills the rest of the products (B, 78) from `some` (B,) of the sums of `add_shares`."""
+    every = FEATURES + SHARES
     for b in range(some.shape[0]):
         s, place = some[b], 0
-        for r in range(FEATURES, FEATURES + SHARES):
+        for r in range(FEATURES, every):
             first = more_sums[s, place]
             for m in range(OTHERS.shape[0]):
-                gram[b, r, OTHERS[m]] = gram[b, OTHERS[m], r] = more_sums[s, place]
+                gram[b, product_at(OTHERS[m], r, every)] = more_sums[s, place]
                 place += 1
-            gram[b, r, INCIDENCE] = gram[b, INCIDENCE, r] = cross_sums[s, r, 3] - first
-            for c in range(r, FEATURES + SHARES):
-                gram[b, r, c] = gram[b, c, r] = more_sums[s, place]
+            gram[b, product_at(INCIDENCE, r, every)] = cross_sums[s, r, 3] - first
+            for c in range(r, every):
+                gram[b, product_at(r, c, every)] = more_sums[s, place]
                 place += 1
 
 
@@ -180,24 +187,26 @@ def share_products_kernel(cross_sums: FloatArray, more_sums: FloatArray, some: I
 def features_kernel(
     cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray, cross: Float32Array, gram: Float32Array
 ) -> None:
-    """Fills moments (B, F, 5), (B, F, F) from `some` (B,) of the sums of `add_features`: of 1 - f what is left of the one's.
+    """Fills moments (B, F, 5), (B, F (F + 1) / 2) from `some` (B,) of the sums of `add_features`: of 1 - f what the one's leaves.
 
     F: 8, or 12 with shares, whose products are not filled here.
     """
+    every = cross.shape[1]
     for b in range(some.shape[0]):
         s, place = some[b], 0
         for c in range(5):
-            for m in range(cross.shape[1]):
+            for m in range(every):
                 cross[b, m, c] = cross_sums[s, m, c]
             cross[b, INCIDENCE, c] = cross_sums[s, INCIDENCE, c] - cross_sums[s, 0, c]
         for m in range(OTHERS.shape[0]):
             row = OTHERS[m]
-            gram[b, INCIDENCE, row] = gram[b, row, INCIDENCE] = cross_sums[s, row, 3] - gram_sums[s, m]
+            low, high = min(row, INCIDENCE), max(row, INCIDENCE)
+            gram[b, product_at(low, high, every)] = cross_sums[s, row, 3] - gram_sums[s, m]
             for c in range(m, OTHERS.shape[0]):
-                gram[b, row, OTHERS[c]] = gram[b, OTHERS[c], row] = gram_sums[s, place]
+                gram[b, product_at(row, OTHERS[c], every)] = gram_sums[s, place]
                 place += 1
         one, first = cross_sums[s, INCIDENCE, 3], cross_sums[s, 0, 3]
-        gram[b, INCIDENCE, INCIDENCE] = one - 2.0 * first + gram_sums[s, 0]
+        gram[b, product_at(INCIDENCE, INCIDENCE, every)] = one - 2.0 * first + gram_sums[s, 0]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -274,11 +283,17 @@ def gather_features_kernel(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def sum_grams_kernel(gram: Float32Array, place: IntArray, grams: FloatArray) -> None:
-    """Adds gram (U, F, F) to the sums at their places (U,): grams (G, F, F)."""
+    """Adds products (U, F (F + 1) / 2) to the sums at their places (U,), both ways round: grams (G, F, F)."""
     for u in range(gram.shape[0]):
-        for f in range(gram.shape[1]):
-            for e in range(gram.shape[2]):
-                grams[place[u], f, e] += gram[u, f, e]
+        g, c = place[u], 0
+        for f in range(grams.shape[1]):
+            for e in range(f, grams.shape[1]):
+                grams[g, f, e] += gram[u, c]
+                c += 1
+    for g in range(grams.shape[0]):
+        for f in range(grams.shape[1]):
+            for e in range(f):
+                grams[g, f, e] = grams[g, e, f]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

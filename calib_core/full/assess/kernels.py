@@ -8,6 +8,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from calib_core.factors.laser_kernels import product_at
 from calib_core.types import Float32Array, FloatArray, IntArray
 
 
@@ -75,7 +76,7 @@ def add_own_influences_kernel(
     moved: FloatArray,
     allowed: FloatArray,
 ) -> None:
-    """Adds to them what the lasers' features have by themselves. gram: (U, A, A), bins, laser: (U,) of each."""
+    """Adds to them what the lasers' features have by themselves. gram: (U, A (A + 1) / 2), bins, laser: (U,) of each."""
     features, unknowns = F.shape[1], F.shape[2]
     by_gram = np.empty((features, unknowns))
     for u in range(gram.shape[0]):
@@ -84,7 +85,7 @@ def add_own_influences_kernel(
             pull = 0.0
             by_gram[f] = 0.0
             for e in range(features):
-                value = gram[u, f, e]
+                value = gram[u, product_at(min(f, e), max(f, e), features)]
                 pull += value * change[j, e]
                 for s in range(unknowns):
                     by_gram[f, s] += value * F[j, e, s]

@@ -6,7 +6,6 @@ has moved since only moves moments: to the nearest knot, where those of one plan
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,16 +28,16 @@ class LaserMicro:
     def weighted(self, of_scan: FloatArray) -> LaserMicro:
         """With every point counted as many times as its scan says: (M,)."""
         weight = of_scan[self.scan].astype(np.float32)[:, None, None]
-        return replace(self, sums=replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight))
+        sums = replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight[:, 0])
+        return replace(self, sums=sums)
 
     @staticmethod
-    def joined(parts: Sequence[LaserMicro]) -> LaserMicro:
-        """Those of several scans in a row."""
-        return LaserMicro(
-            np.concatenate([part.time_s for part in parts]),
-            np.concatenate([part.scan for part in parts]),
-            LaserSums.joined([part.sums for part in parts]),
-        )
+    def joined(parts: list[LaserMicro]) -> LaserMicro:
+        """Those of several scans in a row. The list is emptied (`LaserSums.joined`)."""
+        time_s = np.concatenate([part.time_s for part in parts])
+        scan, sums = np.concatenate([part.scan for part in parts]), [part.sums for part in parts]
+        parts.clear()
+        return LaserMicro(time_s, scan, LaserSums.joined(sums))
 
 
 @dataclass(frozen=True)
@@ -59,20 +58,17 @@ class Micro:
     time_offset_s: float = 0.0
 
     @staticmethod
-    def joined(parts: Sequence[Micro]) -> Micro:
-        """Those of several scans in a row."""
-        return Micro(
-            np.concatenate([part.time_s for part in parts]),
-            np.concatenate([part.scan for part in parts]),
-            np.concatenate([part.plane for part in parts]),
-            np.concatenate([part.scatter for part in parts]),
-            np.concatenate([part.count for part in parts]),
-            LaserMicro.joined([part.lasers for part in parts if part.lasers is not None])
-            if any(part.lasers is not None for part in parts)
-            else None,
-            parts[0].nuisance,
-            parts[0].time_offset_s,
+    def joined(parts: list[Micro]) -> Micro:
+        """Those of several scans in a row. The list is emptied: lasers' moments, which are most of it, would be there twice."""
+        time_s, scan, plane, scatter, count = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("time_s", "scan", "plane", "scatter", "count")
         )
+        nuisance, time_offset_s = parts[0].nuisance, parts[0].time_offset_s
+        lasers = [part.lasers for part in parts if part.lasers is not None]
+        parts.clear()
+        joined = LaserMicro.joined(lasers) if lasers else None
+        return Micro(time_s, scan, plane, scatter, count, joined, nuisance, time_offset_s)
 
     def part(self, some: BoolArray) -> Micro:
         """Those of a mask (B,), without the lasers' moments."""

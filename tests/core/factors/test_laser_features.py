@@ -26,6 +26,12 @@ from tests.core.factors import test_bins as bins
 LASERS = 4
 
 
+def triangle(products: FloatArray) -> FloatArray:
+    """(.., F (F + 1) / 2) the upper triangle of symmetric products (.., F, F), row by row."""
+    rows, columns = np.triu_indices(products.shape[-1])
+    return np.asarray(products[..., rows, columns])
+
+
 def _published(xyz: FloatArray, laser: np.ndarray, errors: LaserErrors) -> FloatArray:
     """What a lidar with these errors would publish for true points (calib_core/intrinsics.py)."""
     r = np.linalg.norm(xyz, axis=1) * (1.0 + errors.range_scale[laser]) + errors.range_offset_m[laser]
@@ -166,7 +172,7 @@ def test_moments_are_those_of_the_points_and_move_with_them() -> None:
         mine = keep & (hits.plane == plane) & (laser == own)
         seen = -hits.cosine[mine]
         f = _features(hits.x_hit[mine], seen, (bins.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]])
-        np.testing.assert_allclose(gram, (weight[mine, None] * f).T @ f, rtol=2e-6, atol=1e-3)
+        np.testing.assert_allclose(gram, triangle((weight[mine, None] * f).T @ f), rtol=2e-6, atol=1e-3)
         y = np.column_stack([hits.x_hit[mine], np.ones(mine.sum()), hits.d[mine]])
         np.testing.assert_allclose(cross[0], (weight[mine] * seen) @ y, rtol=2e-6, atol=1e-4)
         np.testing.assert_allclose(cross[4], (weight[mine] * (1.0 - seen)) @ y, rtol=2e-6, atol=1e-4)
@@ -180,7 +186,7 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     rng = np.random.default_rng(5)
     y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
     one = np.zeros(1, np.int64)
-    factors = LaserFactors.made(one, one + 1, (f.T @ y)[None], (f.T @ f)[None], one, one)
+    factors = LaserFactors.made(one, one + 1, (f.T @ y)[None], triangle(f.T @ f)[None], one, one)
     a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 13))
     moved = feature_changes(change, 8)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
@@ -211,7 +217,7 @@ def test_heights_are_felt_by_the_shares_that_points_have_of_them() -> None:
         mine = keep & (hits.plane == plane) & (between.square == unit // LASERS) & (laser == unit % LASERS)
         n_lidar = (bins.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]]
         f = np.hstack([_features(hits.x_hit[mine], -hits.cosine[mine], n_lidar), between.share[mine]])
-        np.testing.assert_allclose(gram, (weight[mine, None] * f).T @ f, rtol=2e-6, atol=1e-3)
+        np.testing.assert_allclose(gram, triangle((weight[mine, None] * f).T @ f), rtol=2e-6, atol=1e-3)
         np.testing.assert_allclose(cross[:, 3], weight[mine] @ f, rtol=1e-5, atol=1e-4)
         np.testing.assert_allclose(cross[:, 4], (weight * hits.d)[mine] @ f, rtol=1e-4, atol=1e-4)
         seen += int(mine.sum())

@@ -98,7 +98,7 @@ def offsets_of(wall: Wall) -> Offsets:
         group=np.zeros(1, np.int64), middle=np.zeros(1, np.int64),
     )  # fmt: skip
     # Moments with the feature of the range offset: sum c [x, 1, d] and sum c c, so that its mean weights by c.
-    cross, gram = sums.cross[:, 0].astype(np.float64), sums.gram[:, 0, 0].astype(np.float64)
+    cross, gram = sums.cross[:, 0].astype(np.float64), sums.gram[:, 0].astype(np.float64)
     many = cross[:, 3] > FEWEST
     mean, feature, laser = (
         cross[many] / cross[many, 3:4],

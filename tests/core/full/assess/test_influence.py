@@ -28,6 +28,7 @@ from calib_core.solver.arrow import Eliminated, solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
+from tests.core.factors.test_laser_features import triangle
 from tests.core.full.joint import test_problem as plain
 from tests.core.full.joint.test_sensors import BENT, LASERS, NUISANCE, Case, _written_out
 
@@ -78,7 +79,7 @@ def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
     a, Q, F, change = (rng.normal(size=shape) for shape in ((3, 5), (3, 4, 7), (3, 8, 7), (3, 8)))
     moved, allowed = np.zeros((3, 7)), np.zeros((3, 7, 7))
     add_influences_kernel(bins, laser, cross, a, Q, F, change, moved, allowed)
-    add_own_influences_kernel(bins, laser, gram.astype(np.float32), F, change, moved, allowed)
+    add_own_influences_kernel(bins, laser, triangle(gram).astype(np.float32), F, change, moved, allowed)
     for q in range(3):
         u, P = np.zeros(7), np.zeros((7, 7))
         for b in np.flatnonzero(bins == q):

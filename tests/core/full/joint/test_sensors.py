@@ -20,6 +20,7 @@ from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray
+from tests.core.factors.test_laser_features import triangle
 from tests.core.full.joint import test_problem as plain
 
 LASERS, POINTS, IMU = 3, 11, 25
@@ -78,7 +79,7 @@ class Case:
             np.array([q for q, _ in clusters]),
             np.array([j for _, j in clusters]),
             np.array([self.f[m].T @ self.y[m] for m in mine]),
-            np.array([self.f[m].T @ self.f[m] for m in mine]),
+            triangle(np.array([self.f[m].T @ self.f[m] for m in mine])),
             np.arange(len(clusters)),
             base.bins.plane,
         )
