@@ -11,7 +11,7 @@ class Plausible:
 
     #: judged: how far averaged distances may stray from what noise allows: squared, in standard deviations, and in metres;
     #: both at once, as a fine lidar shows what a wall is bent by. Bent walls of 5 mm are answered
-    #: (bench/results/surfaces.md), a motion that is wrong is off by centimetres.
+    #: (bench/results/faults.md), a motion that is wrong is off by centimetres.
     worst_misfit: float = 30.0
     worst_away_m: float = 0.008
     #: judged: how far the mean squared residual of single points may stray before the solve has not explained the data:
