@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
 from calib_core import api
 from calib_core.events import LogEvent
 from calib_core.full.joint import settle
-from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import Estimate
 from calib_core.settings import CalibrateSettings
@@ -37,9 +38,9 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
     bent: list[list[float]] = []
     near_rest = settle.near_rest
 
-    def counted(data: object, state: Estimation, *rest: object, **more: object) -> object:
+    def counted(data: JointData, state: Estimation, *rest: Any, **more: Any) -> tuple[Estimation, bool]:
         begin = len(moves)
-        found = near_rest(data, state, *rest, **more)  # type: ignore[arg-type]
+        found = near_rest(data, state, *rest, **more)
         if state.nuisance.patches:
             patches.append(state.nuisance.patches)
             bent.append(moves[begin:])
