@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib_core.factors.laser_assembly import features_crossed_kernel
 from calib_core.factors.laser_kernels import (
     FEATURES,
     MORE_PRODUCTS,
@@ -31,7 +32,6 @@ from calib_core.factors.laser_kernels import (
     LaserTable,
     collapse_features_kernel,
     correct_kernel,
-    features_crossed_kernel,
     features_kernel,
     gather_features_kernel,
     share_products_kernel,

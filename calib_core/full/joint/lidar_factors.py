@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel
+from calib_core.factors.laser_assembly import add_features_kernel, add_grams_kernel
 from calib_core.factors.laser_features import feature_changes, features_squares
-from calib_core.factors.laser_kernels import add_features_kernel, add_grams_kernel
 from calib_core.factors.planes_seen import COLUMNS, planes_seen_kernel
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
