@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from calib_core.factors.lidar_plane import Hits, cells_of, grids
 from calib_core.factors.patch_kernels import between_kernel
@@ -64,6 +65,16 @@ class SurfacePatches:
         half = self.number.shape[1] // 2
         places = np.argwhere(self.number >= 0)
         return tuple(f"{plane + 1}:{row - half},{column - half}" for plane, row, column in places)
+
+    def whitener(self, std_m: float, alike_m: float) -> FloatArray:
+        """(count, count) W, lower triangular, of heights h: W h is white where they are std_m large and, on one plane, correlated
+        by exp(-distance / alike_m), as what wanders like a random walk is and comes back over some such lengths.
+        """
+        places_m = np.argwhere(self.number >= 0)[:, 1:] * (self.width * CELL_M)
+        distance_m = np.linalg.norm(places_m[:, None] - places_m[None], axis=-1)
+        one_plane = self.planes[:, None] == self.planes[None]
+        covariance = std_m**2 * np.where(one_plane, np.exp(-distance_m / alike_m), 0.0)
+        return np.asarray(scipy.linalg.solve_triangular(np.linalg.cholesky(covariance), np.eye(self.count), lower=True))
 
     def of(self, hits: Hits) -> IntArray:
         """(N,) the patch that each hit lies on; `count` where it lies on none."""

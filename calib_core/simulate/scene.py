@@ -76,9 +76,9 @@ class Scene:
             _cast_body(index, body, rays, hits, spread_m)
         for index, face in enumerate(self.faces):
             if face.bend is not None:
-                _bend(index, face, face.bend, rays, hits)
+                _bend(index, face, rays, hits)
         for index, pane in enumerate(self.panes, start=len(self.faces) + len(self.bodies)):
-            _look_through(index, pane, self.faces[pane.face].unit_normal, rays, hits)
+            _look_through(index, pane, self.faces[pane.face], rays, hits)
         with np.errstate(divide="ignore"):
             return Hits(1.0 / hits.closeness_1_m, hits.cosine, hits.surface)
 
@@ -160,17 +160,25 @@ def _cast_body(index: int, body: Body, rays: Rays, hits: _Nearest, spread_m: flo
     hits.closeness_1_m[hit], hits.cosine[hit], hits.surface[hit] = 1.0 / reach[nearer], cosine[nearer], index
 
 
-def _bend(index: int, face: Face, bend: Bend, rays: Rays, hits: _Nearest) -> None:
+def _bend(index: int, face: Face, rays: Rays, hits: _Nearest) -> None:
     """The rays that met this face end where it really is."""
     mine = np.flatnonzero(hits.surface == index)
     if mine.size:
-        hits.closeness_1_m[mine] = bend.closeness(rays.subset(mine), face.unit_normal, face.offset_m)
+        hits.closeness_1_m[mine] = _closeness(face, rays.subset(mine))
 
 
-def _look_through(index: int, pane: Pane, normal: FloatArray, rays: Rays, hits: _Nearest) -> None:
-    """The rays that met this pane's face within it, slantwise, end behind it."""
+def _closeness(face: Face, rays: Rays, behind_m: float = 0.0) -> FloatArray:
+    """1 / range (N,) of rays that come down towards this face, to a surface of its shape so far behind it."""
+    normal, offset_m = face.unit_normal, face.offset_m + behind_m
+    if face.bend is not None:
+        return face.bend.closeness(rays, normal, offset_m)
+    return np.asarray(-(normal @ rays.directions) / (normal @ rays.origins_m + offset_m))
+
+
+def _look_through(index: int, pane: Pane, face: Face, rays: Rays, hits: _Nearest) -> None:
+    """The rays that met this pane's face within it, slantwise, end behind it: at a place that is where it is for all of them."""
     mine = np.flatnonzero(hits.surface == pane.face)
     if mine.size:
-        passes, behind = pane.closeness(rays.subset(mine), normal, hits.closeness_1_m[mine], hits.cosine[mine])
-        through = mine[passes]
-        hits.closeness_1_m[through], hits.surface[through] = behind[passes], index
+        through = mine[pane.passes(rays.subset(mine), hits.closeness_1_m[mine], hits.cosine[mine])]
+        hits.closeness_1_m[through] = _closeness(face, rays.subset(through), pane.depth_m)
+        hits.surface[through] = index

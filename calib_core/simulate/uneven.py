@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.simulate.bodies import Rays
 from calib_core.simulate.motion import Vector
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray
 
 #: Of the search for the bent surface along a ray: each step divides what is left by 1 / (slope x tangent), 30 and more.
 _STEPS = 4
@@ -46,7 +46,7 @@ class Bend:
 
 @dataclass(frozen=True, slots=True)
 class Pane:
-    """A window in a face: met nearly head-on it answers by itself, else the ray goes on to a wall `depth_m` behind.
+    """A window in a face: met nearly head-on it answers by itself, else the ray goes on to another such wall `depth_m` behind.
 
     face: index in the scene.   along, up: unit axes in the plane.   half_m: half its width and height.
     """
@@ -60,14 +60,10 @@ class Pane:
     reflectivity: float = 0.5
     answers_above_cosine: float = 0.995
 
-    def closeness(
-        self, rays: Rays, normal: FloatArray, closeness_1_m: FloatArray, cosine: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Of rays that meet the face: which pass the glass (N,), and 1 / range to what is behind it."""
+    def passes(self, rays: Rays, closeness_1_m: FloatArray, cosine: FloatArray) -> BoolArray:
+        """(N,) Of rays that meet the face: which pass the glass."""
         hit = rays.origins_m + rays.directions / closeness_1_m - np.asarray(self.center_m)[:, None]
-        inside = (np.abs(np.asarray(self.along) @ hit) < self.half_m[0]) & (
+        inside: BoolArray = (np.abs(np.asarray(self.along) @ hit) < self.half_m[0]) & (
             np.abs(np.asarray(self.up) @ hit) < self.half_m[1]
         )
-        passes = inside & (cosine < self.answers_above_cosine)
-        facing = -(normal @ rays.directions)
-        return passes, facing / (facing / closeness_1_m + self.depth_m)
+        return inside & (cosine < self.answers_above_cosine)

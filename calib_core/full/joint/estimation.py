@@ -163,7 +163,7 @@ class Estimation:
             self,
             nuisance=nuisance,
             estimate=replace(self.estimate, nuisance=values),
-            priors=replace(self.priors, nuisance_std=nuisance.prior_std),
+            priors=replace(self.priors, nuisance_std=nuisance.prior_std, whiteners=nuisance.whiteners),
             observations=None,
             minimum=None,
         )

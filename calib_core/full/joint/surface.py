@@ -34,7 +34,7 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
     bend_m = bend_of_several_m(patches.planes, weight, off, rules)
     if bend_m < rules.least_m or (plane_doubts(gathered(data, state), state.estimate) > 1.0).any():
         return state
-    nuisance = state.nuisance.with_surface(patches, rules.height_std_m)
+    nuisance = state.nuisance.with_surface(patches, rules.height_std_m, rules.alike_m)
     return state.with_nuisance(nuisance, np.append(state.estimate.nuisance, np.zeros(patches.count)))
 
 

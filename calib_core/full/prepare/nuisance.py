@@ -53,11 +53,15 @@ _TONE_NAMES = (
 
 @dataclass(frozen=True, slots=True)
 class NuisanceBlock:
-    """One kind of parameter. names: of its members.   prior_std: (n,) about zero, each in the block's unit."""
+    """One kind of parameter. names: of its members.   prior_std: (n,) about zero, each in the block's unit.
+
+    whitener: (n, n) that makes them white where they are correlated; None where they are independent.
+    """
 
     block: AnyBlock
     names: tuple[str, ...]
     prior_std: FloatArray
+    whitener: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -112,9 +116,15 @@ class Nuisance:
         """Without what is the room's, and what the IMU's surroundings do."""
         return Nuisance(tuple(each for each in self.blocks if each.block not in (SURFACE, TONE)))
 
-    def with_surface(self, surface: SurfacePatches, std_m: float) -> Nuisance:
-        """With the heights of patches as unknowns, after all others."""
-        block = NuisanceBlock(SURFACE, surface.names, np.full(surface.count, std_m))
+    @cached_property
+    def whiteners(self) -> tuple[tuple[slice, FloatArray], ...]:
+        """Of each block whose members are correlated: its place, and (n, n) that makes them white."""
+        return tuple((self.places[each.block], each.whitener) for each in self.blocks if each.whitener is not None)
+
+    def with_surface(self, surface: SurfacePatches, std_m: float, alike_m: float) -> Nuisance:
+        """With the heights of patches as unknowns, after all others: so large, and alike so far along a wall."""
+        std = np.full(surface.count, std_m)
+        block = NuisanceBlock(SURFACE, surface.names, std, surface.whitener(std_m, alike_m))
         return replace(self, blocks=(*self.blocks, block), surface=surface)
 
     def with_tone(self, hz: float, resolution_hz: float, zero_s: float) -> Nuisance:

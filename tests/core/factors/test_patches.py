@@ -64,3 +64,18 @@ def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> Non
     alike = patches.heights_m(between, np.ones(patches.count))
     np.testing.assert_allclose(alike, between.square < between.squares - 1)
     assert alike[patches.of(hits) < patches.count] == pytest.approx(1.0)
+
+
+def test_heights_that_are_white_once_whitened_are_alike_near_one_another_and_on_one_plane() -> None:
+    """Mutations: patches of other planes alike; distances in cells; variances for standard deviations."""
+    number = np.full((2, 4, 5), -1)
+    number[0, 1, :3], number[0, 2, 1], number[1, 1, :2] = [0, 1, 2], 3, [4, 5]
+    patches = SurfacePatches(np.eye(3)[:2], number, 3)
+    places = [(0, 1, 0), (0, 1, 1), (0, 1, 2), (0, 2, 1), (1, 1, 0), (1, 1, 1)]
+    expected = np.zeros((6, 6))
+    for i, (plane, row, column) in enumerate(places):
+        for j, (other, its_row, its_column) in enumerate(places):
+            away_m = 0.6 * ((row - its_row) ** 2 + (column - its_column) ** 2) ** 0.5
+            expected[i, j] = 0.004**2 * np.exp(-away_m / 2.5) if plane == other else 0.0
+    whitener = patches.whitener(0.004, 2.5)
+    np.testing.assert_allclose(np.linalg.inv(whitener.T @ whitener), expected, rtol=1e-10, atol=1e-18)

@@ -278,9 +278,9 @@ def test_an_engine_really_shakes_the_rig() -> None:
     assert np.sqrt((added**2).sum(axis=1).mean()) == pytest.approx(2.0, rel=0.05)
 
 
-def _on_faces(simulation: Simulation) -> tuple[FloatArray, np.ndarray]:
-    """World points (N, 3) of the first sweep, and what they were hits of."""
-    sweep = simulation.sweep(0)
+def _on_faces(simulation: Simulation, number: int = 0) -> tuple[FloatArray, np.ndarray]:
+    """World points (N, 3) of a sweep, and what they were hits of."""
+    sweep = simulation.sweep(number)
     pose: Kinematics = simulation.truth.lidar(sweep.time_ns[sweep.valid] * 1e-9)
     world = np.einsum("nij,nj->ni", pose.R_world, sweep.xyz_m[sweep.valid]) + pose.p_m
     return world, sweep.surface[sweep.valid]
@@ -317,6 +317,26 @@ def test_a_door_skirting_and_a_window() -> None:
     behind = window[surface == len(scene.faces)]
     assert len(behind) > 300
     np.testing.assert_allclose((behind @ normals.T + offsets).min(axis=1), -2.0, atol=1e-9)
+
+
+def test_what_is_behind_glass_is_where_it_is_wherever_it_is_seen_from() -> None:
+    """A wall of the face's shape, two metres behind. Mutations: its height is that of the pane where the ray has passed it, as it
+    was before; a flat wall behind a bent one.
+    """
+    simulation = made("bent-walls=6mm,glass", SCENARIOS["handheld"], noise=False)
+    pane = simulation.scenario.scene.panes[0]
+    face = simulation.scenario.scene.faces[pane.face]
+    index = len(simulation.scenario.scene.faces) + len(simulation.scenario.scene.bodies)
+    assert face.bend is not None
+    heights = []
+    for number in (0, 12):
+        points, surface = _on_faces(simulation, number)
+        behind = points[surface == index]
+        assert len(behind) > 100
+        height_m = behind @ face.unit_normal + face.offset_m + pane.depth_m
+        np.testing.assert_allclose(height_m, face.bend.height_m(behind.T), atol=1e-7)
+        heights.append(height_m)
+    assert np.ptp(np.concatenate(heights)) > 0.002
 
 
 @pytest.mark.parametrize("name", FAULTS)

@@ -12,6 +12,7 @@ from calib_core.events import LogEvent
 from calib_core.full.joint import settle
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.state import Estimate
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, generate, parse_faults
@@ -59,6 +60,8 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
     assert patches[0] > 100
     for one in bent:
         assert len(one) >= 3
-        assert all(after < LEFT * before for before, after in pairwise(one))
+        # Of what counts as still, a cell more or less decides.
+        assert all(after < LEFT * before for before, after in pairwise(one) if before > FULL.settling.still)
+        assert sum(before > FULL.settling.still for before in one) >= 2
     grazing = next(each for each in result.intrinsics if each.block == "grazing")
     assert abs(grazing.value) < 3.0 * grazing.std < 3.0 * 0.5 * grazing.prior_std

@@ -34,6 +34,7 @@ MIDDLE_S = 0.11
 BENT = NUISANCE.with_surface(
     SurfacePatches(np.eye(3)[:1], np.where(np.arange(9).reshape(1, 3, 3) < 2, np.arange(9).reshape(1, 3, 3), -1), 4),
     0.003,
+    2.0,
 )
 
 
@@ -90,7 +91,7 @@ class Case:
         self.problem: JointProblem = replace(
             base,
             bins=bins,
-            priors=replace(base.priors, nuisance_std=scale),
+            priors=replace(base.priors, nuisance_std=scale, whiteners=nuisance.whiteners),
             sensors=sensor_columns(nuisance, links_at, base.readings, estimate.states.R, MIDDLE_S),
         )
 
@@ -200,6 +201,25 @@ def test_an_ideal_pair_of_sensors_adds_no_column() -> None:
     problem, e = plain._problem(0)
     assert problem.layout(e).size == plain.LAYOUT.size
     assert problem.lidar.bins_seen(e)[1].shape[2] == 19
+
+
+def test_heights_that_are_correlated_cost_what_their_covariance_says() -> None:
+    """By the inverse of that covariance. Mutations: each height beside the others as well; the whitener's transpose."""
+    case = Case(3, BENT)
+    problem, e = case.problem, case.estimate
+    at = BENT.places[SURFACE]
+    heights, others = e.nuisance[at], np.delete(e.nuisance, at)
+    covariance = 0.003**2 * np.exp(-0.8 / 2.0 * np.array([[0.0, 1.0], [1.0, 0.0]]))
+    expected = heights @ np.linalg.inv(covariance) @ heights
+    expected += float(np.sum((others / np.delete(problem.priors.nuisance_std, at)) ** 2))
+    layout = problem.layout(e)
+    without = replace(e, nuisance=np.zeros(0)), replace(problem.priors, nuisance_std=np.zeros(0), whiteners=())
+    rest, _ = prior_rows(without[1], problem.nodes, without[0], problem.layout(without[0]))
+    residual, jacobian = prior_rows(problem.priors, problem.nodes, e, layout)
+    assert residual @ residual - rest @ rest == pytest.approx(expected, rel=1e-9)
+    assert len(residual) == len(rest) + BENT.size
+    own = jacobian[:, -2:]
+    np.testing.assert_allclose(np.linalg.inv(own.T @ own), covariance, rtol=1e-9)
 
 
 def test_links_integrated_anew_agree_with_their_columns() -> None:

@@ -245,7 +245,7 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
 ) -> None:
     """Chosen all the same, a box 4 mm off flat among walls was a wall with a shape then: 5 sigmas off, and nobody was told.
 
-    Mutations: shapes in any case; only where the first plane is one; the bend of all.
+    Mutations: shapes in any case; only where the first plane is one; the bend of all; heights' priors independent.
     """
     support = PlaneExtents(half.state.estimate.normals, np.zeros((len(half.state.planes), 8, 8), bool))
     support.inside[:, 2:6, 2:6] = True
@@ -258,6 +258,7 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
     state = replace(half.state, support=support)
     after = surface.admit_surface(half.data, state, FULL.surfaces, FULL.sampling)
     assert (after.nuisance.patches > 0) == shaped
+    assert [place.stop - place.start for place, _ in after.priors.whiteners] == [after.nuisance.patches] * shaped
 
 
 def test_of_one_plane_a_bend_is_its_own_fault() -> None:
