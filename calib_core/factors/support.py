@@ -28,8 +28,6 @@ _OFF_TIMES, _OFF_SIGMAS = 3.0, 3.0
 #: In the units of `off` (1: too far for any mean) what walls do anyway, where they are flatter than that: a thirtieth of a
 #: return's standard deviation, under a millimetre.
 _USUAL_OFF = 1 / 60
-#: Of one return in these units: half.
-_RETURN_STD = 0.5
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 #: Cells either side of a plane's own origin: 100 m. Hits beyond are counted in the rim, which belongs to no plane.
 HALF_CELLS = 500
@@ -93,6 +91,7 @@ class ExtentSurvey:
 
     off: (P, rows, columns), sums over those on the plane of how far off they are, 1 being too far for a mean.
     box: (P, 4) lowest row, lowest column, highest row, highest column with a return on the plane.
+    return_std: standard deviation of one return, in the units of `off`.
     """
 
     normals: FloatArray
@@ -100,14 +99,20 @@ class ExtentSurvey:
     beside: CountArray
     off: Float32Array
     box: IntArray
+    return_std: float
 
     @staticmethod
-    def empty(normals: FloatArray) -> ExtentSurvey:
+    def empty(normals: FloatArray, return_std: float = 0.5) -> ExtentSurvey:
         """No counts yet."""
         shape = (len(normals), 2 * HALF_CELLS, 2 * HALF_CELLS)
         nothing = np.tile([2 * HALF_CELLS, 2 * HALF_CELLS, -1, -1], (len(normals), 1))
         return ExtentSurvey(
-            normals, np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.float32), nothing
+            normals,
+            np.zeros(shape, np.int32),
+            np.zeros(shape, np.int32),
+            np.zeros(shape, np.float32),
+            nothing,
+            return_std,
         )
 
     def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray, off: FloatArray) -> None:
@@ -133,7 +138,8 @@ class ExtentSurvey:
             on, beside = self.on[plane][box].astype(np.int64), self.beside[plane][box]
             seen = on >= least if within is None else (on >= least) & within[plane][box]
             flat = seen & (on >= share * (on + beside)) & (np.abs(self.off[plane][box]) <= on)
-            flat &= ~scipy.ndimage.binary_dilation(_off_the_others(self.off[plane][box], on, flat) & flat, _CROSS)
+            off = _off_the_others(self.off[plane][box], on, flat, self.return_std)
+            flat &= ~scipy.ndimage.binary_dilation(off & flat, _CROSS)
             if flat.any():
                 inside[plane][box] = _without_islands(flat, on, island)
         inside[:, [0, -1], :] = False
@@ -141,7 +147,7 @@ class ExtentSurvey:
         return PlaneExtents(self.normals, inside)
 
 
-def _off_the_others(off: Float32Array, on: IntArray, flat: BoolArray) -> BoolArray:
+def _off_the_others(off: Float32Array, on: IntArray, flat: BoolArray, return_std: float) -> BoolArray:
     """The cells whose mean is beyond both chance and what the plane's other flat cells do, (rows, columns)."""
     if not flat.any():
         return flat
@@ -150,7 +156,7 @@ def _off_the_others(off: Float32Array, on: IntArray, flat: BoolArray) -> BoolArr
     order = np.argsort(mean[flat])
     weight = np.cumsum(on[flat][order])
     usual = 1.4826 * float(mean[flat][order][np.searchsorted(weight, 0.5 * weight[-1])])
-    return np.asarray(mean > _OFF_TIMES * max(usual, _USUAL_OFF) + _OFF_SIGMAS * _RETURN_STD / np.sqrt(count))
+    return np.asarray(mean > _OFF_TIMES * max(usual, _USUAL_OFF) + _OFF_SIGMAS * return_std / np.sqrt(count))
 
 
 def _without_islands(inside: BoolArray, on: IntArray, share: float) -> BoolArray:

@@ -75,7 +75,8 @@ def survey(
 
     within: (P, rows, columns) that a plane may have at all; None for all.
     """
-    total = ExtentSurvey.empty(view.estimate.normals)
+    std_m = noise.range_std_m
+    total = ExtentSurvey.empty(view.estimate.normals, return_std=std_m / (SURVEYING.off_sigmas * std_m + gate.extra_m))
 
     def some(batch: Sequence[int]) -> NearHits:
         return near_hits(

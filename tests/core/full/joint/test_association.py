@@ -9,7 +9,8 @@ import pytest
 
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import Gate, LidarNoise
-from calib_core.factors.support import CELL_M, HALF_CELLS
+from calib_core.factors.support import CELL_M, HALF_CELLS, ExtentSurvey
+from calib_core.full.joint import association
 from calib_core.full.joint.association import associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.moments import Micro, gather
@@ -23,7 +24,7 @@ from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import FloatArray, IntArray, Recording
+from calib_core.types import BoolArray, FloatArray, IntArray, Recording
 
 NOISE = LidarNoise(0.02, 0.002)
 GATE = Gate(margin_m=0.1)
@@ -292,3 +293,28 @@ def test_returns_that_all_lie_off_a_plane_make_it_no_cells(noisy: tuple[Recordin
         moved = replace(view, estimate=replace(view.estimate, offsets_m=offsets), thinned={})
         left = survey(moved, SCANS, NOISE, gate, stride=4).area_m2(wall) / area.area_m2(wall)
         assert least <= left <= most
+
+
+def test_what_a_return_scatters_by_is_told_in_the_widths_of_its_gate(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the spread of what was counted on walls: 0.02 m of noise in a unit of 0.05 m. Mutations: half in any case; the room left
+    out of the unit."""
+    counted: list[FloatArray] = []
+    told: list[float] = []
+
+    class Watched(ExtentSurvey):
+        def add(self, plane: IntArray, cell: IntArray, on_plane: BoolArray, off: FloatArray) -> None:
+            counted.append(off[on_plane])
+            told.append(self.return_std)
+            super().add(plane, cell, on_plane, off)
+
+    monkeypatch.setattr(association, "ExtentSurvey", Watched)
+    monkeypatch.setattr(
+        Watched, "empty", lambda *args, **more: Watched(*vars(ExtentSurvey.empty(*args, **more)).values())
+    )
+    view = _view(*noisy)
+    survey(view, SCANS, NOISE, replace(GATE, extra_m=0.01), stride=4)
+    assert told[0] == pytest.approx(0.4)
+    spread = 1.4826 * np.median(np.abs(np.concatenate(counted)))
+    assert 0.5 * told[0] < spread < 1.05 * told[0]
