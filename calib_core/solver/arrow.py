@@ -132,6 +132,10 @@ class _Piece:
         """Whether the piece begins behind a cut."""
         return self.first > 0
 
+    def without_inside(self) -> _Piece:
+        """With its last knot alone of the factors: what the knots between pieces, and the border, ask of it."""
+        return replace(self, L=self.L[-1:].copy(), M=self.M[:0].copy(), W=self.W[-1:].copy())
+
 
 @dataclass(frozen=True)
 class _Chain:
@@ -152,8 +156,11 @@ class _Chain:
     reduced: FloatArray
 
 
-def _eliminated(system: ArrowSystem, damping: float) -> _Chain:
-    """Piece by piece, which may go on at the same time: where they are cut does not depend on how many do."""
+def _eliminated(system: ArrowSystem, damping: float, *, for_steps: bool = True) -> _Chain:
+    """Piece by piece, which may go on at the same time: where they are cut does not depend on how many do.
+
+    for_steps: with what a step of the chain is found by, as much memory as the system itself.
+    """
     knots = len(system.diagonal)
     free = np.setdiff1d(np.arange(system.corner.shape[0]), system.frozen)
     shared = len(free)
@@ -166,7 +173,8 @@ def _eliminated(system: ArrowSystem, damping: float) -> _Chain:
     tasks = range(pieces)
 
     def one(k: int) -> _Piece | None:
-        return _eliminated_piece(system, known, damping, scale, free, edges[k] + 1, edges[k + 1])
+        piece = _eliminated_piece(system, known, damping, scale, free, edges[k] + 1, edges[k + 1])
+        return piece if for_steps or piece is None else piece.without_inside()
 
     done = [piece for piece in (workers().map(one, tasks) if pieces > 1 else map(one, tasks)) if piece is not None]
     if len(done) < pieces:
@@ -353,14 +361,26 @@ def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
 
 
 def _solution(chain: _Chain, system: ArrowSystem) -> ArrowSolution:
-    size, free, shared = system.corner.shape[0], chain.free, len(chain.free)
-    schur, reduced = chain.schur, chain.reduced
-    gradient_shared = system.gradient_shared[free]
-    moved = _shared_step(schur, reduced) if shared else np.zeros(0)
+    free = chain.free
+    moved = _shared_step(chain.schur, chain.reduced) if len(free) else np.zeros(0)
     step = _chain_step(chain, moved, 1.0)
-    step_shared, information, remaining = np.zeros(size), np.eye(size) * FROZEN, np.zeros(size)
+    step_shared = np.zeros(system.corner.shape[0])
     step_shared[free] = moved
-    remaining[free] = reduced
-    information[np.ix_(free, free)] = schur
-    slope = float(np.sum(step * system.gradient) + moved @ gradient_shared)
+    slope = float(np.sum(step * system.gradient) + moved @ system.gradient_shared[free])
+    information, remaining = _of_shared(chain, len(step_shared))
     return ArrowSolution(step, step_shared, information, -0.5 * slope, remaining)
+
+
+def solve_shared(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
+    """Information (S, S) and gradient (S,) of the shared unknowns with the chain eliminated, as an ArrowSolution has them.
+
+    For who asks for no step: in half the memory. Raises NotPositiveDefinite.
+    """
+    return _of_shared(_eliminated(system, 0.0, for_steps=False), system.corner.shape[0])
+
+
+def _of_shared(chain: _Chain, size: int) -> tuple[FloatArray, FloatArray]:
+    information, remaining = np.eye(size) * FROZEN, np.zeros(size)
+    information[np.ix_(chain.free, chain.free)] = chain.schur
+    remaining[chain.free] = chain.reduced
+    return information, remaining

@@ -157,6 +157,10 @@ class Estimation:
         solution = self.minimum.solution if self.minimum is not None else None
         return None if solution is None else solution.information
 
+    def without_points(self) -> Estimation:
+        """The same, points to be given to planes anew: for who holds on to a state while another is made. They are most of it."""
+        return replace(self, observations=None)
+
     def with_nuisance(self, nuisance: Nuisance, values: FloatArray) -> Estimation:
         """With other parameters of the sensors in play, at values (k,): what was gathered and where it ended were of the old."""
         return replace(

@@ -192,9 +192,10 @@ class JointProblem:
 
     def links_at_once(self) -> Iterator[tuple[int, int]]:
         """First and last (exclusive) of links in parts: of an hour's recording the Jacobians of all would be gigabytes."""
-        count = len(self.links.DR)
-        for first in range(0, count, CHAIN.links_at_once):
-            yield first, min(first + CHAIN.links_at_once, count)
+        count, columns = len(self.links.DR), len(self.sensors.imu_places)
+        at_once = CHAIN.links_at_once * CHAIN.columns_at_once // max(columns, CHAIN.columns_at_once)
+        for first in range(0, count, at_once):
+            yield first, min(first + at_once, count)
 
     def _add_links(self, system: ArrowSystem, estimate: Estimate, layout: Layout, seen: FloatArray) -> None:
         """seen: (3, 3) of gravity, what is not along a direction that no plane sees."""

@@ -57,10 +57,13 @@ def near_rest(
     cells: list[BoolArray] = []
     noises: list[LidarNoise] = []
     moves: list[float] = []
-    stillest = state
+    stillest = state.without_points()
     surveyed: tuple[BoolArray, LidarNoise] | None = None
     led_about, doubted = False, None
+    problem: JointProblem | None = None
     for k in range(settling.rounds):
+        # Points as they were given before, and what was gathered of them, would be there beside the new ones.
+        state, problem = state.without_points(), None
         if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
             state = anchored(data, state)
         learning = gate_of(state, settling.learning_m, sampling)
@@ -85,9 +88,12 @@ def near_rest(
         state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
         moves.append(moved_in_gate(problem, before, state.estimate))
         if judge is not None and turns > 0 and (moves[-1] < settling.judged or stalls(moves, settling)):
+            problem = None
             left = judge(state)
             if left is not state:
+                state = stillest = left = left.without_points()
                 return near_rest(data, left, settling, sampling, judge, turns - 1)
+            del left  # the same state: it would hold its points on into the next round
             if moves[-1] < settling.judged:
                 judge, doubted = None, judge
         assert state.support is not None
@@ -100,9 +106,10 @@ def near_rest(
             break
         surveyed = found
         if moves[-1] == min(moves):
-            stillest = state
+            stillest = state.without_points()
         if goes_away(moves, settling) or (len(moves) == soon and moves[-1] >= settling.judged):
-            return replace(stillest, rounds=state.rounds, iterations=state.iterations), False
+            stillest = replace(stillest, rounds=state.rounds, iterations=state.iterations)
+            return associate(data, stillest, gate, stride=coarse_stride(data, stillest, sampling)), False
     return state, True
 
 
@@ -152,7 +159,7 @@ def alternate(
     k = 0
     while True:
         state = associate(_nearer(data, k, WATCHING.resting_round), state, gate_of(state, 0.0, sampling), stride=1)
-        before = state
+        before = state.without_points()
         state, problem = to_fixed_point(
             data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds)
         )
@@ -161,7 +168,8 @@ def alternate(
         if state.rounds >= last:
             require_rest(before, state, settling.unsettled_sigmas)
             return state, problem
-        k += 1
+        state, k = state.without_points(), k + 1
+        del problem
 
 
 def to_fixed_point(
@@ -174,7 +182,9 @@ def to_fixed_point(
     """
     last, tolerance = state.rounds + most, settling.least_decrease
     before: float | None = None
+    problem: JointProblem | None = None
     while True:
+        problem = None  # two of them at once would be the most memory of a solve
         state, problem = descend(
             data, state, iterations=settling.iterations, tolerance=tolerance, relative=settling.least_share
         )

@@ -40,7 +40,10 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
     """
     for name, share, step in STEPS[_names().index(first) :]:
         data.on_state(name, state)
+        if step is settled:  # begins with giving points anew; those of before would be there all the while
+            state = state.without_points()
         state = step(data.portion(*share), state, schedule)
+    state = state.without_points()
     return at_rest(data, state, schedule)
 
 
@@ -211,7 +214,7 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
     if uneven is state:
         return state
-    soon = schedule.surfaces.rounds
+    soon, state = schedule.surfaces.rounds, state.without_points()
     bent, rests = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling, soon=soon)
     if not (rests and is_bent_wall(bent, schedule.surfaces)):
         return replace(state, rounds=bent.rounds, iterations=bent.iterations)

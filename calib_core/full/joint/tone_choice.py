@@ -20,7 +20,7 @@ from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.round import gathered
 from calib_core.full.prepare.nuisance import TONE
 from calib_core.imu.tones import PARAMETERS
-from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
 from calib_core.solver.information import covariance
 
 
@@ -39,14 +39,13 @@ def explaining(data: JointData, toned: Estimation, count: int, least: float) -> 
     """
     problem = gathered(data, toned)
     try:
-        solution = solve_arrow(problem.linearise(toned.estimate))
+        S, g = solve_shared(problem.linearise(toned.estimate))
     except NotPositiveDefinite:
         return []
     first = problem.layout(toned.estimate).nuisance().start
     end = first + toned.nuisance.places[TONE].stop
     of = np.arange(end - count * PARAMETERS, end)
-    others = np.setdiff1d(np.arange(len(solution.gradient_shared)), of)
-    S, g = solution.information, solution.gradient_shared
+    others = np.setdiff1d(np.arange(len(g)), of)
     follow = S[np.ix_(of, others)] @ covariance(S[np.ix_(others, others)]).matrix
     S, g = S[np.ix_(of, of)] - follow @ S[np.ix_(others, of)], g[of] - follow @ g[others]
     each = [slice(k, k + PARAMETERS) for k in range(0, count * PARAMETERS, PARAMETERS)]

@@ -155,7 +155,12 @@ def found_tones(
         state = associate(
             data, state, gate_of(state, round_.gate_m, sampling), stride=coarse_stride(data, state, sampling)
         )
-    return explaining(data, with_tones_tried(data, state, tried, rules), len(tried), least)
+    found: list[Explaining] = []
+    at_once = max(1, rules.knots_tried // state.knots)
+    for first in range(0, len(tried), at_once):
+        some = tried[first : first + at_once]
+        found += explaining(data, with_tones_tried(data, state, some, rules), len(some), least)
+    return sorted(found, key=lambda one: -one.decrease)
 
 
 def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:

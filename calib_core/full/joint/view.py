@@ -124,7 +124,7 @@ class View:
             # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
             surface = self.nuisance.surface
             hits.d[:] -= surface.heights_m(surface.between(hits), self.nuisance.values(e.nuisance, SURFACE))
-        if stride > 1:
+        if stride > 1 and len(points) + sum(len(each.plane) for each in list(self.thinned.values())) <= SURVEYING.kept:
             self.thinned[key] = hits
         return hits
 

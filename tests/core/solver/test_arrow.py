@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.solver import arrow
-from calib_core.solver.arrow import ArrowSystem, Eliminated, NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import ArrowSystem, Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
 from calib_core.types import FloatArray
 
 
@@ -90,6 +90,19 @@ def test_a_chain_may_be_cut_anywhere(monkeypatch: pytest.MonkeyPatch, damping: f
         columns = 31 * 3 + np.array([2, 0, 1])
         got = np.vstack([along.reshape(-1, 3), border])
         np.testing.assert_allclose(got, inverse[:, columns], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("piece", [6, 256])
+def test_who_asks_for_no_step_gets_the_same_of_what_is_shared(monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
+    """To the last bit. Mutations: a piece's first knot kept for its last; frozen columns known."""
+    system = random_system(8, 31, 3, 5)
+    system.border[:20, :, 3] = system.border[14:, :, 1] = 0.0
+    system = replace(system, frozen=(2,))
+    monkeypatch.setattr(arrow, "_PIECE", piece)
+    whole = solve_arrow(system)
+    information, gradient = solve_shared(system)
+    np.testing.assert_array_equal(information, whole.information)
+    np.testing.assert_array_equal(gradient, whole.gradient_shared)
 
 
 @pytest.mark.parametrize("piece", [6, 256])

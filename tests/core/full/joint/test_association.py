@@ -318,3 +318,18 @@ def test_what_a_return_scatters_by_is_told_in_the_widths_of_its_gate(
     assert told[0] == pytest.approx(0.4)
     spread = 1.4826 * np.median(np.abs(np.concatenate(counted)))
     assert 0.5 * told[0] < spread < 1.05 * told[0]
+
+
+def test_where_points_meet_planes_is_kept_for_so_many(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutations: whatever was asked for is kept; nothing is."""
+    views = [_view(*noisy) for _ in range(2)]
+    each = sum(len(views[0].points(i, 4)) for i in SCANS[:4])
+    kept = []
+    for view, most in zip(views, (10 * each, each), strict=True):
+        monkeypatch.setattr("calib_core.full.joint.view.SURVEYING", replace(SURVEYING, kept=most, batch_points=each))
+        found = [view.hits([i], GATE, 4) for i in SCANS]
+        kept.append(sum(len(hits.plane) for hits in view.thinned.values()))
+        assert all((view.hits([i], GATE, 4).d == hits.d).all() for i, hits in zip(SCANS, found, strict=True))
+    assert kept[0] > each >= kept[1] > 0

@@ -77,6 +77,9 @@ class _Swinging:
     iterations: int = 0
     lidar_noise: LidarNoise = LidarNoise(0.02, 0.001)  # noqa: RUF009  frozen
 
+    def without_points(self) -> _Swinging:
+        return self
+
 
 def _surveyed(_: object, state: _Swinging, *__: object) -> _Swinging:
     """Two cells; the second as long as it is not used."""

@@ -29,8 +29,9 @@ from calib_core.types import FloatArray, Plane, Recording
 ROOM_M = (6.0, 5.0, 2.8)
 #: The north wall, y = 5 m, is upright; the others lean as in the paper's room.
 LEAN_DEG = ((0.3, -0.4), (-0.5, 0.2), (1.1, -0.7), (-0.9, 0.6), (0.8, 1.2), (0.0, 0.0))
-#: From its middle on, the wall comes forward: 6 cm after 3.6 m, within the gates of the coarse rounds.
-BENT_DEG, HINGE_M, PANEL_M = 1.0, 3.0, 3.6
+#: From its middle on, the wall comes forward: 4.4 cm after 3.6 m, within the gates of the coarse rounds. By a degree, cells that
+#: come forward are left out of it as others' without an outline too.
+BENT_DEG, HINGE_M, PANEL_M = 0.7, 3.0, 3.6
 #: The part of it that is flat, world frame: x and z, well inside of the room.
 LOW_M, HIGH_M = (0.2, 0.2), (2.8, 2.6)
 
@@ -104,12 +105,12 @@ def tilt_deg(bent: Bent, calibration: Calibration) -> float:
 def test_only_the_flat_part_of_a_bent_wall_makes_its_plane(
     bent: Bent, outlined: Calibration, free: Calibration
 ) -> None:
-    """Oracle: the plane that the flat half was made on, 1 deg from the other. Without an outline the mean of both is found.
+    """Oracle: the plane that the flat half was made on, 0.7 deg from the other. Without an outline the mean of both is found.
 
     Fails when the survey is not cut by the outline, also where only the last rounds go without it.
     """
     assert tilt_deg(bent, outlined) < 0.05
-    assert tilt_deg(bent, free) > 0.25
+    assert tilt_deg(bent, free) > 0.2
 
 
 def test_no_point_from_outside_of_an_outline_is_used(bent: Bent, outlined: Calibration, free: Calibration) -> None:

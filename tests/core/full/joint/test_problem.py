@@ -386,13 +386,16 @@ def test_parts_of_the_rows_share_no_knot(knots: list[int]) -> None:
 def test_links_taken_in_parts_are_those_taken_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the equations with all links at once, and the cost; what parts are added in another order differs by round-off.
 
-    Mutations: the last link of a part left out; its knots counted from the first part's; its own bias changes not taken.
+    Mutations: as many where each says of more columns; the last link of a part left out; its
+    knots counted from the first part's; its own bias changes not taken.
     """
     problem, estimate = _problem(4)
     estimate = replace(estimate, gyro_bias=estimate.gyro_bias + 0.05 * np.arange(LAYOUT.nodes)[:, None])
     whole = problem.linearise(estimate)
     monkeypatch.setattr("calib_core.full.joint.problem.CHAIN", replace(CHAIN, links_at_once=4))
     assert list(problem.links_at_once()) == [(0, 4), (4, KNOTS - 1)]
+    many = replace(problem, sensors=replace(problem.sensors, imu_places=np.arange(50)))
+    assert list(many.links_at_once())[:2] == [(0, 2), (2, 4)]
     parts = problem.linearise(estimate)
     for name in ("diagonal", "lower", "border", "corner", "gradient", "gradient_shared", "cost"):
         one, other = np.asarray(getattr(whole, name)), np.asarray(getattr(parts, name))

@@ -200,6 +200,26 @@ def test_what_a_tone_explains_is_what_the_normal_equations_say(half: Half) -> No
     assert len(most) < 3 or found[2].decrease > 0.5 * found[0].decrease
 
 
+def test_tones_tried_a_few_at_once_explain_what_all_together_do(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a long recording. Mutations: the last few left out; those found first before those that explain more."""
+    every = replace(RULES, beside=0.0)
+    tried: list[int] = []
+
+    def watched(data: Any, toned: Estimation, count: int, least: float) -> list[Explaining]:
+        tried.append(count)
+        return explaining(data, toned, count, least)
+
+    monkeypatch.setattr(tones, "explaining", watched)
+    together = tones.found_tones(half.data, half.state, every, FULL.sensors, FULL.sampling, least=-1.0)
+    few = replace(every, knots_tried=2 * half.state.knots)
+    apart = tones.found_tones(half.data, half.state, few, FULL.sensors, FULL.sampling, least=-1.0)
+    assert len(together) == tried[0] == sum(tried[1:])
+    assert max(tried[1:]) == 2
+    assert len(tried) > 2
+    assert [each.hz for each in apart] == [each.hz for each in together]
+    assert [each.decrease for each in apart] == pytest.approx([each.decrease for each in together], rel=1e-5)
+
+
 def test_points_are_laid_on_planes_where_nobody_has_since_some_were_dropped(half: Half) -> None:
     """Seen: a shaken recording whose clutter was left out ended in an assertion. Mutation: the observations taken as they are."""
     state = replace(half.state, observations=None)
