@@ -62,6 +62,11 @@ def gate_of(state: Estimation, extra_m: float, sampling: Sampling) -> Gate:
 def coarse_stride(data: JointData, state: Estimation, sampling: Sampling) -> int:
     """Every so many-th point is used in the coarse rounds."""
     target = float(np.clip(sampling.points / len(state.positions), *sampling.points_per_scan))
+    return _stride_to(target, data, state, sampling)
+
+
+def _stride_to(target: float, data: JointData, state: Estimation, sampling: Sampling) -> int:
+    """Which leaves so many points of a typical scan."""
     some = state.positions[:: max(1, len(state.positions) // sampling.typical_scans)]
     typical = np.median(data.run.clocks.scan_points[list(some)])
     return across_lasers(max(1, int(typical // target)))
@@ -110,7 +115,9 @@ def survey(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) -
 def measure(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) -> Estimation:
     """How noisy the lidar is, within the planes' support."""
     step = max(1, len(state.positions) // sampling.noise_scans)
-    noise = measure_noise(present_view(data, state), state.positions[::step], state.lidar_noise, gate, state.support)
+    stride = _stride_to(sampling.noise_points, data, state, sampling)
+    view, some = present_view(data, state), state.positions[::step]
+    noise = measure_noise(view, some, state.lidar_noise, gate, state.support, stride=stride)
     return replace(state, lidar_noise=noise)
 
 

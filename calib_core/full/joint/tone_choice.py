@@ -12,13 +12,14 @@ all candidates has every one's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import gathered
-from calib_core.full.prepare.nuisance import TONE
+from calib_core.full.prepare.nuisance import LASER_BLOCKS, TONE
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
 from calib_core.solver.information import covariance
@@ -32,12 +33,22 @@ class Explaining:
     decrease: float
 
 
+def _of_lasers(state: Estimation, problem: JointProblem) -> list[int]:
+    """The shared columns of the lasers' own parameters. What one laser reads is not what an engine shakes: where none of them
+    follows, a tone explains as much, and of 128 lasers an elimination is a fifth of the work."""
+    first, places = problem.layout(state.estimate).nuisance().start, state.nuisance.places
+    return [
+        first + k for block in LASER_BLOCKS if block in places for k in range(places[block].start, places[block].stop)
+    ]
+
+
 def explaining(data: JointData, toned: Estimation, count: int, least: float) -> list[Explaining]:
     """Those of the last `count` tones of a state that lower the cost by `least` each by itself, the best first.
 
     toned: with all of them among the unknowns, at no size yet, and the observations of the state before.
     """
     problem = gathered(data, toned)
+    problem = replace(problem, frozen=(*problem.frozen, *_of_lasers(toned, problem)))
     try:
         S, g = solve_shared(problem.linearise(toned.estimate))
     except NotPositiveDefinite:
