@@ -103,6 +103,8 @@ def test_who_asks_for_no_step_gets_the_same_of_what_is_shared(monkeypatch: pytes
     information, gradient = solve_shared(system)
     np.testing.assert_array_equal(information, whole.information)
     np.testing.assert_array_equal(gradient, whole.gradient_shared)
+    np.testing.assert_array_equal(information[2], arrow.FROZEN * (np.arange(5) == 2))
+    assert gradient[2] == 0.0
 
 
 @pytest.mark.parametrize("piece", [6, 256])

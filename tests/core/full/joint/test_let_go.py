@@ -26,21 +26,21 @@ def test_nothing_of_the_points_of_one_round_is_there_in_the_next(
     """
     points: list[weakref.ref[Micro]] = []
     problems: list[weakref.ref[JointProblem]] = []
-    alive: list[tuple[int, int]] = []
+    alive: list[tuple[str, int, int]] = []
     associate, descend = settle.associate, settle.descend
 
-    def count() -> None:
-        alive.append((sum(each() is not None for each in points), sum(each() is not None for each in problems)))
+    def count(step: str) -> None:
+        alive.append((step, sum(each() is not None for each in points), sum(each() is not None for each in problems)))
 
     def given(*rest: Any, **more: Any) -> Any:
-        count()
+        count("points given")
         state = associate(*rest, **more)
         assert state.observations is not None
         points.append(weakref.ref(state.observations))
         return state
 
     def descended(*rest: Any, **more: Any) -> Any:
-        count()
+        count("descent")
         state, problem = descend(*rest, **more)
         problems.append(weakref.ref(problem))
         return state, problem
@@ -51,4 +51,4 @@ def test_nothing_of_the_points_of_one_round_is_there_in_the_next(
     assert len(points) >= 3
     assert len(problems) > len(points)
     # Points given anew: none of before. A descent: those that it is about. No problem but the one that is made.
-    assert set(alive) == {(0, 0), (1, 0)}
+    assert set(alive) == {("points given", 0, 0), ("descent", 1, 0)}

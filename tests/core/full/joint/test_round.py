@@ -13,9 +13,12 @@ import pytest
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import StageEvent
 from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, find_hits, select
+from calib_core.full.joint import round as rounds
 from calib_core.full.joint.policies import Sampling
 from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of
+from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.view import View
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Scan
 from tests.core.full.joint.conftest import Half
@@ -151,3 +154,18 @@ def test_a_descent_without_a_point_is_refused(half: Half) -> None:
     none = replace(state, observations=points.part(np.zeros(len(points.count), np.bool_)))
     with pytest.raises(Refused, match="no point lies on a plane any more"):
         descend(half.data, none, iterations=1, tolerance=0.0)
+
+
+def test_noise_is_told_by_so_many_points_of_a_scan(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutations: by all of them; by as many as a coarse round has."""
+    asked: list[int] = []
+
+    def measured(_view: View, _some: object, start: LidarNoise, *_: object, stride: int) -> LidarNoise:
+        asked.append(stride)
+        return start
+
+    monkeypatch.setattr(rounds, "measure_noise", measured)
+    typical = int(np.median(half.data.run.clocks.scan_points))
+    for most in (typical, typical // 3, typical // 7):
+        rounds.measure(half.data, half.state, Gate(), replace(FULL.sampling, noise_points=most))
+    assert asked == [1, 3, 7]

@@ -249,6 +249,10 @@ def test_tones_tried_a_few_at_once_explain_what_all_together_do(half: Half, monk
     assert len(tried) > 2
     assert [each.hz for each in apart] == [each.hz for each in together]
     assert [each.decrease for each in apart] == pytest.approx([each.decrease for each in together], rel=1e-5)
+    later = iter(range(1, 20))
+    monkeypatch.setattr(tones, "explaining", lambda *_: [Explaining(1.4, float(next(later)))])
+    apart = tones.found_tones(half.data, half.state, few, FULL.sensors, FULL.sampling, least=-1.0)
+    assert [each.decrease for each in apart] == list(range(len(apart), 0, -1))
 
 
 def test_points_are_laid_on_planes_where_nobody_has_since_some_were_dropped(half: Half) -> None:
