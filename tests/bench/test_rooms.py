@@ -64,7 +64,7 @@ def test_clutter_is_left_out_by_name_and_costs_nothing(
     for block in (slice(0, 3), slice(3, 6), slice(6, 7)):
         assert np.linalg.norm(free[block]) < 1.3 * np.linalg.norm(walls[block])
     left_out = [m for m in answers[0].messages if m.text.endswith("left out")]
-    assert {m.code for m in left_out} & {"planes.bent", "planes.moved", "planes.mixed"}
+    assert {m.code for m in left_out} & {"planes.bent", "planes.moved", "planes.mixed", "planes.dropped"}
 
 
 def test_every_place_and_lidar_is_drawn_and_a_seed_is_one_recording() -> None:
