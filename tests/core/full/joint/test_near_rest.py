@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -272,3 +273,58 @@ def test_what_has_to_be_at_rest_soon_and_is_not_ends(
     data, begin = _rounds_of(monkeypatch, lambda *_: next(moves), descend=descended)
     found = settling.near_rest(data, begin, Settling(), Sampling(), soon=soon)[1]
     assert (done, found) == (rounds, rests)
+
+
+class _Points:
+    """Points as they were given to planes, which somebody may hold on to."""
+
+
+@dataclass(frozen=True)
+class _Pointed(_Swinging):
+    """The same with points. estimate: how many descents there were."""
+
+    observations: _Points | None = None
+
+    def without_points(self) -> _Pointed:
+        return replace(self, observations=None)
+
+
+def _gone_on(_: object, state: _Pointed, **__: object) -> tuple[_Pointed, None]:
+    return replace(state, estimate=state.estimate + 1.0), None
+
+
+def test_rounds_that_go_away_end_with_points_given_where_they_moved_least(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who judges planes next asks for them. Mutations: the state without points; points of the last round."""
+    moves = iter([0.3, 0.01, 0.02, 0.04, 0.08])
+    given: list[tuple[float, _Points]] = []
+
+    def associate(_: object, state: _Pointed, *__: object, **___: object) -> _Pointed:
+        given.append((state.estimate, _Points()))
+        return replace(state, observations=given[-1][1])
+
+    data, start = _rounds_of(monkeypatch, lambda *_: next(moves), associate=associate, descend=_gone_on)
+    after, rests = settling.near_rest(data, _Pointed(0.0, start.support), Settling(), Sampling())
+    assert not rests
+    assert after.estimate == 2.0
+    assert given[-1] == (2.0, after.observations)
+
+
+def test_what_a_judge_leaves_begins_without_the_points_of_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: the points that were judged held while others are given."""
+    alive: list[int] = []
+    points: list[weakref.ref[_Points]] = []
+
+    def associate(_: object, state: _Pointed, *__: object, **___: object) -> _Pointed:
+        alive.append(sum(each() is not None for each in points))
+        one = _Points()
+        points.append(weakref.ref(one))
+        return replace(state, observations=one)
+
+    def judge(state: _Pointed) -> _Pointed:
+        return replace(state, rounds=state.rounds + 1) if state.rounds == 0 else state
+
+    data, start = _rounds_of(monkeypatch, lambda *_: 1e-3, associate=associate, descend=_gone_on)
+    fewer = Settling(rounds=3)
+    settling.near_rest(data, _Pointed(0.0, start.support), fewer, Sampling(), judge, 2)  # type: ignore[arg-type]
+    assert len(points) >= 3
+    assert alive == [0] * len(points)
