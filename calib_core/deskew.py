@@ -23,29 +23,34 @@ def lidar_poses(trajectory: Trajectory, stamps_s: FloatArray) -> tuple[FloatArra
     return R, (1 - f) * trajectory.p_map_lidar[k] + f * trajectory.p_map_lidar[k + 1]
 
 
-def move_to_map(
-    trajectory: Trajectory, xyz_m: FloatArray, stamps_s: FloatArray, *, quantum_s: float = 2e-5
-) -> FloatArray:
-    """Points (N, 3), each at its own instant (N,), in the map frame. Instants within a quantum share a pose."""
-    ticks, inverse = np.unique(np.rint(stamps_s / quantum_s).astype(np.int64), return_inverse=True)
-    R, p = lidar_poses(trajectory, np.asarray(ticks * quantum_s, dtype=np.float64))
-    return np.einsum("nij,nj->ni", R[inverse], xyz_m) + p[inverse]
-
-
 def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the map frame, each moved by the pose at its own time."""
-    start_s = trajectory.begin_s(scan)
-    stamps = start_s + scan.points["offset_ns"] * 1e-9
-    return move_to_map(trajectory, scan.points["xyz"].astype(np.float64), stamps).astype(np.float32)
+    return _moved(scan, trajectory, trajectory.R_map_lidar, trajectory.p_map_lidar)
 
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
-    start_s = trajectory.begin_s(scan)
-    stamps = start_s + scan.points["offset_ns"] * 1e-9
-    in_map = move_to_map(trajectory, scan.points["xyz"].astype(np.float64), stamps)
-    R, p = lidar_poses(trajectory, np.array([start_s]))
-    return ((in_map - p[0]) @ R[0]).astype(np.float32)
+    R, p = lidar_poses(trajectory, np.array([trajectory.begin_s(scan)]))
+    return _moved(scan, trajectory, R[0].T @ trajectory.R_map_lidar, (trajectory.p_map_lidar - p[0]) @ R[0])
+
+
+def _moved(scan: Scan, trajectory: Trajectory, R: FloatArray, p: FloatArray) -> Float32Array:
+    """(N, 3) [m]: each point by the pose at its own time. R: (K, 3, 3), p: (K, 3) at the trajectory's instants, of any frame."""
+    # The compiler is loaded for who moves points, not for who knows what a trajectory is.
+    from calib_core.geometry.move_kernels import move_points_kernel
+
+    moved = np.empty((len(scan.points), 3), np.float32)
+    if not len(moved):
+        return moved
+    stamps_s = trajectory.begin_s(scan) + scan.points["offset_ns"] * 1e-9
+    times_s = trajectory.times_s
+    first = min(max(int(np.searchsorted(times_s, stamps_s.min(), side="right")) - 1, 0), len(times_s) - 2)
+    end = min(max(int(np.searchsorted(times_s, stamps_s.max(), side="right")), first + 1), len(times_s) - 1) + 1
+    some = slice(first, end)
+    turn_rad = log(np.swapaxes(R[some][:-1], 1, 2) @ R[some][1:])
+    xyz_m = scan.points["xyz"].astype(np.float64)
+    move_points_kernel(times_s[some], R[some], p[some], turn_rad, xyz_m, stamps_s, moved)
+    return moved
 
 
 def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:

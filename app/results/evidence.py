@@ -182,8 +182,11 @@ def _frame_of(plan_m: NDArray[np.float32]) -> tuple[float, float, float]:
 def _densest(plan_m: NDArray[np.float32]) -> tuple[float, float, float]:
     """The square of CORNER_SIDE_M around the spot where most points stand over one another."""
     cells = np.floor(plan_m / 0.05).astype(np.int64)
-    spots, count = np.unique(cells, axis=0, return_counts=True)
-    middle = (spots[count.argmax()] + 0.5) * 0.05
+    first = cells.min(axis=0)
+    # As single numbers: pairs are sorted ten times as slowly.
+    rows = int(cells[:, 1].max() - first[1]) + 1
+    spots, count = np.unique((cells[:, 0] - first[0]) * rows + cells[:, 1] - first[1], return_counts=True)
+    middle = (first + divmod(int(spots[count.argmax()]), rows) + 0.5) * 0.05
     return float(middle[0] - CORNER_SIDE_M / 2), float(middle[1] - CORNER_SIDE_M / 2), CORNER_SIDE_M
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.deskew import deskew_points, lidar_poses, map_points
+from calib_core.geometry import exp
 from calib_core.maps.accumulate import covers
 from calib_core.simulate import Simulation, prepare
 from calib_core.simulate.layouts import scan_of
@@ -114,3 +115,31 @@ def test_without_motion_nothing_changes(scan: Scan) -> None:
     )
     np.testing.assert_allclose(deskew_points(scan, still), scan.points["xyz"], atol=2e-6)
     np.testing.assert_array_equal(map_points(scan, still), as_if_still(scan, still).astype(np.float32))
+
+
+def test_points_in_any_order_beyond_the_ends_and_after_long_turns(scan: Scan) -> None:
+    """Held against each point's own pose (`lidar_poses`): knots 0.1 s apart with turns of up to 3 rad between them and one of
+    none, points in no order of time, the first and last of them half a second outside of the motion.
+
+    Mutations: a knot is only ever sought forwards, or only backwards; f is not held to 0 and 1; the series taken at any angle;
+    the turn taken from the right.
+    """
+    rng = np.random.default_rng(3)
+    turns = rng.uniform(-1.7, 1.7, (9, 3))
+    turns[4] = 0.0
+    R = [np.eye(3)]
+    for turn in turns:
+        R.append(R[-1] @ exp(turn))
+    times_s, p = 0.1 * np.arange(10), rng.normal(size=(10, 3))
+    motion = Trajectory(scan.stamp_ns - 10**9, times_s + 1.0, np.array(R), p, np.ones(10, bool))
+    points = scan.points[:4000].copy()
+    points["offset_ns"] = rng.integers(0, 2 * 10**9, len(points))
+    some = replace(scan, stamp_ns=scan.stamp_ns - 500_000_000, points=points)
+    R_at, p_at = lidar_poses(motion, 0.5 + points["offset_ns"] * 1e-9)
+    twin = np.einsum("nij,nj->ni", R_at, points["xyz"].astype(np.float64)) + p_at
+    np.testing.assert_allclose(map_points(some, motion), twin, rtol=2e-7, atol=2e-7)
+
+
+def test_no_points_are_no_points(scan: Scan, trajectory: Trajectory) -> None:
+    """Mutation: the earliest of no instants is asked for."""
+    assert map_points(replace(scan, points=scan.points[:0]), trajectory).shape == (0, 3)
