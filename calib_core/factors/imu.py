@@ -12,15 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.geometry import exp, hat, log, right_jacobian_inverse
+from calib_core.factors.link_kernels import link_factors_kernel, link_residuals_kernel
+from calib_core.geometry import exp
 from calib_core.imu.preintegration import Links
 from calib_core.types import FloatArray
 
 #: Columns of a knot, and what they are: a turn, a place and a velocity.
 KNOT = 9
 TURN, PLACE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
-#: Rows of a link's residual, in the order of eq. (11): of the rotation, the velocity and the position.
-_OF_R, _OF_V, _OF_P = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
 @dataclass(frozen=True)
@@ -64,55 +63,30 @@ def link_residuals(
     links: Links, states: KnotStates, gravity: FloatArray, gyro_bias_change: FloatArray, accel_bias_change: FloatArray
 ) -> FloatArray:
     """Whitened residuals alone, (L, 9). gravity: (3,) map.   *_bias_change: (L, 3) from the preintegration's bias."""
-    return (links.sqrt_info @ _raw(links, states, gravity, gyro_bias_change, accel_bias_change)[0][..., None])[..., 0]
-
-
-def _raw(
-    links: Links, states: KnotStates, gravity: FloatArray, dbg: FloatArray, dba: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unwhitened residuals (L, 9) and the two rotated differences R0'(..) of velocity and position, (L, 3) each."""
-    h = links.h_s
-    R0t = np.swapaxes(states.R[:-1], 1, 2)
-    correction = (links.DR_D_bg @ dbg[..., None])[..., 0]
-    DR = links.DR @ exp(correction)
-    r_R = log(np.swapaxes(DR, 1, 2) @ R0t @ states.R[1:])
-    dv = (R0t @ (states.v[1:] - states.v[:-1] - gravity * h)[..., None])[..., 0]
-    dp = (R0t @ (states.p[1:] - states.p[:-1] - states.v[:-1] * h - 0.5 * h**2 * gravity)[..., None])[..., 0]
-    Dv = links.Dv + (links.Dv_D_bg @ dbg[..., None])[..., 0] + (links.Dv_D_ba @ dba[..., None])[..., 0]
-    Dp = links.Dp + (links.Dp_D_bg @ dbg[..., None])[..., 0] + (links.Dp_D_ba @ dba[..., None])[..., 0]
-    return np.concatenate([r_R, dv - Dv, dp - Dp], axis=1), dv, dp
+    residual = np.empty((len(links.DR), KNOT))
+    link_residuals_kernel(
+        links.h_s, *_arrays(links), states.R, states.p, states.v, gravity, gyro_bias_change, accel_bias_change, residual
+    )
+    return residual
 
 
 def link_factors(
     links: Links, states: KnotStates, gravity: FloatArray, gyro_bias_change: FloatArray, accel_bias_change: FloatArray
 ) -> LinkFactors:
     """Whitened residuals and Jacobians of all links."""
-    h = links.h_s
-    count = links.DR.shape[0]
-    raw, dv, dp = _raw(links, states, gravity, gyro_bias_change, accel_bias_change)
-    R0, R1 = states.R[:-1], states.R[1:]
-    R0t = np.swapaxes(R0, 1, 2)
-    Jinv = right_jacobian_inverse(raw[:, _OF_R])
-    first = np.zeros((count, 9, 9))
-    second = np.zeros((count, 9, 9))
-    first[:, _OF_R, TURN] = -Jinv @ np.swapaxes(R1, 1, 2) @ R0
-    second[:, _OF_R, TURN] = Jinv
-    first[:, _OF_V, TURN] = hat(dv)
-    first[:, _OF_V, VELOCITY] = -R0t
-    second[:, _OF_V, VELOCITY] = R0t
-    first[:, _OF_P, TURN] = hat(dp)
-    first[:, _OF_P, PLACE] = -R0t
-    first[:, _OF_P, VELOCITY] = -h * R0t
-    second[:, _OF_P, PLACE] = R0t
-    D_gravity = np.zeros((count, 9, 3))
-    D_gravity[:, _OF_V] = -h * R0t
-    D_gravity[:, _OF_P] = -0.5 * h**2 * R0t
-    D_bg = np.zeros((count, 9, 3))
-    D_bg[:, _OF_R] = -Jinv @ exp(-raw[:, _OF_R]) @ links.DR_D_bg
-    D_bg[:, _OF_V] = -links.Dv_D_bg
-    D_bg[:, _OF_P] = -links.Dp_D_bg
-    D_ba = np.zeros((count, 9, 3))
-    D_ba[:, _OF_V] = -links.Dv_D_ba
-    D_ba[:, _OF_P] = -links.Dp_D_ba
-    L = links.sqrt_info
-    return LinkFactors((L @ raw[..., None])[..., 0], L @ first, L @ second, L @ D_gravity, L @ D_bg, L @ D_ba)
+    count = len(links.DR)
+    shapes = (count, KNOT), (count, KNOT, KNOT), (count, KNOT, KNOT), *([(count, KNOT, 3)] * 3)
+    filled = LinkFactors(*(np.empty(shape) for shape in shapes))
+    link_factors_kernel(
+        links.h_s, *_arrays(links), states.R, states.p, states.v, gravity, gyro_bias_change, accel_bias_change,
+        filled.residual, filled.r_D_first, filled.r_D_second,
+        filled.r_D_gravity, filled.r_D_gyro_bias, filled.r_D_accel_bias,
+    )  # fmt: skip
+    return filled
+
+
+def _arrays(links: Links) -> tuple[FloatArray, ...]:
+    """As compiled loops are given them."""
+    return (
+        links.DR, links.Dv, links.Dp, links.DR_D_bg, links.Dv_D_bg, links.Dv_D_ba, links.Dp_D_bg, links.Dp_D_ba, links.sqrt_info,
+    )  # fmt: skip

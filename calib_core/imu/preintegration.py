@@ -21,12 +21,13 @@ in excess of the reading noise (missing samples) is added on top.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 import numpy as np
 
-from calib_core.geometry import cross, exp, hat, right_jacobian
-from calib_core.geometry.compiled import invert_lower
 from calib_core.gp.regression import Hyper, windowed_posterior
+from calib_core.imu.link_kernels import preintegrate_kernel, sqrt_info_kernel
+from calib_core.threads import MOST_THREADS, workers
 from calib_core.types import BoolArray, FloatArray
 
 _GAUSS = 0.5 + np.array([-1.0, 1.0]) * np.sqrt(3.0) / 6.0
@@ -222,68 +223,23 @@ def _silence_s(stamps_s: FloatArray, knots_s: FloatArray) -> FloatArray:
 
 def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray, noise: NoiseDensity) -> Links:
     """The links about the given biases. gyro_bias, accel_bias: (L, 3), one a link."""
-    links, gauss_points, _ = up.gyro.shape
-    substeps = gauss_points // 2
-    h = up.spacing_s
-    delta = h / substeps
-    DR = np.broadcast_to(np.eye(3), (links, 3, 3)).copy()
-    Dv, Dp = np.zeros((links, 3)), np.zeros((links, 3))
-    JR, Jvg, Jva, Jpg, Jpa = (np.zeros((links, 3, 3)) for _ in range(5))
-    for k in range(substeps):
-        w1, w2 = (up.gyro[:, 2 * k + i] - gyro_bias for i in (0, 1))
-        f1, f2 = (up.accel[:, 2 * k + i] - accel_bias for i in (0, 1))
-        mean, slope = 0.5 * (w1 + w2), np.sqrt(3.0) * (w2 - w1)
-        bend = np.sqrt(3.0) / 12.0 * delta**2 * cross(w1, w2)
-        R1, R2 = (DR @ exp(delta * (mean * c + slope * (c**2 - c) / 2) + c**3 * bend) for c in _GAUSS)
-        omega = delta * mean + bend
-        a1, a2 = (R1 @ f1[..., None])[..., 0], (R2 @ f2[..., None])[..., 0]
-        step = exp(omega)
-        JR_next = np.swapaxes(step, -1, -2) @ JR - delta * right_jacobian(omega)
-        # R depends on the gyro bias through JR, taken linearly across the substep.
-        R1f, R2f = R1 @ hat(f1), R2 @ hat(f2)
-        J1, J2 = (JR + c * (JR_next - JR) for c in _GAUSS)
-        g1, g2 = -R1f @ J1, -R2f @ J2
-        w_p = [0.5 * delta**2 * (1 - c) for c in _GAUSS]
-        Dp += Dv * delta + w_p[0] * a1 + w_p[1] * a2
-        Jpg += Jvg * delta + w_p[0] * g1 + w_p[1] * g2
-        Jpa += Jva * delta - w_p[0] * R1 - w_p[1] * R2
-        Dv += 0.5 * delta * (a1 + a2)
-        Jvg += 0.5 * delta * (g1 + g2)
-        Jva -= 0.5 * delta * (R1 + R2)
-        DR, JR = DR @ step, JR_next
-    return Links(h, DR, Dv, Dp, JR, Jvg, Jva, Jpg, Jpa, _sqrt_info(up, accel_bias, noise))
+    count = len(up.linked)
+    shapes = (count, 3, 3), (count, 3), (count, 3), *([(count, 3, 3)] * 5), (count, 9, 9)
+    filled = tuple(np.zeros(shape) for shape in shapes)
+    force = up.accel.mean(axis=1) - accel_bias
+    gyro_density2 = noise.gyro_rad_s_sqrt_hz**2 + up.excess_density2[:, :3]
+    accel_density2 = noise.accel_m_s2_sqrt_hz**2 + up.excess_density2[:, 3:]
 
+    def one(first: int, last: int) -> None:
+        some = slice(first, last)
+        own = [array[some] for array in filled]
+        gyro, accel = np.ascontiguousarray(up.gyro[some]), np.ascontiguousarray(up.accel[some])
+        preintegrate_kernel(up.spacing_s, gyro, accel, gyro_bias[some], accel_bias[some], *own[:-1])
+        sqrt_info_kernel(up.spacing_s, gyro_density2[some], accel_density2[some], force[some], own[-1])
 
-def _sqrt_info(up: UpsampledImu, accel_bias: FloatArray, noise: NoiseDensity) -> FloatArray:
-    """Square root of each link's information, from white noise on constant readings through R' , v', p'.
-
-    With A = -hat(f): cov(theta, theta) = G h, (theta, v) = G A^T h^2/2, (theta, p) = G A^T h^3/6,
-    (v, v) = F h + A G A^T h^3/3, (v, p) = F h^2/2 + A G A^T h^4/8, (p, p) = F h^3/3 + A G A^T h^5/20.
-    """
-    h = up.spacing_s
-    links = len(up.linked)
-    g2 = noise.gyro_rad_s_sqrt_hz**2 + up.excess_density2[:, :3]
-    f2 = noise.accel_m_s2_sqrt_hz**2 + up.excess_density2[:, 3:]
-    A = -hat(up.accel.mean(axis=1) - accel_bias)
-    G, F = g2[:, :, None] * np.eye(3), f2[:, :, None] * np.eye(3)
-    GAt = G @ np.swapaxes(A, 1, 2)
-    AGAt = A @ GAt
-    cov = np.empty((links, 9, 9))
-    blocks = {
-        (0, 0): G * h,
-        (0, 1): GAt * h**2 / 2,
-        (0, 2): GAt * h**3 / 6,
-        (1, 1): F * h + AGAt * h**3 / 3,
-        (1, 2): F * h**2 / 2 + AGAt * h**4 / 8,
-        (2, 2): F * h**3 / 3 + AGAt * h**5 / 20,
-    }
-    for (i, j), block in blocks.items():
-        cov[:, 3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
-        cov[:, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3] = np.swapaxes(block, 1, 2)
-    scale = np.sqrt(np.einsum("lii->li", cov))
-    lower = np.linalg.cholesky(cov / (scale[:, :, None] * scale[:, None, :]))
-    sqrt_info = np.empty_like(lower)
-    invert_lower(lower, sqrt_info)
-    sqrt_info /= scale[:, None, :]
-    sqrt_info[~up.linked] = 0.0
-    return sqrt_info
+    edges = [(count * part) // MOST_THREADS for part in range(MOST_THREADS + 1)]
+    for done in [workers().submit(one, first, last) for first, last in pairwise(edges)]:
+        done.result()
+    links = Links(up.spacing_s, *filled)
+    links.sqrt_info[~up.linked] = 0.0
+    return links

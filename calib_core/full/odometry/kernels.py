@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from calib_core.factors.cell_kernels import cell_of
-from calib_core.geometry.compiled import exp_into, log_of
+from calib_core.geometry.compiled import exp_into, log_into
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Points whose products are laid in rows before these are added up: all of it stays in the nearest cache.
@@ -299,7 +299,7 @@ def descend_kernel(
         equations_kernel(tau, s.normals, s.normals @ R, worth, scales_m[k], seen, sums, gradient)
         _unfold(sums, hessian)
         _weigh(seen, 2.0 * scales_m[k], counting.plane, counting.least, worth)
-        away[:3] = log_of(R0.T @ R)  # a prediction is never wrong by half a turn
+        log_into(R0.T @ R, away)
         away[3:6], away[6:9], away[9:] = p - p0, omega - omega0, v - v0
         for a in range(12):
             hessian[a, a] += tie[a]

@@ -8,19 +8,37 @@ import numpy as np
 from calib_core.factors.cell_kernels import cell_of
 from calib_core.types import BoolArray, FloatArray
 
+#: Points looked at together: all that is told of them stays in the nearest cache.
+_BLOCK = 32
+
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _owner(
-    x: float, y: float, z: float, normals: FloatArray, offsets: FloatArray, eye_at: FloatArray, near_m: float
-) -> int:
-    """The plane nearest to a point, seen from its front, within near_m; -1 for none. eye_at: (P,) of the eye from each."""
-    owner, nearest = -1, near_m
+def _owners(
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    held: int,
+    normals: FloatArray,
+    offsets: FloatArray,
+    eye_at: FloatArray,
+    least: FloatArray,
+    which: FloatArray,
+) -> None:
+    """Fills least and which (held,) with how far the nearest plane is of those seen from their front, and its number; -1 for none.
+
+    eye_at: (P,) of the eye from each.   Numbers are floats, so that the machine does several points at once.
+    """
+    for k in range(held):
+        least[k], which[k] = np.inf, -1.0
     for j in range(normals.shape[0]):
-        value = offsets[j] + normals[j, 0] * x + normals[j, 1] * y + normals[j, 2] * z
-        if abs(value) < nearest and value < eye_at[j]:
-            nearest = abs(value)
-            owner = j
-    return owner
+        n0, n1, n2, w, eye, number = normals[j, 0], normals[j, 1], normals[j, 2], offsets[j], eye_at[j], float(j)
+        for k in range(held):
+            value = w + n0 * x[k] + n1 * y[k] + n2 * z[k]
+            away = abs(value) if value < eye else np.inf
+            before = least[k]
+            less = away < before
+            which[k] = number if less else which[k]
+            least[k] = away if less else before
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -60,20 +78,27 @@ def spread_kernel(
         eye_at[j] = offsets[j] + normals[j, 0] * eye[0] + normals[j, 1] * eye[1] + normals[j, 2] * eye[2]
     # Those in cells that are not reached yet, which a later round may: plane, row, column, cells around.
     waiting, left, changed = np.empty((n, 4), np.int64), 0, False
-    for i in range(n):
-        x, y, z = x_map[i, 0], x_map[i, 1], x_map[i, 2]
-        away = np.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2 + (z - eye[2]) ** 2)
-        j = _owner(x, y, z, normals, offsets, eye_at, near_m + near_per_m * away)
-        if j < 0:
-            continue
-        row = cell_of(axes[j, 0, 0] * x + axes[j, 0, 1] * y + axes[j, 0, 2] * z, cell_m, width)
-        column = cell_of(axes[j, 1, 0] * x + axes[j, 1, 1] * y + axes[j, 1, 2] * z, cell_m, width)
-        around = 1 + int(away / (widen_cells * cell_m))
-        if reach[j, row, column]:
-            changed |= _fill(reach, j, row, column, around)
-        else:
-            waiting[left, 0], waiting[left, 1], waiting[left, 2], waiting[left, 3] = j, row, column, around
-            left += 1
+    xs, ys, zs, ranges = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    least, owner = np.empty(_BLOCK), np.empty(_BLOCK)
+    for first in range(0, n, _BLOCK):
+        held = min(_BLOCK, n - first)
+        for k in range(held):
+            x, y, z = x_map[first + k, 0], x_map[first + k, 1], x_map[first + k, 2]
+            ranges[k] = np.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2 + (z - eye[2]) ** 2)
+            xs[k], ys[k], zs[k] = x, y, z
+        _owners(xs, ys, zs, held, normals, offsets, eye_at, least, owner)
+        for k in range(held):
+            x, y, z, j = xs[k], ys[k], zs[k], int(owner[k])
+            if j < 0 or not least[k] < near_m + near_per_m * ranges[k]:
+                continue
+            row = cell_of(axes[j, 0, 0] * x + axes[j, 0, 1] * y + axes[j, 0, 2] * z, cell_m, width)
+            column = cell_of(axes[j, 1, 0] * x + axes[j, 1, 1] * y + axes[j, 1, 2] * z, cell_m, width)
+            around = 1 + int(ranges[k] / (widen_cells * cell_m))
+            if reach[j, row, column]:
+                changed |= _fill(reach, j, row, column, around)
+            else:
+                waiting[left, 0], waiting[left, 1], waiting[left, 2], waiting[left, 3] = j, row, column, around
+                left += 1
     for _ in range(passes - 1):
         if not changed:
             break
