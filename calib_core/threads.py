@@ -6,10 +6,11 @@ Work handed to them must not hand work on: a task that waits for another one's t
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
+from itertools import pairwise
 
 from threadpoolctl import threadpool_limits
 
@@ -46,6 +47,13 @@ def one_blas_thread() -> Iterator[None]:
 def workers() -> ThreadPoolExecutor:
     """The one pool of the process. A child of a fork gets its own: threads do not survive it."""
     return ThreadPoolExecutor(usual_threads(), thread_name_prefix="calib_core")
+
+
+def in_parts(count: int, job: Callable[[int, int], object]) -> None:
+    """The job on rows first..last (exclusive) of so many, in as many parts on any machine; all are done when this returns."""
+    edges = [(count * part) // MOST_THREADS for part in range(MOST_THREADS + 1)]
+    for part in [workers().submit(job, first, last) for first, last in pairwise(edges) if first < last]:
+        part.result()
 
 
 if hasattr(os, "register_at_fork"):

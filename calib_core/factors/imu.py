@@ -22,6 +22,12 @@ KNOT = 9
 TURN, PLACE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
+#: The arrays of `Links`, as compiled loops are given them.
+_Nine = tuple[
+    FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
+]
+
+
 @dataclass(frozen=True)
 class KnotStates:
     """The IMU's state at every knot, in the map frame. R: (K, 3, 3) map <- imu. p: (K, 3) [m]. v: (K, 3) [m/s]."""
@@ -85,7 +91,7 @@ def link_factors(
     return filled
 
 
-def _arrays(links: Links) -> tuple[FloatArray, ...]:
+def _arrays(links: Links) -> _Nine:
     """As compiled loops are given them."""
     return (
         links.DR, links.Dv, links.Dp, links.DR_D_bg, links.Dv_D_bg, links.Dv_D_ba, links.Dp_D_bg, links.Dp_D_ba, links.sqrt_info,

@@ -39,6 +39,7 @@ from calib_core.factors.laser_kernels import (
 )
 from calib_core.factors.lidar_plane import Hits, SlicePoses, distinct
 from calib_core.factors.patches import Between
+from calib_core.threads import in_parts
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 #: To look a key up takes a fiftieth of the time in which one is sorted in, and the table has to be emptied first.
@@ -227,11 +228,7 @@ class LaserFactors:
         bins: IntArray, laser: IntArray, cross: FloatArray, gram: Float32Array, of: IntArray, plane: IntArray
     ) -> LaserFactors:
         """With its sums. plane: (Q,) of the bins."""
-        lasers = int(laser.max(initial=0)) + 1
-        keys, place = np.unique(plane[bins[of]] * lasers + laser[of], return_inverse=True)
-        grams = np.zeros((len(keys), cross.shape[1], cross.shape[1]))
-        sum_grams_kernel(gram, place, grams)
-        return LaserFactors(bins, laser, cross, gram, of, grams, keys // lasers, keys % lasers)
+        return LaserFactors(bins, laser, cross, gram, of, *summed_grams(gram, plane[bins[of]], laser[of]))
 
     @staticmethod
     def empty() -> LaserFactors:
@@ -259,6 +256,16 @@ class LaserFactors:
         )
 
 
+def summed_grams(gram: Float32Array, plane: IntArray, laser: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Products (U, F (F + 1) / 2) summed by plane and laser, (U,) each: (G, F, F), and of which plane and laser each is, (G,)."""
+    lasers, planes = int(laser.max(initial=0)) + 1, int(plane.max(initial=0)) + 1
+    keys, place = numbered(plane * lasers + laser, planes * lasers)
+    features = int(np.sqrt(2 * gram.shape[1]))
+    grams = np.zeros((len(keys), features, features))
+    sum_grams_kernel(gram, place, grams)
+    return grams, keys // lasers, keys % lasers
+
+
 def move_and_sum_features(
     sums: LaserSums, use: IntArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
 ) -> tuple[IntArray, FloatArray, IntArray]:
@@ -270,7 +277,11 @@ def move_and_sum_features(
     """
     keys, place = distinct(key)
     cross = np.zeros((len(keys), *sums.cross.shape[1:]))
-    gather_features_kernel(sums.cross, use, R, p, pose, place, cross)
+
+    def of_features(first: int, last: int) -> None:
+        gather_features_kernel(sums.cross[:, first:last], use, R, p, pose, place, cross[:, first:last])
+
+    in_parts(sums.cross.shape[1], of_features)
     return keys, cross, place
 
 
@@ -290,7 +301,14 @@ def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, p
     planes = int(plane.max(initial=-1)) + 1
     by_feature = feature_changes(change, factors.features)
     crossed = np.empty(len(factors.laser))
-    features_crossed_kernel(factors.bin, factors.laser, a, factors.cross, by_feature, crossed)
+
+    def of_clusters(first: int, last: int) -> None:
+        some = slice(first, last)
+        features_crossed_kernel(
+            factors.bin[some], factors.laser[some], a, factors.cross[some], by_feature, crossed[some]
+        )
+
+    in_parts(len(crossed), of_clusters)
     moved = by_feature[factors.of_laser]
     own = np.einsum("gf,gfe,ge->g", moved, factors.grams, moved, optimize=True)
     of_planes = np.bincount(plane[factors.bin], 2.0 * crossed, planes) + np.bincount(factors.of_plane, own, planes)

@@ -33,13 +33,19 @@ def preintegrate_kernel(
 ) -> None:
     """Fills the measurements of L links and their dependence on the biases, which begin at zero.
 
-    gyro, accel: (L, G, 3) at Gauss points.   gyro_bias, accel_bias: (L, 3).   DR: (L, 3, 3).   Dv, Dp: (L, 3).   others: (L, 3, 3).
+    gyro, accel: (L, G, 3) at Gauss points.   gyro_bias, accel_bias, Dv, Dp: (L, 3).   DR and the others: (L, 3, 3).
     """
     substeps = gyro.shape[1] // 2
     delta = spacing_s / substeps
     w, f, along = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
     mean, slope, bend = np.empty(3), np.empty(3), np.empty(3)
-    turned, R, step, Jr, JR_next = np.empty((3, 3)), np.empty((2, 3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    turned, R, step, Jr, JR_next = (
+        np.empty((3, 3)),
+        np.empty((2, 3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+    )
     force, J, by_gyro = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3, 3))
     for k in range(gyro.shape[0]):
         R_now, JR = DR[k], DR_D_bg[k]

@@ -21,13 +21,12 @@ in excess of the reading noise (missing samples) is added on top.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
 
 import numpy as np
 
 from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.imu.link_kernels import preintegrate_kernel, sqrt_info_kernel
-from calib_core.threads import MOST_THREADS, workers
+from calib_core.threads import in_parts
 from calib_core.types import BoolArray, FloatArray
 
 _GAUSS = 0.5 + np.array([-1.0, 1.0]) * np.sqrt(3.0) / 6.0
@@ -237,9 +236,7 @@ def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray
         preintegrate_kernel(up.spacing_s, gyro, accel, gyro_bias[some], accel_bias[some], *own[:-1])
         sqrt_info_kernel(up.spacing_s, gyro_density2[some], accel_density2[some], force[some], own[-1])
 
-    edges = [(count * part) // MOST_THREADS for part in range(MOST_THREADS + 1)]
-    for done in [workers().submit(one, first, last) for first, last in pairwise(edges)]:
-        done.result()
+    in_parts(count, one)
     links = Links(up.spacing_s, *filled)
     links.sqrt_info[~up.linked] = 0.0
     return links

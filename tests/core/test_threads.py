@@ -6,11 +6,13 @@ import ast
 import os
 import subprocess
 import sys
+import time
 import warnings
 
+import numpy as np
 import pytest
 
-from calib_core.threads import usable_cores, usual_threads, workers
+from calib_core.threads import in_parts, usable_cores, usual_threads, workers
 
 
 def test_cores_are_counted_where_the_system_does_not_tell_which_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,3 +70,27 @@ def _child(before: object) -> int:
     if pid == 0:
         os._exit(int(workers() is before))
     return pid
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 1000])
+def test_rows_in_parts_are_each_done_once(count: int) -> None:
+    """Mutations: the last row left out; parts that overlap; parts not waited for."""
+    done = np.zeros(count, np.int64)
+
+    def one(first: int, last: int) -> None:
+        time.sleep(0.001)
+        done[first:last] += 1
+
+    in_parts(count, one)
+    assert (done == 1).all()
+
+
+def test_what_goes_wrong_in_a_part_is_told() -> None:
+    """Mutation: results of parts not asked for."""
+
+    def one(first: int, last: int) -> None:
+        if last == 100:
+            raise ValueError(first)
+
+    with pytest.raises(ValueError, match="75"):
+        in_parts(100, one)

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, as_sieved, near_hits, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
-from calib_core.full.joint.many_scans import OnScans, ignore, over_batches, over_scans
+from calib_core.full.joint.many_scans import OnScans, ignore, one_after_another, over_batches, over_scans
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.view import View
@@ -88,6 +88,6 @@ def survey(
             off=(SURVEYING.off_sigmas, gate.extra_m),
         )
 
-    for near in over_batches(view, positions, stride, some):
+    for near in one_after_another(view, positions, stride, some):
         total.add(near.plane, near.cell, near.on_plane, near.off)
     return total.finish(within)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 from calib_core.full.joint.settings import SURVEYING
@@ -20,7 +20,7 @@ def ignore(_: int) -> None:
 
 def over_scans(view: View, positions: Sequence[int], job: Callable[[int], T], on_scans: OnScans = ignore) -> list[T]:
     """A job for each scan; results in the order of the positions."""
-    return _over(view, positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans)
+    return list(_over(view, positions, [[i] for i in positions], lambda batch: job(batch[0]), on_scans))
 
 
 def over_batches(
@@ -36,6 +36,17 @@ def over_batches(
 
     most: scans in a job; None for as many as hold points for one.
     """
+    return list(_over(view, positions, _batches(view, positions, stride, most), job, on_scans))
+
+
+def one_after_another(
+    view: View, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T]
+) -> Iterator[T]:
+    """The same, handed on one by one while the next are at work."""
+    return _over(view, positions, _batches(view, positions, stride, None), job, ignore)
+
+
+def _batches(view: View, positions: Sequence[int], stride: int, most: int | None) -> list[list[int]]:
     batches: list[list[int]] = []
     room = 0
     for i in positions:
@@ -45,7 +56,7 @@ def over_batches(
             room = SURVEYING.batch_points
         batches[-1].append(i)
         room -= points
-    return _over(view, positions, batches, job, on_scans)
+    return batches
 
 
 def _over(
@@ -54,14 +65,12 @@ def _over(
     tasks: Sequence[list[int]],
     job: Callable[[Sequence[int]], T],
     on_scans: OnScans,
-) -> list[T]:
+) -> Iterator[T]:
     """The jobs' results in order; on_scans is told from the caller's own thread, which may stop it all by raising."""
     view.lay_out(positions)
     several = view.threads > 1 and len(tasks) > 1
-    results = []
     done = 0
     for task, result in zip(tasks, workers().map(job, tasks) if several else map(job, tasks), strict=True):
-        results.append(result)
+        yield result
         done += len(task)
         on_scans(done)
-    return results

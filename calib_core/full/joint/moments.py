@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.factors.laser_features import LaserFactors, LaserSums, move_and_sum_features
+from calib_core.factors.laser_features import LaserFactors, LaserSums, move_and_sum_features, summed_grams
 from calib_core.factors.lidar_plane import move_and_sum
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.state import Bins, Estimate
+from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -144,6 +145,8 @@ def gather_lasers(
         return LaserFactors.empty()
     of_group, sums = of_group[use], micro.sums
     n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
+    gram = sums.gram if len(use) == len(sums.gram) else sums.gram[use]
+    products = workers().submit(summed_grams, gram, sums.plane[use], sums.laser[use])  # which move with no motion
     keys, cross, of = move_and_sum_features(
         sums,
         use,
@@ -152,8 +155,7 @@ def gather_lasers(
         of_group,
         (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use],
     )
-    gram = sums.gram if len(use) == len(sums.gram) else sums.gram[use]
-    return LaserFactors.made(np.searchsorted(bins, keys // lasers), keys % lasers, cross, gram, of, bins % n_planes)
+    return LaserFactors(np.searchsorted(bins, keys // lasers), keys % lasers, cross, gram, of, *products.result())
 
 
 def _instants(time_s: FloatArray) -> tuple[FloatArray, IntArray]:

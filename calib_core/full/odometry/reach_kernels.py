@@ -24,7 +24,7 @@ def _owners(
     least: FloatArray,
     which: FloatArray,
 ) -> None:
-    """Fills least and which (held,) with how far the nearest plane is of those seen from their front, and its number; -1 for none.
+    """Fills least and which (held,): how far the nearest plane is of those seen from their front, and its number, -1 for none.
 
     eye_at: (P,) of the eye from each.   Numbers are floats, so that the machine does several points at once.
     """

@@ -13,9 +13,11 @@ from calib_core.factors.laser_assembly import add_features_kernel
 from calib_core.factors.laser_features import (
     LaserErrors,
     LaserFactors,
+    LaserSums,
     collapse_features,
     feature_changes,
     features_squares,
+    move_and_sum_features,
     numbered,
 )
 from calib_core.factors.lidar_plane import Gate, find_hits
@@ -195,6 +197,39 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     expected = np.array([change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:9]])
     np.testing.assert_allclose(moved, expected)
     np.testing.assert_allclose(feature_changes(change, 12)[1], [*expected, *-change[1, 9:]])
+
+
+def test_many_clusters_add_what_all_their_points_say_and_moments_move_with_their_hits() -> None:
+    """Eleven clusters of three planes and two lasers, in parts on all threads, against their points one by one; and moved, those
+    of one key together.
+
+    Mutations: a part's clusters with the others' changes; of a part only the first features moved; products summed by laser
+    alone; the plane's and laser's numbers exchanged.
+    """
+    rng = np.random.default_rng(8)
+    y, f = rng.normal(size=(11, 6, 5)), rng.normal(size=(11, 6, 8))
+    y[:, :, 3] = 1.0
+    plane, laser = np.array([0, 0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), np.array([0, 1, 0, 0, 1, 1, 1, 1, 0, 0, 1])
+    cross = np.einsum("bpf,bpc->bfc", f, y)
+    gram = triangle(np.einsum("bpf,bpe->bfe", f, f)).astype(np.float32)
+    every = np.arange(11)
+    factors = LaserFactors.made(every, laser, cross, gram, every, plane)
+    a, change = rng.normal(size=(11, 5)), rng.normal(size=(2, 13))
+    moved = feature_changes(change, 8)[laser]
+    before = np.einsum("bpc,bc->bp", y, a)
+    after = before + np.einsum("bpf,bf->bp", f, moved)
+    expected = np.bincount(plane, np.sum(after**2 - before**2, axis=1))
+    np.testing.assert_allclose(features_squares(factors, a, change, plane), expected, rtol=1e-6)
+    R, p = Rotation.random(4, random_state=1).as_matrix(), rng.normal(size=(4, 3))
+    pose, key, use = np.array([0, 0, 1, 2, 3, 3, 0, 1]), np.array([3, 3, 9, 3, 4, 9, 1, 1]), every[2:10]
+    there = y[use].copy()
+    there[..., :3] = np.einsum("uij,upj->upi", R[pose], y[use][..., :3]) + p[pose][:, None]
+    sums = LaserSums(every, plane, laser, cross.astype(np.float32), gram)
+    keys, summed, place = move_and_sum_features(sums, use, R, p, pose, key)
+    np.testing.assert_array_equal(keys[place], key)
+    for k, number in enumerate(keys):
+        mine = key == number
+        np.testing.assert_allclose(summed[k], np.einsum("upf,upc->fc", f[use][mine], there[mine]), rtol=1e-5, atol=1e-5)
 
 
 def test_heights_are_felt_by_the_shares_that_points_have_of_them() -> None:
