@@ -12,7 +12,7 @@ from calib_core.geometry.compiled import exp_into, log_into
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Points whose products are laid in rows before these are added up: all of it stays in the nearest cache.
-_BLOCK = 32
+BLOCK = 32
 #: Numbers of an upper triangle of (6, 6), and of a row that holds one: whole registers.
 _TRIANGLE, _ROW = 21, 24
 
@@ -175,9 +175,9 @@ def look_kernel(points: FloatArray, tau: FloatArray, s: Surfaces, at: Motion, se
     """Fills `seen` (N,) with what points (N, 3), seen at tau (N,) after the scan's start, are under a motion."""
     R, p, omega, v = at
     n_lidar = s.normals @ R
-    xs, ys, zs, least, likely = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
-    for first in range(0, points.shape[0], _BLOCK):
-        held = min(_BLOCK, points.shape[0] - first)
+    xs, ys, zs, least, likely = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for first in range(0, points.shape[0], BLOCK):
+        held = min(BLOCK, points.shape[0] - first)
         for k in range(held):
             i = first + k
             t = tau[i]
@@ -215,7 +215,7 @@ def equations_kernel(
     With r (6,) of a point-to-plane distance after turn and place; the rates' rows are these times t.   n_lidar: (P, 3) in the
     lidar's axes.   worth: (P,) factors of the weights of planes.   scale: [m] of the redescending weight.
     """
-    row, product, time = np.empty(6), np.zeros((_BLOCK, _ROW)), np.empty((_BLOCK, 2))
+    row, product, time = np.empty(6), np.zeros((BLOCK, _ROW)), np.empty((BLOCK, 2))
     sums[:], gradient[:] = 0.0, 0.0
     held, width, n = 0, product.shape[1], tau.shape[0]
     for i in range(n):
@@ -238,7 +238,7 @@ def equations_kernel(
             time[held, 0], time[held, 1] = t, t * t
             held += 1
         # Added point by point, as one by one would be: in rows, so that the machine adds several numbers at once.
-        if held == _BLOCK or i == n - 1:
+        if held == BLOCK or i == n - 1:
             for k in range(held):
                 t, tt = time[k, 0], time[k, 1]
                 for c in range(width):

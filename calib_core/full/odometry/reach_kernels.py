@@ -6,10 +6,8 @@ import numba
 import numpy as np
 
 from calib_core.factors.cell_kernels import cell_of
+from calib_core.full.odometry.kernels import BLOCK
 from calib_core.types import BoolArray, FloatArray
-
-#: Points looked at together: all that is told of them stays in the nearest cache.
-_BLOCK = 32
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -78,10 +76,10 @@ def spread_kernel(
         eye_at[j] = offsets[j] + normals[j, 0] * eye[0] + normals[j, 1] * eye[1] + normals[j, 2] * eye[2]
     # Those in cells that are not reached yet, which a later round may: plane, row, column, cells around.
     waiting, left, changed = np.empty((n, 4), np.int64), 0, False
-    xs, ys, zs, ranges = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
-    least, owner = np.empty(_BLOCK), np.empty(_BLOCK)
-    for first in range(0, n, _BLOCK):
-        held = min(_BLOCK, n - first)
+    xs, ys, zs, ranges = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    least, owner = np.empty(BLOCK), np.empty(BLOCK)
+    for first in range(0, n, BLOCK):
+        held = min(BLOCK, n - first)
         for k in range(held):
             x, y, z = x_map[first + k, 0], x_map[first + k, 1], x_map[first + k, 2]
             ranges[k] = np.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2 + (z - eye[2]) ** 2)
