@@ -37,7 +37,7 @@ from calib_core.factors.laser_kernels import (
     share_products_kernel,
     sum_grams_kernel,
 )
-from calib_core.factors.lidar_plane import Hits, SlicePoses, distinct
+from calib_core.factors.lidar_plane import Hits, SlicePoses, in_order
 from calib_core.factors.patches import Between
 from calib_core.threads import in_parts
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
@@ -275,13 +275,18 @@ def move_and_sum_features(
 
     use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
     """
-    keys, place = distinct(key)
-    cross = np.zeros((len(keys), *sums.cross.shape[1:]))
+    order, begins, sums_of = in_order(key)
+    first_of = np.flatnonzero(begins)
+    keys, cross = key[order[first_of]], np.zeros((len(first_of), *sums.cross.shape[1:]))
+    used, posed, ends = use[order], pose[order], np.append(first_of, len(key))
 
-    def of_features(first: int, last: int) -> None:
-        gather_features_kernel(sums.cross[:, first:last], use, R, p, pose, place, cross[:, first:last])
+    def of_keys(first: int, last: int) -> None:
+        mine = slice(ends[first], ends[last])
+        gather_features_kernel(sums.cross, used[mine], R, p, posed[mine], sums_of[mine], cross)
 
-    in_parts(sums.cross.shape[1], of_features)
+    in_parts(len(keys), of_keys)
+    place = np.empty(len(key), np.int64)
+    place[order] = sums_of
     return keys, cross, place
 
 

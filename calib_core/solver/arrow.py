@@ -34,8 +34,8 @@ class ArrowSystem:
     """H and gradient of a sum of squares, accumulated factor by factor.
 
     diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, C).   corner: (S, S).
-    gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares.   frozen: shared columns held fixed.
-    columns: (K, C) which of the shared each column of a knot's border is, each once; None where they are all there, in order.
+    gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares, where a problem tells it.   frozen: shared
+    columns held fixed.   columns: (K, C) which of the shared each column of a knot's border is, each once; None where they are all there, in order.
     """
 
     diagonal: FloatArray

@@ -46,7 +46,7 @@ class LidarFactors:
         return float(total)
 
     def add_to(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
-        """Adds the bins' share of the normal equations, and of the cost."""
+        """Adds the bins' share of the normal equations."""
         seen = self.bins_seen(estimate)
         lasers = self._lasers_begun(system, estimate, layout, *seen) if len(self.bins.lasers.laser) else []
         for part in [*self._bins_begun(system, layout, *seen), *lasers]:
@@ -62,7 +62,6 @@ class LidarFactors:
         """The bins' share in parts, each with knots of its own. As many on any number of threads: the sums are the same."""
         b = self.bins
         Ma = (b.scatter @ a[..., None])[..., 0]
-        system.cost += 0.5 * float(np.einsum("bi,bi->", a, Ma))
         clock, squeezed = layout.nuisance().start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1])
 
         def one(first: int, last: int) -> ArrowSystem:
@@ -84,7 +83,6 @@ class LidarFactors:
         lasers, bins = self.bins.lasers, self.bins
         change = self.laser_changes(estimate)
         places, start = self.sensors.laser_places, layout.nuisance().start
-        system.cost += 0.5 * float(features_squares(lasers, a, change, bins.plane).sum())
         column_of, by_feature = np.where(places >= 0, start + places, -1), feature_changes(change, lasers.features)
         add_grams_kernel(lasers.grams, lasers.of_laser, column_of, by_feature, system.corner, system.gradient_shared)
 

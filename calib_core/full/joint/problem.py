@@ -111,7 +111,7 @@ class JointProblem:
         return replace(unseen, runs=(), everywhere=np.zeros((3, 0))) if self.hold_velocity else unseen
 
     def linearise(self, estimate: Estimate) -> ArrowSystem:
-        """The normal equations at an estimate."""
+        """The normal equations at an estimate, but for its cost, which whoever asks has looked at to come there."""
         layout = self.layout(estimate)
         known = layout.known_to_knots(*self.nodes.windows())
         system = ArrowSystem.zeros(len(self.readings.knots_s), KNOT, layout.size, known)
@@ -134,11 +134,9 @@ class JointProblem:
         system.gradient += own.gradient
         system.corner += own.corner
         system.gradient_shared += own.gradient_shared
-        system.cost += own.cost
         residual, jacobian = prior_rows(self.priors, self.nodes, estimate, layout)
         system.corner += jacobian.T @ jacobian
         system.gradient_shared += jacobian.T @ residual
-        system.cost += 0.5 * float(residual @ residual)
         self._hold(system, estimate, layout)
         system.frozen = self.frozen
         return system
@@ -206,7 +204,6 @@ class JointProblem:
             f = link_factors(
                 self.links.part(first, last), estimate.states.part(first, last + 1), estimate.gravity, gyro[some], accel[some]
             )  # fmt: skip
-            system.cost += 0.5 * float(np.sum(f.residual**2))
             own = np.zeros((len(f.residual), KNOT, len(columns)))
             if len(columns):
                 own = f.r_D_gyro_bias @ self.sensors.gyro[some] + f.r_D_accel_bias @ self.sensors.accel[some]
