@@ -20,7 +20,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.solver.information import ROUND_OFF, covariance, factor, solved
-from calib_core.solver.kernels import eliminate_kernel, fill_kernel, forward_kernel, substitute_kernel, touched_kernel
+from calib_core.solver.kernels import (
+    add_places_kernel,
+    eliminate_kernel,
+    fill_kernel,
+    forward_kernel,
+    substitute_kernel,
+    touched_kernel,
+)
 from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
 
@@ -35,7 +42,8 @@ class ArrowSystem:
 
     diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, C).   corner: (S, S).
     gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares, where a problem tells it.   frozen: shared
-    columns held fixed.   columns: (K, C) which of the shared each column of a knot's border is, each once; None where they are all there, in order.
+    columns held fixed.   columns: (K, C) which of the shared each column of a knot's border is, each once; None where they are
+    all there, in order.
     """
 
     diagonal: FloatArray
@@ -214,7 +222,7 @@ def _between(
     for j, piece in enumerate(pieces):
         theirs = np.append(piece.touched, shared)
         own = np.append(np.arange(len(piece.touched)), piece.W.shape[2] - 1)
-        inner[np.ix_(theirs, theirs)] += piece.gram[np.ix_(own, own)]
+        add_places_kernel(piece.gram, own, theirs, inner)
         before = slice(len(piece.touched), len(piece.touched) + n)
         if piece.has_before:
             D[j - 1] -= piece.gram[before, before]

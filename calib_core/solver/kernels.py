@@ -161,3 +161,12 @@ def fill_kernel(
                 for c in range(n):
                     W[i, r, shared + c] = lower[k - 1, r, c] * own * scale[k - 1, c] if i == 0 else 0.0
             W[i, r, width - 1] = gradient[k, r] * own
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_places_kernel(square: FloatArray, own: IntArray, theirs: IntArray, total: FloatArray) -> None:
+    """Adds rows and columns `own` (F,) of a square to rows and columns `theirs` (F,) of another."""
+    for i in range(own.shape[0]):
+        row, into = square[own[i]], total[theirs[i]]
+        for j in range(own.shape[0]):
+            into[theirs[j]] += row[own[j]]

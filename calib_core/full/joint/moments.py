@@ -121,9 +121,11 @@ def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
     mine = scatter[place, 3, :3] / scatter[place, 3, 3, None]
     shift = np.zeros((len(scatter), 3))
     shift[place] = mean[:, :3] / mean[:, 3, None] - mine
-    step = np.broadcast_to(np.eye(5), scatter.shape).copy()
-    step[:, :3, 3] = shift
-    return np.asarray(step @ scatter @ np.swapaxes(step, 1, 2))
+    # S M S' with S the unit matrix but for the shift beside its ones.
+    out = scatter.copy()
+    out[:, :3] += shift[:, :, None] * scatter[:, 3, None, :]
+    out[:, :, :3] += out[:, :, 3, None] * shift[:, None, :]
+    return out
 
 
 def gather_lasers(
