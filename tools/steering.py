@@ -34,6 +34,7 @@ SOURCES = ("derived", "measured", "data sheets", "judged")
 #: Stage, file and class of every record, in reading order.
 RECORDS = (
     ("prepare", "calib_core/full/prepare/settings.py", "Length"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Sampled"),
     ("prepare", "calib_core/full/prepare/settings.py", "Noise"),
     ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
     ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),

@@ -60,6 +60,7 @@ def serve(chosen: argparse.Namespace) -> None:
 def inspect(chosen: argparse.Namespace) -> None:
     """Report on a recording, to stdout."""
     settings = options.read_settings(chosen)
+    api.get_ready()
     with listener(_manner(chosen)) as on_event:
         report = api.inspect(chosen.recording, settings, on_event=on_event)
     if chosen.json:

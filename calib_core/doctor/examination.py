@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -10,13 +12,12 @@ import numpy as np
 from calib_core.doctor.sampling import SampledScans
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
-from calib_core.full.forecast import sample_scan
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import Layout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.opening import OpenRecording
-from calib_core.readers.container.storage import TopicSummary
+from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.messages import ImuCollector, RawImu
@@ -31,12 +32,15 @@ from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
 from calib_core.readers.twice import once_each
 from calib_core.settings import ReadSettings
+from calib_core.threads import MOST_THREADS, workers
 from calib_core.types import Finding, Scan
 
 #: Scans decoded for the statistics, spread evenly; headers are read of all.
 EXAMINED_SCANS = 120
 #: And of each no more points: a lidar of 128 beams would otherwise fill the memory.
 EXAMINED_POINTS = 60_000
+#: What a cloud that is none is told by.
+MALFORMED = (MalformedMessage, ValueError, KeyError)
 #: Share of the work that reading is; the rest is looking ahead.
 READING = 0.4
 
@@ -123,13 +127,13 @@ def read(
         return
     total = max(1, sum(t.count for t in (lidar, imu) if t is not None))
     n_scans = lidar.count if lidar else 0
-    every = max(1, n_scans // EXAMINED_SCANS)
     parts = state.parts
     if lidar is not None and parts > 1:
         state.gathering = Gathering(lasting_ns(parts, state.period_s))
         state.findings.append(gathered_finding(lidar.name, parts, state.period_s))
     state.sampled = SampledScans(n_scans // parts, state.period_s * parts)
     collector = ImuCollector(imu.encoding if imu else "cdr")
+    taking = Taking(state, state.sampled, settings, every=max(1, n_scans // EXAMINED_SCANS))
     for n_seen, message in enumerate(recording.messages(names, start_ns=span[0], stop_ns=span[1])):
         if n_seen % 500 == 0:
             if should_cancel():
@@ -144,10 +148,8 @@ def read(
         if imu is not None and message.topic == imu.name:
             collector.add(message)
         elif state.decoder is not None:
-            try:
-                _take(state, state.decoder(message), state.sampled, settings, every)
-            except (MalformedMessage, ValueError, KeyError):
-                state.n_malformed += 1
+            taking.decode(message, state.decoder)
+    taking.finish()
     if state.gathering is not None and (rest := state.gathering.rest()) is not None:
         state.sampled.add(rest)
     if imu is not None:
@@ -189,19 +191,100 @@ def keep_plausible(state: Examination) -> None:
         kept[:] = [value for value, stays in zip(kept, good, strict=True) if stays]
 
 
-def _take(state: Examination, cloud: RawCloud, sampled: SampledScans, settings: ReadSettings, every: int) -> None:
-    """One cloud: its header, and its points where they are wanted for statistics or for the forecast."""
-    position = len(state.header_ns)
-    counted = position % every == 0
-    wanted = sampled.wants(position if state.gathering is None else len(sampled.scans))
-    if state.timing is not None and (counted or wanted):
-        scan, counts = make_scan(cloud, position, state.timing, settings.range_min_m, settings.range_max_m)
-        if counted:
-            state.examined.append((scan and sample_scan(scan, EXAMINED_POINTS), counts))
-        if scan is not None and wanted and state.gathering is not None:
-            scan = state.gathering.add(scan)
-        if scan is not None and wanted:
-            sampled.add(scan)
-    state.positions.append(position)
-    state.header_ns.append(cloud.header_ns)
-    state.receive_ns.append(cloud.receive_ns)
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """A scan, None where no point of it is any good. looked_at, thinned: what stays of it for the statistics and, of so many
+    points, for the forecast; None where it is not wanted.
+    """
+
+    scan: Scan | None
+    counts: ScanCounts
+    looked_at: Scan | None
+    thinned: Scan | None
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Begun:
+    """A cloud whose scan is being made. made: None where nothing is wanted of it but its header."""
+
+    position: int
+    cloud: RawCloud
+    counted: bool
+    wanted: bool
+    made: Future[_Made] | None
+
+
+@dataclass
+class Taking:
+    """Clouds taken in: headers of all, and points where they are wanted for statistics or for the forecast.
+
+    Scans are made on other threads while the next clouds are read, and come in the clouds' order.   every: one of so many counts
+    for the statistics.
+    """
+
+    state: Examination
+    sampled: SampledScans
+    settings: ReadSettings
+    every: int
+    _begun: deque[_Begun] = field(default_factory=deque)
+    _position: int = 0
+
+    def decode(self, message: RawMessage, decoder: CloudDecoder) -> None:
+        """The next message."""
+        try:
+            cloud = decoder(message)
+        except MALFORMED:
+            self.state.n_malformed += 1
+        else:
+            self.take(cloud)
+
+    def take(self, cloud: RawCloud) -> None:
+        """The next one."""
+        state, position = self.state, self._position
+        self._position += 1
+        counted = position % self.every == 0
+        wanted = self.sampled.wants(position if state.gathering is None else len(self.sampled.scans))
+        made = None
+        if state.timing is not None and (counted or wanted):
+            count = self.sampled.count(sum(begun.wanted for begun in self._begun))
+            made = workers().submit(self._make, cloud, position, state.timing, counted, count if wanted else 0)
+        self._begun.append(_Begun(position, cloud, counted, wanted, made))
+        # Parts of a sweep: whether the next is wanted depends on how many sweeps there are.
+        ahead = 2 * MOST_THREADS if state.gathering is None else 0
+        while len(self._begun) > ahead:
+            self._end(self._begun.popleft())
+
+    def finish(self) -> None:
+        """Those that are still being made."""
+        while self._begun:
+            self._end(self._begun.popleft())
+
+    def _make(self, cloud: RawCloud, position: int, timing: PointTiming, counted: bool, count: int) -> _Made:
+        """count: points wanted for the forecast, 0 for none."""
+        from calib_core.planes.sample import sample_scan  # as in SampledScans.add
+
+        scan, counts = make_scan(cloud, position, timing, self.settings.range_min_m, self.settings.range_max_m)
+        looked_at = sample_scan(scan, EXAMINED_POINTS) if scan is not None and counted else None
+        thin = scan is not None and count > 0 and self.state.gathering is None
+        return _Made(scan, counts, looked_at, sample_scan(scan, count) if scan is not None and thin else None, count)
+
+    def _end(self, begun: _Begun) -> None:
+        state, gathering = self.state, self.state.gathering
+        if begun.made is not None:
+            try:
+                made = begun.made.result()
+            except MALFORMED:
+                state.n_malformed += 1
+                return
+            scan = made.scan
+            if begun.counted:
+                state.examined.append((made.looked_at, made.counts))
+            if scan is not None and begun.wanted and gathering is not None:
+                scan = gathering.add(scan)
+            if scan is not None and begun.wanted:
+                # One that came to nothing makes those after it another number.
+                self.sampled.add(scan, made.thinned if made.count == self.sampled.count() else None)
+        state.positions.append(begun.position)
+        state.header_ns.append(begun.cloud.header_ns)
+        state.receive_ns.append(begun.cloud.receive_ns)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib_core.doctor.examination import READING, Examination, choose, detect, keep_plausible, read
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.lidar_report import lidar_report
-from calib_core.doctor.outlook import forecast_report, foresee, planes_report, unit_proven
 from calib_core.doctor.report import (
     DoctorReport,
     EvidenceReport,
@@ -28,7 +28,6 @@ from calib_core.doctor.verdict import judge
 from calib_core.doctor.whole_scans import WholeScans
 from calib_core.errors import InputError
 from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
-from calib_core.full.foresight import Foresight, keep_foresight
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.reading import damage_findings, span_ns
@@ -37,6 +36,9 @@ from calib_core.readers.timing.point_time import last_point_after_header_s
 from calib_core.readers.topics import imu_topics, lidar_topics
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, ImuData, IntArray
+
+if TYPE_CHECKING:
+    from calib_core.full.foresight import Foresight
 
 
 def inspect(
@@ -74,8 +76,9 @@ def inspect(
             on_report(_report(state, recording, sensors, final=False))
         ahead = _look_ahead(state, recording, settings, offset_ns, on_event, should_cancel)
         if kept_in is not None:
+            from calib_core.full.foresight import keep_foresight
+
             keep_foresight(kept_in, ahead.foresight)
-        state.findings = unit_proven(state.findings, ahead.forecast)
         report = _report(state, recording, sensors, ahead)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
     return report
@@ -192,6 +195,9 @@ def _look_ahead(
     should_cancel: ShouldCancel,
 ) -> Ahead:
     """The planes to expect and the forecast, as far as there is something to find them in."""
+    # They bring the estimator, which is imported while the recording is read.
+    from calib_core.doctor.outlook import forecast_report, foresee, planes_report, unit_proven
+
     sampled = state.sampled
     if sampled is None or not state.header_ns:
         return NOTHING_AHEAD
@@ -211,6 +217,7 @@ def _look_ahead(
     if imu is None:
         return Ahead(planes)
     forecast = forecast_report(outlook, planes, share=sampled.share)
+    state.findings = unit_proven(state.findings, forecast)
     return Ahead(planes, forecast, outlook.range_std_m, outlook.foresight)
 
 

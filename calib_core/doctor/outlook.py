@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.counts import joined
 from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, PlanesReport
 from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
@@ -199,8 +200,3 @@ def in_words(parameters: Sequence[ParameterForecast]) -> str:
 def _largest(parameters: Sequence[ParameterForecast]) -> str:
     """Of one unit."""
     return std_text(max(parameter.std for parameter in parameters), parameters[0].unit)
-
-
-def joined(words: Sequence[str], last: str = "and") -> str:
-    """Words as a list: a, b and c."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from calib_core.full.forecast import FORECASTING, sample_scan
+from calib_core.full.prepare.settings import SAMPLED
 from calib_core.types import IntArray, Recording, Scan
 
 #: A forecast looks at no more than this: a longer recording only knows the same better.
@@ -43,11 +43,17 @@ class SampledScans:
         """Whether the scan at this position is looked at."""
         return position < self._looked
 
-    def add(self, scan: Scan) -> None:
-        """Take a scan, in order; its index is its position."""
-        count = _DENSE_POINTS if len(self.scans) in self._dense else FORECASTING.sampled_points
-        self.scans.append(sample_scan(scan, count))
+    def count(self, ahead: int = 0) -> int:
+        """Points of the next scan that stay, or of one that comes so many later."""
+        return _DENSE_POINTS if len(self.scans) + ahead in self._dense else SAMPLED.points
+
+    def add(self, scan: Scan, thinned: Scan | None = None) -> None:
+        """Take a scan, in order; its index is its position. thinned: what is to stay of it, None where nobody has looked."""
+        # Its loop brings the compiler, which is imported while the first scans are read.
+        from calib_core.planes.sample import sample_scan
+
         self.points.append(len(scan.points))
+        self.scans.append(thinned or sample_scan(scan, self.count()))
 
     def drop(self, positions: IntArray) -> None:
         """Leave out the scans that came at these positions."""

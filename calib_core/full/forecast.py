@@ -42,12 +42,14 @@ from calib_core.full.joint.state import CALIBRATION, ROTATION, TRANSLATION, Esti
 from calib_core.full.joint.undetermined import UNITS, data_information, undetermined
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
-from calib_core.full.odometry.register import ScanMotion, evenly_spread
+from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import stood_text, travelled
 from calib_core.full.planes.propose import no_planes, scan_points
 from calib_core.full.planes.standing import Fault, fault_of
 from calib_core.full.prepare.prepare import prepare, require_length
+from calib_core.full.prepare.settings import SAMPLED
 from calib_core.full.run import Run
+from calib_core.planes.sample import sample_scan
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
@@ -63,9 +65,6 @@ NO_PLANES = PlaneProposals(
 class Forecasting:
     """What makes a forecast cheaper than a solve."""
 
-    #: measured over the 18 scenarios with noise (bench/results/forecast.md): with so many points of a scan standing for all of
-    #: them, fifteen thousand a second, a forecast's sigmas are 0.94 to 1.02 of the solve's.
-    sampled_points: int = 1500
     #: measured over the same, with the sigmas above: a solve's knots for each of ours. What the readings say of a calibration
     #: builds up over tenths of a second.
     coarser: int = 2
@@ -112,14 +111,6 @@ class Outlook:
     range_std_m: float | None = None
     foresight: Foresight | None = None
     faults: tuple[Fault, ...] = ()
-
-
-def sample_scan(scan: Scan, count: int) -> Scan:
-    """The scan with at most `count` of its points, spread evenly whatever the interleaving, in their own order."""
-    n = len(scan.points)
-    if n <= count:
-        return scan
-    return Scan(scan.index, scan.stamp_ns, scan.points[evenly_spread(n, count)])
 
 
 def forecast(
@@ -225,7 +216,7 @@ def _require_motion(motions: Sequence[ScanMotion]) -> None:
 
 def _thinned(run: Run, points_per_scan: FloatArray) -> tuple[Run, FloatArray]:
     """The run with a sample of every scan's points, and how many points of a scan each stands for: (M,)."""
-    sampled = [sample_scan(scan, FORECASTING.sampled_points) for scan in run.recording.scans]
+    sampled = [sample_scan(scan, SAMPLED.points) for scan in run.recording.scans]
     kept = np.array([len(scan.points) for scan in sampled], dtype=np.int64)
     clocks = replace(run.clocks, scan_points=kept)
     run = replace(run, recording=replace(run.recording, scans=sampled), clocks=clocks)

@@ -46,7 +46,7 @@ MAY_IMPORT = {
     "full": {"geometry", "gp", "imu", "planes", "factors", "solver", "document", "deskew", "threads", "maps"},
     "paper": {"geometry", "gp", "imu", "planes", "factors", "solver", "full", "document"},
     "calibrate": {"full", "paper", "document", "maps", "threads"},
-    "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors"},
+    "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors", "threads"},
     "audit": {"geometry", "maps", "full", "calibrate"},
     "api": {"audit", "readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor", "maps"},
 }

@@ -15,8 +15,9 @@ import numpy as np
 
 from calib_core.full.odometry.kernels import Counting, Motion, register_kernel, room, straighten_kernel
 from calib_core.full.odometry.plane_map import PlaneMap
-from calib_core.full.odometry.sample_kernels import places_kernel, take_kernel
 from calib_core.full.odometry.settings import TrackSettings
+from calib_core.planes.sample import evenly_spread
+from calib_core.planes.sample_kernels import take_kernel
 from calib_core.types import FloatArray, IntArray, Scan
 
 #: What of a scan's motion a tie's twelve are of: those of its pose, and of its change within the sweep.
@@ -47,11 +48,6 @@ def is_determined(motion: ScanMotion, settings: TrackSettings | None = None) -> 
     """Whether the points of a scan tell all six directions of its pose."""
     s = settings or TrackSettings()
     return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
-
-
-def evenly_spread(n: int, count: int) -> IntArray:
-    """About `count` of n places in order: a golden-ratio stride visits rings and azimuths alike, however packets interleave."""
-    return places_kernel(n, count)
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:

@@ -11,8 +11,9 @@ from calib_core.doctor.outlook import forecast_report, in_words, planes_report, 
 from calib_core.doctor.report import ParameterForecast
 from calib_core.doctor.sampling import LOOKED_S, SampledScans
 from calib_core.full.assess.observability import Advice, Knowledge
-from calib_core.full.forecast import NO_PLANES, Outlook, sample_scan
+from calib_core.full.forecast import NO_PLANES, Outlook
 from calib_core.full.joint.undetermined import UNITS
+from calib_core.planes.sample import sample_scan
 from calib_core.types import POINT_DTYPE, Finding, Plane, PlanePatch, PlaneProposals, Scan
 
 UP = np.array([0.0, 0.6, 0.8])
