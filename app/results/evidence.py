@@ -84,7 +84,7 @@ def measure_evidence(
     flat = _from_above(up, normals[~level])
     before, after = (points[standing] @ flat.T.astype(np.float32) for points in (seen.before_m, seen.after_m))
     room = _picture(before, after, _frame_of(after), ROOM_CELLS) if len(after) else None
-    corner = None if room is None else _picture(before, after, _densest(after), CORNER_CELLS)
+    corner = None if room is None else _picture(before, after, densest(after), CORNER_CELLS)
     on = seen.label >= 0
     ranged = np.isfinite(seen.range_m)
     by_range = _by(seen.range_m[ranged], seen.beyond_m[ranged], _range_edges(seen.range_m[ranged]))
@@ -179,7 +179,7 @@ def _frame_of(plan_m: NDArray[np.float32]) -> tuple[float, float, float]:
     return float(left), float(bottom), side
 
 
-def _densest(plan_m: NDArray[np.float32]) -> tuple[float, float, float]:
+def densest(plan_m: NDArray[np.float32]) -> tuple[float, float, float]:
     """The square of CORNER_SIDE_M around the spot where most points stand over one another."""
     cells = np.floor(plan_m / 0.05).astype(np.int64)
     first = cells.min(axis=0)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
 from app.results import captions, chance, plot_parts, plots
-from app.results.evidence import StepListener, measure_evidence
+from app.results.evidence import CORNER_SIDE_M, StepListener, densest, measure_evidence
 from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import SETTINGS, Beside, report_page
 from app.results.scans import measure_scans
@@ -470,3 +470,15 @@ def test_settings_are_told_in_the_page_s_words(page):
     assert "biases: drift slowly" in page
     assert "sensors' own errors: where they show" in html.unescape(page)
     assert set(SETTINGS) == set(CalibrateSettings.model_fields)
+
+
+def test_the_corner_that_is_shown_is_where_most_points_stand_over_one_another() -> None:
+    """Forty in one cell of 5 cm at (-3.4, 7.1), thinly spread elsewhere.
+
+    Mutations: the emptiest cell; x and y exchanged; counted from the first cell's middle.
+    """
+    rng = np.random.default_rng(2)
+    plan = np.vstack([rng.uniform(-9.0, 9.0, (500, 2)), np.tile([-3.42, 7.12], (40, 1))]).astype(np.float32)
+    left, bottom, side = densest(plan)
+    assert side == CORNER_SIDE_M
+    np.testing.assert_allclose([left + side / 2, bottom + side / 2], [-3.425, 7.125], atol=1e-9)

@@ -37,7 +37,7 @@ def test_scans_come_in_order_and_are_thinned_by_the_number_they_have(monkeypatch
     """After a cloud that is none, every number is one less, and other scans are the dense ones.
 
     Mutations: what was thinned taken whatever its number; ended as they are ready; the last ones not waited for; the bad one's
-    header counted; numbers of those that wait left out.
+    header counted.
     """
     monkeypatch.setattr(examination, "make_scan", _made)
     state = Examination()

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from calib_core.factors.imu import KnotStates
+from calib_core.factors.laser_features import LaserFactors
 from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import CELL_M, HALF_CELLS, ExtentSurvey
 from calib_core.full.joint import association
 from calib_core.full.joint.association import associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
-from calib_core.full.joint.moments import Micro, gather
+from calib_core.full.joint.moments import Micro, agreeing, gather
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
@@ -205,6 +206,23 @@ def test_what_all_lasers_share_with_the_map_costs_nothing(noisy: tuple[Recording
     of_lasers = np.einsum("bi,bi->b", lasers.cross[:, 0] + lasers.cross[:, 4], of_cluster)
     assert np.abs(of_map).sum() > 1e6  # 1/m
     assert abs(of_map.sum() - of_lasers.sum()) < 3e-9 * np.abs(of_map).sum()
+
+
+def test_bins_are_moved_to_the_mean_of_their_lasers_points() -> None:
+    """All hits of a bin by as much: what is left is where they lie about their mean, and how far from the plane.
+
+    Mutations: the other side moved by what was there before; rows not; bins without lasers moved too.
+    """
+    rng = np.random.default_rng(4)
+    y = rng.normal(size=(3, 7, 5))
+    y[:, :, 3] = 1.0
+    step = rng.normal(size=(3, 1, 3)) * [[[1.0]], [[0.0]], [[1.0]]]
+    moved = y.copy()
+    moved[:, :, :3] += step
+    cross = np.zeros((2, 8, 5))
+    cross[:, 0], cross[:, 4] = 0.25 * moved[[0, 2]].sum(axis=1), 0.75 * moved[[0, 2]].sum(axis=1)
+    lasers = replace(LaserFactors.empty(), bin=np.array([0, 2]), laser=np.zeros(2, np.int64), cross=cross)
+    np.testing.assert_allclose(agreeing(np.swapaxes(y, 1, 2) @ y, lasers), np.swapaxes(moved, 1, 2) @ moved, atol=1e-12)
 
 
 def test_threads_change_nothing(noisy: tuple[Recording, Truth]) -> None:
