@@ -119,7 +119,7 @@ def foresight(kept_in: Path) -> Foresight | None:
 
 
 #: SciPy's parts in the order in which a solve comes to them. None is imported above a module: each waits for its first use.
-_LATER = ("scipy.special", "scipy.spatial", "scipy.ndimage", "scipy.fft", "scipy.sparse.linalg", "scipy.optimize")
+_LATER = ("scipy.special", "scipy.spatial", "scipy.ndimage", "scipy.fft", "scipy.sparse.linalg")
 
 
 def get_ready(*, aside: bool = True) -> None:

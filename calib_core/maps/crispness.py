@@ -111,7 +111,9 @@ class _Neighbourhoods:
     def sums_over(self, counted: BoolArray) -> tuple[float, float, float, float]:
         """Points, their cubes' entropies and thinnest variances, and how many cubes. counted: (N,) which points."""
         cube = self.cube[counted]
-        return cube.size, self.entropy_nat[cube].sum(), self.thinnest_m2[cube].sum(), np.unique(cube).size
+        there = np.zeros(len(self.entropy_nat), np.bool_)
+        there[cube] = True
+        return cube.size, self.entropy_nat[cube].sum(), self.thinnest_m2[cube].sum(), int(np.count_nonzero(there))
 
 
 def _neighbourhoods(xyz_m: FloatArray) -> _Neighbourhoods:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import PlaneExtents
@@ -36,15 +35,14 @@ def measure_noise(
     wide = Gate(sigmas=MEASURING.gate_sigmas, extra_m=gate.extra_m, margin_m=gate.margin_m, min_cosine=gate.min_cosine)
     edges = np.linspace(0.0, 1.0, MEASURING.bands + 1)
 
-    def one(position: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    def one(position: int) -> tuple[FloatArray, FloatArray]:
         hits = view.hits([position], wide, stride)
         keep, _ = select(hits, start, wide, extents)
-        return hits.d[keep], hits.cosine[keep] ** 2, hits.plane[keep]
+        # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
+        return _centred(hits.d[keep], hits.plane[keep]), hits.cosine[keep] ** 2
 
     parts = over_scans(view, positions, one)
-    # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
-    d = np.concatenate([_centred(p[0], p[2]) for p in parts])
-    c2 = np.concatenate([p[1] for p in parts])
+    d, c2 = (np.concatenate(each) for each in zip(*parts, strict=True))
     if len(d) < MEASURING.fewest_points:
         return start
     rows, variances, weights = [], [], []
@@ -95,8 +93,24 @@ def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray
         return start
     if len(rows) == 1:
         return replace(start, range_std_m=_told(variances[0] / rows[0, 0]), surface_std_m=MEASURING.least_std_m)
-    solution, _ = scipy.optimize.nnls(rows * weights[:, None], variances * weights)
-    return replace(start, range_std_m=_told(solution[0]), surface_std_m=_told(solution[1]))
+    range_m2, surface_m2 = least_squares_of_two(rows * weights[:, None], variances * weights)
+    return replace(start, range_std_m=_told(range_m2), surface_std_m=_told(surface_m2))
+
+
+def least_squares_of_two(rows: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """The two unknowns, neither below zero, with which rows (B, 2) come nearest to values (B,).
+
+    Where the best two are not both above zero, the cost, which is convex, is lowest with one of them at it.
+    """
+    square, product = rows.T @ rows, rows.T @ values
+    if np.linalg.matrix_rank(square) == len(product):
+        both = np.linalg.solve(square, product)
+        if np.all(both >= 0.0):
+            return float(both[0]), float(both[1])
+    alone = np.maximum(product / np.maximum(np.diag(square), 1e-300), 0.0)
+    # By so much each alone lowers the cost: half of product times unknown.
+    first = alone[0] * product[0] >= alone[1] * product[1]
+    return (float(alone[0]), 0.0) if first else (0.0, float(alone[1]))
 
 
 def _told(variance: float) -> float:

@@ -6,12 +6,13 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.events import Event, IterationEvent
 from calib_core.factors.imu import KnotStates
 from calib_core.full.joint.begin import knots_over
-from calib_core.full.joint.lidar_noise import tapered_variance
+from calib_core.full.joint.lidar_noise import least_squares_of_two, tapered_variance
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.geometry import exp, log
@@ -122,3 +123,23 @@ def test_the_variance_of_the_middle_is_that_of_the_noise(wrong: float) -> None:
         here = tapered_variance(d)
         assert before is None or here == pytest.approx(before, rel=3e-5)
         before = here
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_two_unknowns_that_are_not_below_zero(seed: int) -> None:
+    """Against SciPy's: both above zero, either at it, both at it; rows that are alike but for a factor.
+
+    Mutations: the other one taken alone; only the first asked whether it is below zero; what is below zero cut off.
+    """
+    rng = np.random.default_rng(seed)
+    rows = (
+        np.column_stack([rng.uniform(0.1, 1.0, 6), np.ones(6)])
+        if seed % 8
+        else np.outer(rng.uniform(1, 2, 6), [1.0, 2.0])
+    )
+    values = rows @ rng.normal(size=2) + 0.1 * rng.normal(size=6)
+    cost = np.linalg.norm(rows @ np.array(least_squares_of_two(rows, values)) - values)
+    expected, least = nnls(rows, values)
+    assert cost == pytest.approx(least, rel=1e-9, abs=1e-12)
+    if seed % 8:
+        np.testing.assert_allclose(least_squares_of_two(rows, values), expected, atol=1e-9)
