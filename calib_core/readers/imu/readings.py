@@ -10,10 +10,10 @@ from calib_core.counts import counted
 from calib_core.errors import InputError
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.pace import GAP_PERIODS, usual_step_ns
-from calib_core.readers.imu.bundles import Bundles, spread, told_apart
+from calib_core.readers.imu.bundles import Bundles, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.order import Came, as_they_came
-from calib_core.readers.imu.repeats import first_of_each
+from calib_core.readers.imu.repeats import as_sensed
 from calib_core.readers.imu.spikes import spikes
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
@@ -94,12 +94,10 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     came = as_they_came(kept, readings)
     if came is not None:
         kept = came.kept
-    fresh = first_of_each(readings[kept, :3]) if settings.imu_bundles == "spread" else None
-    if fresh is not None:
-        kept, taken_ns = kept[fresh], taken_ns[fresh]
-    bundles = spread(taken_ns) if settings.imu_bundles == "spread" else None
-    if bundles is not None:
-        taken_ns = bundles.stamps_ns
+    fresh, bundles = None, None
+    if settings.imu_bundles == "spread":
+        fresh, bundles, taken_ns = as_sensed(readings[kept, :3], taken_ns)
+        kept = kept if fresh is None else kept[fresh]
     statistics = stamp_statistics(stamps_ns, raw.receive_ns[good], taken_ns=taken_ns)
     findings = list(_stamp_findings(statistics, topic, n_repeated=n_sent_twice, came=came))
     if fresh is not None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from calib_core.types import BoolArray, FloatArray
+from calib_core.readers.imu.bundles import Bundles, spread
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings that a share is taken over: a sensor that rests repeats itself in coarse steps, one that is moved does not.
 _STRETCH = 128
@@ -33,3 +34,28 @@ def first_of_each(gyro: FloatArray) -> BoolArray | None:
     shares = sliding_window_view(~fresh, _STRETCH)[:: _STRETCH // 2].mean(axis=1)
     fewest, usual = np.quantile(shares, [_SPARED, 0.5])
     return fresh if fewest >= _LEAST_SHARE and usual <= _MOST_SHARE else None
+
+
+def as_sensed(gyro: FloatArray, stamps_ns: IntArray) -> tuple[BoolArray | None, Bundles | None, IntArray]:
+    """Which readings are no repeats, None for all; the bundles in which they came, None where in none; when those were taken.
+
+    A driver that repeats may hand over what it repeats in bundles: each has its place among all that were sent, where nobody sees
+    it any more once the repeats are gone. Where it only sends each reading twice at once, all that were sent seem bundles of two,
+    and those that are kept are even as they are. So of both ways the one that gives the more even row is taken.
+
+    gyro: (Q, 3), stamps_ns: (Q,) strictly increasing.
+    """
+    fresh, sent = first_of_each(gyro), spread(stamps_ns)
+    if fresh is None:
+        return None, sent, stamps_ns if sent is None else sent.stamps_ns
+    alone = spread(stamps_ns[fresh])
+    taken_ns = stamps_ns[fresh] if alone is None else alone.stamps_ns
+    if sent is not None and unevenness(sent.stamps_ns[fresh]) < unevenness(taken_ns):
+        return fresh, sent, sent.stamps_ns[fresh]
+    return fresh, alone, taken_ns
+
+
+def unevenness(stamps_ns: IntArray) -> float:
+    """What the steps of a row scatter by, of their mean."""
+    steps = np.diff(stamps_ns).astype(np.float64)
+    return float(np.std(steps) / max(float(np.mean(steps)), 1.0))

@@ -11,6 +11,7 @@ from calib_core import api
 from calib_core.readers.imu.bundles import spread, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.readings import clean_imu
+from calib_core.readers.imu.repeats import as_sensed
 from calib_core.settings import ReadSettings
 from calib_core.simulate import generate, parse_faults, simulate
 from calib_core.types import IntArray
@@ -150,3 +151,60 @@ def test_a_bag_of_bundles_is_read_as_the_simulator_knows_them(tmp_path: Path) ->
     assert len(read.imu.stamps_ns) == len(known.imu.stamps_ns)
     inside = slice(20, -20)
     assert np.abs(read.imu.stamps_ns - known.imu.stamps_ns)[inside].max() < 10_000
+
+
+def _sent(
+    count: int, repeats: int, buffer_ms: float, apart_ms: float = 10.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a driver sends every 10 ms, or as far apart as said, each reading so often, and hands over when it empties its buffer.
+
+    Returns readings (Q, 3), stamps (Q,) [ns] and when each reading was taken (Q,) [ns].
+    """
+    number = np.arange(count) // repeats
+    gyro = np.random.default_rng(5).normal(size=(number[-1] + 1, 3))[number]
+    sent_ms = (
+        np.arange(count) * 10.0 if apart_ms == 10.0 else number * 10.0 * repeats + np.arange(count) % repeats * apart_ms
+    )
+    stamped_ms = sent_ms if buffer_ms == 0.0 else np.ceil(sent_ms / buffer_ms) * buffer_ms
+    order = np.zeros(count) if buffer_ms == 0.0 else 0.02 * _place_within(stamped_ms)
+    # No multiples of anything: those would be a clock's ticks.
+    stamps_ns, taken_ns = 1e6 * (stamped_ms + order) + 5_300_123, 1e7 * repeats * number + 5_300_123
+    return gyro, np.rint(stamps_ns).astype(np.int64), np.rint(taken_ns).astype(np.int64)
+
+
+def _place_within(stamps: np.ndarray) -> np.ndarray:
+    """Which of its bundle each is, from 0."""
+    begins = np.append(True, np.diff(stamps) > 0)
+    first = np.maximum.accumulate(np.where(begins, np.arange(len(stamps)), 0))
+    return np.arange(len(stamps)) - first
+
+
+@pytest.mark.parametrize(("repeats", "buffer_ms"), [(2, 16.0), (3, 16.0), (2, 50.0), (3, 37.0), (1, 16.0)])
+def test_what_a_driver_repeats_and_hands_over_in_bundles_is_put_where_it_was_taken(
+    repeats: int, buffer_ms: float
+) -> None:
+    """Late by what the newest of a bundle waits, less than 10 ms; by up to a whole bundle and more where repeats go first.
+
+    Mutations: repeats always taken out first; of both ways the less even one; the row that was sent handed on.
+    """
+    gyro, stamps_ns, taken_ns = _sent(4000, repeats, buffer_ms)
+    fresh, bundles, placed_ns = as_sensed(gyro, stamps_ns)
+    assert bundles is not None
+    first = np.arange(4000) % repeats == 0
+    assert (fresh is None) == (repeats == 1)
+    assert fresh is None or np.array_equal(fresh, first)
+    late_ms = 1e-6 * (placed_ns - taken_ns[first])[50:-50]
+    assert late_ms.min() > -0.1
+    assert late_ms.max() < 10.1
+
+
+@pytest.mark.parametrize("apart_ms", [10.0, 0.02])
+def test_what_is_only_sent_more_than_once_keeps_its_stamps(apart_ms: float) -> None:
+    """Evenly, or twice at once: those seem to come in bundles of two, of which the one that counts would be put half a period
+    before its stamp. Mutation: bundles always told by all that were sent.
+    """
+    gyro, stamps_ns, taken_ns = _sent(4000, 2, 0.0, apart_ms)
+    fresh, bundles, placed_ns = as_sensed(gyro, stamps_ns)
+    assert fresh is not None
+    assert bundles is None
+    np.testing.assert_array_equal(placed_ns, taken_ns[::2])
