@@ -81,12 +81,11 @@ def hits_kernel(
                 d[at], cosine[at], beside[at] = S[DISTANCE + m], S[COSINE + m], S[BESIDE + m]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: float) -> tuple[float, float]:
-    """Mean [m] and variance, as a share of std_m^2, that a return's range error has in the cell in which it lies.
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def faces_along(x: float, y: float, z: float, sieve_m: float) -> tuple[float, float]:
+    """How much nearer and how much farther than a return its ray passes the two faces of its cell [m].
 
-    x, y, z: the return as published, which reads long_m too far.   std_m: of its range.   sieve_m: edge of the cells, of a grid
-    through the origin. The law is the normal one between the two faces that the ray passes.
+    x, y, z: the return as published.   sieve_m: edge of the cells, of a grid through the origin.
     """
     r = np.sqrt(x * x + y * y + z * z)
     near, far = -np.inf, np.inf
@@ -95,7 +94,27 @@ def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: 
             face, step = np.floor(value / sieve_m) * sieve_m * r / value, sieve_m * r / abs(value)
             begin = face if value > 0.0 else face - step
             near, far = max(near, begin), min(far, begin + step)
-    a, b = (near - r + long_m) / std_m, (far - r + long_m) / std_m
+    return near - r, far - r
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def faces_kernel(published_m: Float32Array, sieve_m: float, faces_m: FloatArray) -> None:
+    """Fills faces_m (N, 2) with `faces_along` of returns (N, 3)."""
+    for i in range(published_m.shape[0]):
+        faces_m[i] = faces_along(
+            np.float64(published_m[i, 0]), np.float64(published_m[i, 1]), np.float64(published_m[i, 2]), sieve_m
+        )
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: float) -> tuple[float, float]:
+    """Mean [m] and variance, as a share of std_m^2, that a return's range error has in the cell in which it lies.
+
+    x, y, z: the return as published, which reads long_m too far.   std_m: of its range.   sieve_m: edge of the cells, of a grid
+    through the origin. The law is the normal one between the two faces that the ray passes.
+    """
+    near_m, far_m = faces_along(x, y, z, sieve_m)
+    a, b = (near_m + long_m) / std_m, (far_m + long_m) / std_m
     inside = 0.5 * (math.erf(b * HALF_ROOT) - math.erf(a * HALF_ROOT))
     if not inside > 0.0:
         return 0.0, 0.0

@@ -27,6 +27,7 @@ from calib_core.factors.blocks import SeenPlanes, Weighing
 from calib_core.factors.cell_kernels import Grids, cells_kernel, near_kernel, within_kernel
 from calib_core.factors.kernels import (
     collapse_kernel,
+    faces_kernel,
     hits_kernel,
     move_and_sum_kernel,
     select_kernel,
@@ -276,6 +277,21 @@ def as_sieved(
         hits.plane, hits.published_m, hits.x_hit, d, hits.cosine, hits.ambiguous_m, extra, weighing_of(noise, gate), keep, weight
     )  # fmt: skip
     return replace(hits, d=d), keep, weight
+
+
+def cells_across(hits: Hits, sieve_m: float) -> FloatArray:
+    """(N, 2) between which distances [m] along the normal, positive where a return reads long, its cell keeps each of its hits'
+    errors. sieve_m: edge of the cells; 0 for none, which keep all.
+    """
+    faces_m = np.full((len(hits.d), 2), [-np.inf, np.inf])
+    if sieve_m > 0.0:
+        faces_kernel(hits.published_m, sieve_m, faces_m)
+    return np.asarray(np.abs(hits.cosine)[:, None] * faces_m + long_across(hits)[:, None])
+
+
+def long_across(hits: Hits) -> FloatArray:
+    """(N,) how far [m] along the normal each return lies from its plane, positive where it reads long."""
+    return np.asarray(hits.d * np.sign(hits.cosine))
 
 
 def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> MicroBins:

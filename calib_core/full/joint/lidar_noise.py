@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import Gate, LidarNoise, select
+from calib_core.factors.lidar_plane import Gate, LidarNoise, cells_across, select
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.settings import MEASURING
@@ -35,14 +35,22 @@ def measure_noise(
     wide = Gate(sigmas=MEASURING.gate_sigmas, extra_m=gate.extra_m, margin_m=gate.margin_m, min_cosine=gate.min_cosine)
     edges = np.linspace(0.0, 1.0, MEASURING.bands + 1)
 
-    def one(position: int) -> tuple[FloatArray, FloatArray]:
+    def one(position: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         hits = view.hits([position], wide, stride)
         keep, _ = select(hits, start, wide, extents)
         # Each scan's own mean on each plane is taken out: what remains is noise, not the pose's error.
-        return _centred(hits.d[keep], hits.plane[keep]), hits.cosine[keep] ** 2
+        off_m = _means(hits.d[keep], hits.plane[keep])
+        if start.sieve_m <= 0.0:
+            return hits.d[keep] - off_m, hits.cosine[keep] ** 2, np.zeros((0, 2))
+        sign = np.sign(hits.cosine[keep])
+        return (
+            (hits.d[keep] - off_m) * sign,
+            hits.cosine[keep] ** 2,
+            cells_across(hits, start.sieve_m)[keep] - (off_m * sign)[:, None],
+        )
 
     parts = over_scans(view, positions, one)
-    d, c2 = (np.concatenate(each) for each in zip(*parts, strict=True))
+    d, c2, cells_m = (np.concatenate(each) for each in zip(*parts, strict=True))
     if len(d) < MEASURING.fewest_points:
         return start
     rows, variances, weights = [], [], []
@@ -50,7 +58,7 @@ def measure_noise(
     for b in np.unique(band):
         mine = d[band == b]
         if len(mine) > MEASURING.fewest_in_band:
-            variance = tapered_variance(mine)
+            variance = tapered_variance(mine, cells_m[band == b] if len(cells_m) else None)
             rows.append([float(c2[band == b].mean()), 1.0])
             variances.append(variance)
             weights.append(np.sqrt(len(mine)) / max(variance, 1e-12))
@@ -61,29 +69,51 @@ def measure_noise(
 _TAPERED = 0.7708825578050007
 
 
-def tapered_variance(d: FloatArray) -> float:
+def tapered_variance(d: FloatArray, cells_m: FloatArray | None = None) -> float:
     """Variance of the normal law in the middle of a sample that has outliers, by weights that fall to zero at four sigma.
 
     The weights taper and agree with the variance that they give, so that it is a smooth function of every distance: one
     point more or less must not move the cost of the whole solve. The first guess is the median of the distances.
+
+    cells_m: (N, 2) between which the cell of a thinned cloud keeps each of d (N,). A wall that grazes a face leaves the few that
+    noise pushed through it as many points as those that stayed: taken as they are, they scatter by up to a third more than the
+    lidar's noise. So each is held against what its cell keeps of the law.
     """
     square = d**2
     variance = MAD_TO_STD**2 * float(np.median(square))
     for _ in range(MEASURING.passes):
         before = variance
         weight = np.maximum(1.0 - square / max(MEASURING.taper_sigmas**2 * before, 1e-30), 0.0) ** 2
-        variance = float(np.sum(weight * square)) / max(_TAPERED * float(np.sum(weight)), 1e-30)
+        kept = _TAPERED if cells_m is None else _tapered_between(cells_m / max(np.sqrt(before), 1e-15))
+        variance = float(np.sum(weight * square)) / max(float(np.sum(weight * kept)), 1e-30)
         if abs(variance - before) <= 1e-12 * before:
             break
     return variance
 
 
-def _centred(d: FloatArray, plane: IntArray) -> FloatArray:
-    out = d.copy()
+def _tapered_between(cells: FloatArray) -> FloatArray:
+    """(N,) E[w u^2] / E[w] of a standard normal u that is known to lie between two numbers (N, 2)."""
+    ends = np.clip(cells, -MEASURING.taper_sigmas, MEASURING.taper_sigmas)
+    of_weight, of_square = (
+        np.interp(ends[:, 1], _UNITS, total) - np.interp(ends[:, 0], _UNITS, total) for total in (_WEIGHTS, _SQUARES)
+    )
+    # Of a cell beyond the taper no return counts.
+    return np.asarray(np.where(of_weight > 0.0, of_square / np.maximum(of_weight, 1e-300), _TAPERED))
+
+
+#: Integrals of w and of w u^2 under the normal law up to each of so many numbers.
+_UNITS = np.linspace(-MEASURING.taper_sigmas, MEASURING.taper_sigmas, 4001)
+_DENSITY = np.exp(-0.5 * _UNITS**2) * (1.0 - (_UNITS / MEASURING.taper_sigmas) ** 2) ** 2
+_WEIGHTS, _SQUARES = np.cumsum(_DENSITY), np.cumsum(_DENSITY * _UNITS**2)
+
+
+def _means(d: FloatArray, plane: IntArray) -> FloatArray:
+    """(N,) the median of the distances of each one's plane, where it has enough points; else nothing."""
+    out = np.zeros(len(d))
     for j in np.unique(plane):
         mine = plane == j
         if mine.sum() > MEASURING.fewest_on_plane:
-            out[mine] -= np.median(d[mine])
+            out[mine] = np.median(d[mine])
     return out
 
 
