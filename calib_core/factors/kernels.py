@@ -107,6 +107,44 @@ def faces_kernel(published_m: Float32Array, sieve_m: float, faces_m: FloatArray)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def tapered_sums_kernel(
+    d: FloatArray, cells_m: FloatArray, std_m: float, ends: float, weights: FloatArray, squares: FloatArray
+) -> tuple[float, float]:
+    """Sums of w u^2, and of w times the mean of it that each one's cell keeps, of errors d (N,) in units of std_m.
+
+    cells_m: (N, 2) between which each cell keeps them.   w = (1 - (u / ends)^2)^2.   weights, squares: integrals of w and of
+    w u^2 under the normal law up to numbers from -ends to ends, evenly apart.
+    """
+    last = weights.shape[0] - 1
+    per_unit, total, kept = last / (2.0 * ends), 0.0, 0.0
+    for i in range(d.shape[0]):
+        u = d[i] / std_m
+        if abs(u) >= ends:
+            continue
+        w = (1.0 - (u / ends) ** 2) ** 2
+        at_near = (min(max(cells_m[i, 0] / std_m, -ends), ends) + ends) * per_unit
+        at_far = (min(max(cells_m[i, 1] / std_m, -ends), ends) + ends) * per_unit
+        near, far = min(int(at_near), last - 1), min(int(at_far), last - 1)
+        f, g = at_near - near, at_far - far
+        of_weight = (
+            weights[far]
+            + g * (weights[far + 1] - weights[far])
+            - weights[near]
+            - f * (weights[near + 1] - weights[near])
+        )
+        of_square = (
+            squares[far]
+            + g * (squares[far + 1] - squares[far])
+            - squares[near]
+            - f * (squares[near + 1] - squares[near])
+        )
+        # Between faces as good as the same, the error is what it is.
+        total += w * u * u
+        kept += w * (of_square / of_weight if of_weight > 0.0 else u * u)
+    return total, kept
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def cut_off(x: float, y: float, z: float, long_m: float, std_m: float, sieve_m: float) -> tuple[float, float]:
     """Mean [m] and variance, as a share of std_m^2, that a return's range error has in the cell in which it lies.
 

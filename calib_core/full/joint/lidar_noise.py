@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.factors.kernels import tapered_sums_kernel
 from calib_core.factors.lidar_plane import Gate, LidarNoise, cells_across, select
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.many_scans import over_scans
@@ -83,22 +84,16 @@ def tapered_variance(d: FloatArray, cells_m: FloatArray | None = None) -> float:
     variance = MAD_TO_STD**2 * float(np.median(square))
     for _ in range(MEASURING.passes):
         before = variance
-        weight = np.maximum(1.0 - square / max(MEASURING.taper_sigmas**2 * before, 1e-30), 0.0) ** 2
-        kept = _TAPERED if cells_m is None else _tapered_between(cells_m / max(np.sqrt(before), 1e-15))
-        variance = float(np.sum(weight * square)) / max(float(np.sum(weight * kept)), 1e-30)
-        if abs(variance - before) <= 1e-12 * before:
+        if cells_m is None:
+            weight = np.maximum(1.0 - square / max(MEASURING.taper_sigmas**2 * before, 1e-30), 0.0) ** 2
+            variance = float(np.sum(weight * square)) / max(_TAPERED * float(np.sum(weight)), 1e-30)
+        else:
+            std_m = max(np.sqrt(before), 1e-15)
+            total, kept = tapered_sums_kernel(d, cells_m, std_m, MEASURING.taper_sigmas, _WEIGHTS, _SQUARES)
+            variance = before * total / max(kept, 1e-30)
+        if abs(variance - before) <= (1e-12 if cells_m is None else MEASURING.agreeing) * before:
             break
     return variance
-
-
-def _tapered_between(cells: FloatArray) -> FloatArray:
-    """(N,) E[w u^2] / E[w] of a standard normal u that is known to lie between two numbers (N, 2)."""
-    ends = np.clip(cells, -MEASURING.taper_sigmas, MEASURING.taper_sigmas)
-    of_weight, of_square = (
-        np.interp(ends[:, 1], _UNITS, total) - np.interp(ends[:, 0], _UNITS, total) for total in (_WEIGHTS, _SQUARES)
-    )
-    # Of a cell beyond the taper no return counts.
-    return np.asarray(np.where(of_weight > 0.0, of_square / np.maximum(of_weight, 1e-300), _TAPERED))
 
 
 #: Integrals of w and of w u^2 under the normal law up to each of so many numbers.

@@ -92,6 +92,8 @@ class Measuring:
     fewest_on_plane: int = 20
     #: judged: passes until variance and weights agree to round-off. A bound alone.
     passes: int = 30
+    #: derived: of a thinned cloud, until a thousandth of the three digits that are kept no longer changes.
+    agreeing: float = 1e-6
     #: judged: no lidar is better than this, a tenth of a millimetre, and of no more than sixteen thousand points is it
     #: known to three digits.
     least_std_m: float = 1e-4
