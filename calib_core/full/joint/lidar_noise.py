@@ -97,7 +97,7 @@ def tapered_variance(d: FloatArray, cells_m: FloatArray | None = None) -> float:
 
 
 #: Integrals of w and of w u^2 under the normal law up to each of so many numbers.
-_UNITS = np.linspace(-MEASURING.taper_sigmas, MEASURING.taper_sigmas, 4001)
+_UNITS = np.linspace(-MEASURING.taper_sigmas, MEASURING.taper_sigmas, MEASURING.steps + 1)
 _DENSITY = np.exp(-0.5 * _UNITS**2) * (1.0 - (_UNITS / MEASURING.taper_sigmas) ** 2) ** 2
 _WEIGHTS, _SQUARES = np.cumsum(_DENSITY), np.cumsum(_DENSITY * _UNITS**2)
 
