@@ -17,5 +17,10 @@ __all__ = ["run_job"]
 # Where something of it is missing or broken, the job that needs it says so.
 with suppress(Exception):
     api.get_ready(aside=not FORKED)
-    for _name in ("calib_core.full.odometry.reference_cloud", "calib_core.doctor.examine"):
+    for _name in (
+        "calib_core.full.odometry.reference_cloud",
+        "calib_core.doctor.examine",
+        "calib_core.doctor.outlook",
+        "calib_core.full.foresight",
+    ):
         importlib.import_module(_name)

@@ -66,14 +66,16 @@ def test_jobs_are_forked_from_one_process_of_one_thread(tmp_path):
 def test_what_the_application_makes_ready_is_there_once_and_starts_no_threads():
     """Where the server's own jobs are forked from: SciPy, Numba and the library are in, and there is one thread.
 
-    Mutations: `aside` (a second thread); the import of the doctor left out.
+    Mutations: `aside` (a second thread); the import of the doctor left out, or that of the forecast, which it brings
+    late.
     """
     told = in_a_process("""
         import json, sys
         from pathlib import Path
         import app.work.ready
         status = Path("/proc/self/status").read_text().splitlines()
-        needed = ["scipy.linalg", "scipy.optimize", "numba", "calib_core.full.joint.solve", "calib_core.doctor.examine"]
+        needed = ["scipy.linalg", "scipy.spatial", "numba", "calib_core.full.joint.solve", "calib_core.doctor.examine",
+                  "calib_core.doctor.outlook", "calib_core.full.foresight"]
         print(json.dumps({
             "threads": next(line.split()[1] for line in status if line.startswith("Threads:")),
             "missing": [name for name in needed if name not in sys.modules],
