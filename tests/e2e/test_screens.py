@@ -91,7 +91,8 @@ def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     box.click()  # not uncheck(): that looks at once, and the page draws what it foresees a moment later
     expect(box).not_to_be_checked()
     expect(sentence).not_to_have_text(before)
-    assert sum(not patch["confirmed"] for patch in api.planes(solved[0])["patches"]) == 1
+    # The page says what it foresees while the server is still told.
+    until(lambda: sum(not patch["confirmed"] for patch in api.planes(solved[0])["patches"]) == 1)
     page.keyboard.press("Control+z")
     expect(page.locator("tr[data-confirmed=false]")).to_have_count(0)
     page.get_by_role("button", name=re.compile("More for")).first.click()
