@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from calib_core.pace import GAP_PERIODS
 from calib_core.readers.imu.bundles import Bundles, spread
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -56,6 +57,7 @@ def as_sensed(gyro: FloatArray, stamps_ns: IntArray) -> tuple[BoolArray | None, 
 
 
 def unevenness(stamps_ns: IntArray) -> float:
-    """What the steps of a row scatter by, of their mean."""
+    """What the steps of a row scatter by, of their mean: those beside gaps, which would outweigh all others."""
     steps = np.diff(stamps_ns).astype(np.float64)
+    steps = steps[steps <= GAP_PERIODS * np.median(steps)]
     return float(np.std(steps) / max(float(np.mean(steps)), 1.0))

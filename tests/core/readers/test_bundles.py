@@ -208,3 +208,18 @@ def test_what_is_only_sent_more_than_once_keeps_its_stamps(apart_ms: float) -> N
     assert fresh is not None
     assert bundles is None
     np.testing.assert_array_equal(placed_ns, taken_ns[::2])
+
+
+@pytest.mark.parametrize(("repeats", "buffer_ms"), [(2, 16.0), (2, 50.0), (3, 37.0)])
+def test_bundles_of_repeats_are_seen_beside_a_gap_and_losses(repeats: int, buffer_ms: float) -> None:
+    """Six seconds lost, and one message of a hundred. Mutation: a gap's own length counted in how even a row is."""
+    gyro, stamps_ns, taken_ns = _sent(4000, repeats, buffer_ms)
+    there = np.random.default_rng(1).random(4000) > 0.01
+    there[1500:2100] = False
+    fresh, bundles, placed_ns = as_sensed(gyro[there], stamps_ns[there])
+    assert bundles is not None
+    assert fresh is not None
+    late_ms = 1e-6 * (placed_ns - taken_ns[there][fresh])
+    as_stamped_ms = 1e-6 * (stamps_ns[there][fresh] - taken_ns[there][fresh])
+    assert np.percentile(late_ms, 98.0) < 10.1
+    assert np.std(late_ms) < 0.8 * np.std(as_stamped_ms)
