@@ -57,8 +57,7 @@ def add_links_kernel(
     nodes: int,
     gravity_start: int,
     nuisance_column: IntArray,
-    window: IntArray,
-    width: int,
+    ours: int,
     diagonal: FloatArray,
     lower: FloatArray,
     border: FloatArray,
@@ -66,13 +65,14 @@ def add_links_kernel(
     gradient: FloatArray,
     gradient_shared: FloatArray,
 ) -> None:
-    """Adds J' J and J' r of whitened links to an arrow system (solver/arrow.py).
+    """Adds J' J and J' r of whitened links in a row to a part of an arrow system (solver/arrow.py), of L + 1 knots.
 
     first, second: (L, 9, 9) by the link's two knots.   D_gravity, D_gyro, D_accel: (L, 9, 3).   residual: (L, 9).
     D_nuisance: (L, 9, N), in the shared columns nuisance_column (N,).
-    node, fraction: (L,): the bias is (1 - fraction) of node and fraction of the next; one node where nodes is 1.
-    gravity_start: column of gravity; gyro bias nodes follow it, accelerometer nodes follow those.   window: (K,) the first node
-    that a knot's border has, of so many: what follows the nodes comes that much earlier in it (Layout.known_to_knots).
+    node, fraction: (L,): the bias is (1 - fraction) of node and fraction of the next, of so many nodes that the part knows; one
+    alone has no next.   gravity_start: column of gravity; gyro bias nodes follow it, accelerometer nodes follow those.
+    ours: the first link whose shared columns are this part's own business; those before it are counted in another.
+    lower: (L, 9, 9), a link's second knot with its first.
     """
     links = first.shape[0]
     extra = nuisance_column.shape[0]
@@ -82,17 +82,13 @@ def add_links_kernel(
     rows, pulls, filled = np.empty((9 * _TOGETHER, per_link)), np.empty(9 * _TOGETHER), 0
     border_first, border_second = np.empty((9, per_link)), np.empty((9, per_link))
     column = np.empty(per_link, np.int64)
-    place = np.empty((2, per_link), np.int64)
     for c in range(3):
-        column[c] = place[0, c] = place[1, c] = gravity_start + c
+        column[c] = gravity_start + c
     for c in range(extra):
         column[walking + c] = nuisance_column[c]
-        place[0, walking + c] = place[1, walking + c] = nuisance_column[c] - 6 * (nodes - width)
     for link in range(links):
         k, left, f = link, node[link], fraction[link]
         _bias_columns(left, gravity_start + 3, nodes, column)
-        for end in range(2):
-            _bias_columns(left - window[k + end], gravity_start + 3, width, place[end])
         shared = rows[filled : filled + 9]
         for r in range(9):
             for c in range(3):
@@ -107,7 +103,6 @@ def add_links_kernel(
         # Summed up in small arrays of fixed columns, then put in place once: the inner loops run along memory.
         A, B, res = first[link], second[link], residual[link]
         pulls[filled : filled + 9] = res
-        filled += 9
         border_first[:], border_second[:] = 0.0, 0.0
         for i in range(9):
             for m in range(9):
@@ -127,14 +122,51 @@ def add_links_kernel(
                     border_first[i, c] += a0 * shared[m, c] + a1 * shared[m + 1, c] + a2 * shared[m + 2, c]
                 for c in range(per_link):
                     border_second[i, c] += b0 * shared[m, c] + b1 * shared[m + 1, c] + b2 * shared[m + 2, c]
-        for c in range(per_link):
-            for i in range(9):
-                border[k, i, place[0, c]] += border_first[i, c]
-                border[k + 1, i, place[1, c]] += border_second[i, c]
+        for i in range(9):
+            for c in range(per_link):
+                border[k, i, column[c]] += border_first[i, c]
+                border[k + 1, i, column[c]] += border_second[i, c]
+        if link < ours:
+            continue
+        filled += 9
         if link + 1 == links or node[link + 1] != left or filled == len(rows):
             some = rows[:filled]
             _put_in_place(np.dot(some.T, some), np.dot(some.T, pulls[:filled]), column, corner, gradient_shared)
             filled = 0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def links_times_kernel(
+    first: FloatArray,
+    second: FloatArray,
+    D_gravity: FloatArray,
+    D_gyro: FloatArray,
+    D_accel: FloatArray,
+    gravity: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Adds to out (L + 1, 9, m) what links as in `add_links_kernel` say of their knots: J' J of them times columns of gravity
+    (3, m) and of each link's biases (L, 3, m), the sensors' parameters among these.
+    """
+    count = out.shape[2]
+    response = np.empty((9, count))
+    for link in range(first.shape[0]):
+        for r in range(9):
+            row = response[r]
+            row[:] = 0.0
+            for j in range(3):
+                g, w, a = D_gravity[link, r, j], D_gyro[link, r, j], D_accel[link, r, j]
+                for c in range(count):
+                    row[c] += g * gravity[j, c] + w * gyro[link, j, c] + a * accel[link, j, c]
+        for m in range(9):
+            row = response[m]
+            for i in range(9):
+                a, b = first[link, m, i], second[link, m, i]
+                for c in range(count):
+                    out[link, i, c] += a * row[c]
+                    out[link + 1, i, c] += b * row[c]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -146,7 +178,6 @@ def add_bins_kernel(
     scattered: FloatArray,
     planes_start: int,
     clock_column: int,
-    squeezed: int,
     diagonal: FloatArray,
     border: FloatArray,
     corner: FloatArray,
@@ -157,7 +188,6 @@ def add_bins_kernel(
 
     knot, plane: (B,).   J: (B, 4, 19) of [n_lidar, w_lidar], or (B, 4, 20) where the clocks' rate has a column.
     scatter: (B, 5, 5) M.   scattered: (B, 5) M a.   planes_start: column of the first plane.   clock_column: of the rate.
-    squeezed: by so much these come earlier in a knot's border (Layout.squeezed).
     """
     width = J.shape[2]
     weighted, own = np.empty((4, width)), np.empty((width, width))
@@ -182,9 +212,9 @@ def add_bins_kernel(
                 for c in range(7):
                     border[k, i, c] += own[i, 9 + c]
                 for c in range(3):
-                    border[k, i, at_plane - squeezed + c] += own[i, 16 + c]
+                    border[k, i, at_plane + c] += own[i, 16 + c]
                 if width > 19:
-                    border[k, i, clock_column - squeezed] += own[i, 19]
+                    border[k, i, clock_column] += own[i, 19]
                 continue
             row = i - 9 if i < 16 else at_plane + i - 16 if i < 19 else clock_column
             gradient_shared[row] += force
@@ -194,3 +224,57 @@ def add_bins_kernel(
                 corner[row, at_plane + c] += own[i, 16 + c]
             if width > 19:
                 corner[row, clock_column] += own[i, 19]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def bins_times_kernel(
+    knot: IntArray,
+    plane: IntArray,
+    J: FloatArray,
+    scatter: FloatArray,
+    along: FloatArray,
+    calibration: FloatArray,
+    planes: FloatArray,
+    clock: FloatArray,
+    crossed: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Adds to out (K, 9, m) what bins as in `add_bins_kernel` say of their knots: J' M J of them times columns, and J' crossed.
+
+    along: (K, 9, m) of the knots, or (0, 9, m) for nothing.   calibration: (7, m).   planes: (P, 3, m).   clock: (1, m) of the
+    clocks' rate.   crossed: (B, 4, m) what the lasers' own parameters add to M J times columns.
+    """
+    count, width = out.shape[2], J.shape[2]
+    response, pull = np.empty((4, count)), np.empty((4, count))
+    for b in range(knot.shape[0]):
+        k, at = knot[b], planes[plane[b]]
+        for i in range(4):
+            row = response[i]
+            row[:] = 0.0
+            if along.shape[0] > 0:
+                for r in range(9):
+                    for c in range(count):
+                        row[c] += J[b, i, r] * along[k, r, c]
+            for r in range(7):
+                for c in range(count):
+                    row[c] += J[b, i, 9 + r] * calibration[r, c]
+            for r in range(3):
+                for c in range(count):
+                    row[c] += J[b, i, 16 + r] * at[r, c]
+            if width > 19:
+                for c in range(count):
+                    row[c] += J[b, i, 19] * clock[0, c]
+        for i in range(4):
+            w0, w1, w2, w3 = scatter[b, i, 0], scatter[b, i, 1], scatter[b, i, 2], scatter[b, i, 3]
+            for c in range(count):
+                pull[i, c] = (
+                    crossed[b, i, c]
+                    + w0 * response[0, c]
+                    + w1 * response[1, c]
+                    + w2 * response[2, c]
+                    + w3 * response[3, c]
+                )
+        for r in range(9):
+            j0, j1, j2, j3 = J[b, 0, r], J[b, 1, r], J[b, 2, r], J[b, 3, r]
+            for c in range(count):
+                out[k, r, c] += j0 * pull[0, c] + j1 * pull[1, c] + j2 * pull[2, c] + j3 * pull[3, c]

@@ -46,19 +46,16 @@ def add_features_kernel(
     change: FloatArray,
     planes_start: int,
     clock_column: int,
-    squeezed: int,
     gradient: FloatArray,
     border: FloatArray,
     corner: FloatArray,
     gradient_shared: FloatArray,
-    first: int,
-    last: int,
 ) -> None:
-    """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster: first..last (exclusive).
+    """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
 
     bins, laser: (B,), clusters of one bin in a row.   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the
     bins.   cross: (B, F, 5).   column_of: (L, 13) shared columns, -1 for none.   change: (L, F) of the features' coefficients
-    since the clusters were made.   gradient: (K, 9).   squeezed: by so much these columns come earlier in a knot's border.
+    since the clusters were made.   gradient: (K, 9).
 
     What all clusters of a bin say of one column is the same four numbers times the bin's J. They are laid side by side first, a
     row for each of the four: what is then multiplied runs along memory, through stretches of columns that any cluster touches.
@@ -72,7 +69,7 @@ def add_features_kernel(
     common = np.zeros((COLUMNS_SEEN - 11, columns))
     by_plane = np.zeros((3 * (plane.max() + 1 if plane.shape[0] > 0 else 0), columns))
     force = np.zeros(columns)
-    b = first
+    b, last = 0, bins.shape[0]
     while b < last:
         q = bins[b]
         k, at_plane = knot[q], 3 * plane[q]
@@ -94,10 +91,9 @@ def add_features_kernel(
                 moments[0, begin:stop], moments[1, begin:stop], moments[2, begin:stop], moments[3, begin:stop],
                 moments[4, begin:stop],
             )  # fmt: skip
-            here = start - squeezed
             for i in range(width):
                 if i < 9:
-                    row = border[k, i, here + begin : here + stop]
+                    row = border[k, i, start + begin : start + stop]
                 elif 16 <= i < COLUMNS_SEEN:
                     row = by_plane[at_plane + i - 16, begin:stop]
                 else:
@@ -111,6 +107,26 @@ def add_features_kernel(
         _put_beside(at if at < 7 else clock_column, common, at, start, corner)
     for at in range(by_plane.shape[0]):
         _put_beside(planes_start + at, by_plane, at, start, corner)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def features_times_kernel(
+    bins: IntArray, laser: IntArray, cross: FloatArray, response: FloatArray, crossed: FloatArray
+) -> None:
+    """Adds to crossed (Q, 4, m) what clusters (B,) pull their bins by where the lasers' features follow `response` (L, F, m)."""
+    count = crossed.shape[2]
+    pull = np.empty(4)
+    for b in range(bins.shape[0]):
+        q, j = bins[b], laser[b]
+        for c in range(count):
+            pull[:] = 0.0
+            for f in range(cross.shape[1]):
+                moved = response[j, f, c]
+                if moved != 0.0:
+                    for i in range(4):
+                        pull[i] += moved * cross[b, f, i]
+            for i in range(4):
+                crossed[q, i, c] += pull[i]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

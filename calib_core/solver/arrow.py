@@ -1,8 +1,8 @@
 """Normal equations shaped like an arrow: a chain of equal blocks, each coupled to the next, and a shared border.
 
-        [ D0 E0'            B0 ]          D_k (n, n)   one knot
-        [ E0 D1 E1'         B1 ]          E_k (n, n)   knot k + 1 with knot k
-    H = [    E1 D2 ...      .. ]          B_k (n, S)   knot with the shared parameters
+        [ D0 E1'            B0 ]          D_k (n, n)   one knot
+        [ E1 D1 E2'         B1 ]          E_k (n, n)   knot k with the one before it
+    H = [    E2 D2 ...      .. ]          B_k (n, S)   knot with the shared parameters
         [          ...         ]          C   (S, S)   shared parameters
         [ B0' B1' ...       C  ]
 
@@ -10,12 +10,17 @@ The chain is eliminated block by block by Cholesky factors; what remains on the 
 of the shared parameters with the chain marginalised: the calibration's own information matrix. A long chain is cut: the
 pieces between the cuts are eliminated first, each with those shared columns alone that it touches, then the cuts' knots,
 which are a short chain of their own.
+
+Equations are asked for part by part, and a part's border is gone once it is eliminated: of a long recording the whole would be
+gigabytes. A step of the chain needs the border once more, times the step of what is shared, which whoever has the equations
+finds without writing it out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -29,7 +34,7 @@ from calib_core.solver.kernels import (
     touched_kernel,
 )
 from calib_core.threads import workers
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 class NotPositiveDefinite(ArithmeticError):
@@ -37,13 +42,63 @@ class NotPositiveDefinite(ArithmeticError):
 
 
 @dataclass
-class ArrowSystem:
-    """H and gradient of a sum of squares, accumulated factor by factor.
+class ArrowPart:
+    """The rows of k knots in a row, and what belongs to no other part of the shared ones.
 
-    diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, C).   corner: (S, S).
+    diagonal: (k, n, n).   lower: (k, n, n) each knot with the one before it, which the chain's first has not.
+    border: (k, n, C), corner: (C, C), gradient_shared: (C,), of the shared columns `columns` (C,), each once.   gradient: (k, n).
+    """
+
+    diagonal: FloatArray
+    lower: FloatArray
+    border: FloatArray
+    columns: IntArray
+    corner: FloatArray
+    gradient: FloatArray
+    gradient_shared: FloatArray
+
+
+class ArrowEquations(Protocol):
+    """What a solver asks of normal equations of K knots with n unknowns each, and S shared ones.
+
+    Parts are asked for on several threads at once.
+    """
+
+    @property
+    def knots(self) -> int:
+        """K."""
+        ...
+
+    @property
+    def shared(self) -> int:
+        """S."""
+        ...
+
+    @property
+    def frozen(self) -> tuple[int, ...]:
+        """Shared columns held fixed."""
+        ...
+
+    def part(self, first: int, last: int) -> ArrowPart:
+        """Knots first..last (exclusive)."""
+        ...
+
+    def common(self) -> tuple[FloatArray, FloatArray]:
+        """Of the shared unknowns what belongs to no part: corner (S, S) and gradient (S,)."""
+        ...
+
+    def border_times(self, shared: FloatArray) -> FloatArray:
+        """(K, n, m) B times columns (S, m)."""
+        ...
+
+
+@dataclass
+class ArrowSystem:
+    """H and gradient of a sum of squares written out, accumulated factor by factor: of a short chain.
+
+    diagonal: (K, n, n).   lower: (K - 1, n, n), row block k + 1, column block k.   border: (K, n, S).   corner: (S, S).
     gradient: (K, n).   gradient_shared: (S,).   cost: half the sum of squares, where a problem tells it.   frozen: shared
-    columns held fixed.   columns: (K, C) which of the shared each column of a knot's border is, each once; None where they are
-    all there, in order.
+    columns held fixed.
     """
 
     diagonal: FloatArray
@@ -54,34 +109,67 @@ class ArrowSystem:
     gradient_shared: FloatArray
     cost: float = 0.0
     frozen: tuple[int, ...] = ()
-    columns: IntArray | None = None
 
     @staticmethod
-    def zeros(knots: int, block: int, shared: int, columns: IntArray | None = None) -> ArrowSystem:
-        """An empty system of K knots with n unknowns each and S shared unknowns, of which each knot knows some or all."""
+    def zeros(knots: int, block: int, shared: int) -> ArrowSystem:
+        """An empty system of K knots with n unknowns each and S shared unknowns."""
         return ArrowSystem(
             np.zeros((knots, block, block)),
             np.zeros((max(knots - 1, 0), block, block)),
-            np.zeros((knots, block, shared if columns is None else columns.shape[1])),
+            np.zeros((knots, block, shared)),
             np.zeros((shared, shared)),
             np.zeros((knots, block)),
             np.zeros(shared),
-            columns=columns,
         )
 
-    def known(self) -> IntArray:
-        """(K, C) the shared column of each of the border's."""
-        if self.columns is not None:
-            return self.columns
-        return np.repeat(np.arange(self.corner.shape[0])[None], len(self.diagonal), axis=0)
+    @staticmethod
+    def of(equations: ArrowEquations) -> ArrowSystem:
+        """Equations written out: of a short chain, to be looked at."""
+        part = equations.part(0, equations.knots)
+        corner, gradient_shared = equations.common()
+        border = np.zeros((*part.gradient.shape, equations.shared))
+        border[:, :, part.columns] = part.border
+        corner[np.ix_(part.columns, part.columns)] += part.corner
+        gradient_shared[part.columns] += part.gradient_shared
+        return ArrowSystem(
+            part.diagonal, part.lower[1:], border, corner, part.gradient, gradient_shared, frozen=equations.frozen
+        )
 
-    def whole_border(self) -> FloatArray:
-        """(K, n, S) the border with every zero written out."""
-        if self.columns is None:
-            return self.border
-        out = np.zeros((*self.gradient.shape, self.corner.shape[0]))
-        np.put_along_axis(out, np.repeat(self.columns[:, None], out.shape[1], axis=1), self.border, axis=2)
-        return out
+    @property
+    def knots(self) -> int:
+        """K."""
+        return len(self.diagonal)
+
+    @property
+    def shared(self) -> int:
+        """S."""
+        return len(self.corner)
+
+    def part(self, first: int, last: int) -> ArrowPart:
+        """Knots first..last (exclusive), and nothing of the corner."""
+        some, size = slice(first, last), self.shared
+        before = (
+            self.lower[first - 1 : last - 1]
+            if first
+            else np.concatenate([np.zeros_like(self.diagonal[:1]), self.lower])
+        )
+        return ArrowPart(
+            self.diagonal[some],
+            before[: last - first],
+            self.border[some],
+            np.arange(size),
+            np.zeros((size, size)),
+            self.gradient[some],
+            np.zeros(size),
+        )
+
+    def common(self) -> tuple[FloatArray, FloatArray]:
+        """The corner, and its gradient."""
+        return self.corner.copy(), self.gradient_shared.copy()
+
+    def border_times(self, shared: FloatArray) -> FloatArray:
+        """(K, n, m) the border times columns (S, m)."""
+        return np.asarray(self.border @ shared)
 
 
 @dataclass(frozen=True)
@@ -120,120 +208,160 @@ def _shared_step(schur: FloatArray, gradient: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A piece of the chain eliminated: knots first..last (exclusive), factors L, M, W of solver/kernels.py in scaled units.
+    """A piece of the chain eliminated: knots first..last (exclusive), and the cut's knot after it, but for the last piece.
 
-    W: (k, n, ..) on the shared columns that these knots touch (`touched`, among the free ones), on the knot before the piece
-    where there is one, and the gradient.   gram: W' W.   onward: (n, n) M of the knot after the piece.
+    L, M: factors of solver/kernels.py in units of `scale` (k, n), the cut's among them.   before: (n, n) the first knot with the
+    one before it, in scaled rows; none for the first piece.   onward: (n, n) M of the cut's knot.   gradient: (k, n).
     """
 
     first: int
     last: int
+    scale: FloatArray
+    gradient: FloatArray
     L: FloatArray
     M: FloatArray
-    W: FloatArray
-    touched: IntArray
+    before: FloatArray | None
+    onward: FloatArray | None
+
+    def leading(self, pull: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What a pull (K, n) on the chain does to the knots before and after the piece, (n,) each, through it: in the first's own
+        units and the second's scaled ones."""
+        own = pull[self.first : self.last] * self.scale[: self.last - self.first]
+        forward_kernel(self.L, self.M, own)
+        none = np.zeros(own.shape[1])
+        after = none if self.onward is None else self.onward @ own[-1]
+        if self.before is None:
+            return none, after
+        substitute_kernel(self.L, self.M, own)
+        return self.before.T @ own[0], after
+
+    def followed(self, pull: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+        """(k, n) how it gives way to a pull (K, n), with the knots before and after where they come to be: as in `leading`."""
+        scale = self.scale[: self.last - self.first]
+        own = -pull[self.first : self.last] * scale
+        if self.before is not None:
+            own[0] -= self.before @ before
+        forward_kernel(self.L, self.M, own)
+        if self.onward is not None:
+            own[-1] -= self.onward.T @ after
+        substitute_kernel(self.L, self.M, own)
+        return np.asarray(own * scale)
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What a piece's elimination leaves of its part, of its own shared columns and for the cuts beside it.
+
+    own: (F,) which of the part's columns are free and touched. W of solver/kernels.py is of these, of the knot before in its own
+    units where there is one, and of the gradient.   gram: W' W.   last: (n, ..) W of the last knot.   cut: D (n, n), and the
+    border (n, C) and gradient (n,) of the cut's knot, in scaled rows; None after the last.
+    """
+
+    part: ArrowPart
+    own: IntArray
     gram: FloatArray
-    onward: FloatArray
-
-    @property
-    def has_before(self) -> bool:
-        """Whether the piece begins behind a cut."""
-        return self.first > 0
-
-    def without_inside(self) -> _Piece:
-        """With its last knot alone of the factors: what the knots between pieces, and the border, ask of it."""
-        return replace(self, L=self.L[-1:].copy(), M=self.M[:0].copy(), W=self.W[-1:].copy())
+    last: FloatArray
+    cut: tuple[FloatArray, FloatArray, FloatArray] | None
 
 
 @dataclass(frozen=True)
 class _Chain:
-    """The chain eliminated, in units of `scale` (K, n): first the pieces, then the knots `cuts` between them.
+    """The chain eliminated: first the pieces, then the knots between them, which are a chain of their own of factors L, M in
+    units of `scale` (cuts, n).
 
-    L, M, W: of the cuts, a chain of their own.   free: shared columns that are not frozen; schur, reduced: what is left of
-    the information and the gradient there.
+    free: shared columns that are not frozen; schur, reduced: what is left of the information and the gradient there.
+    gradient_shared: (S,) before that.
     """
 
     pieces: list[_Piece]
-    cuts: IntArray
     L: FloatArray
     M: FloatArray
-    W: FloatArray
     scale: FloatArray
     free: IntArray
     schur: FloatArray
     reduced: FloatArray
+    gradient_shared: FloatArray
+
+    def gradient(self) -> FloatArray:
+        """(K, n)."""
+        return np.concatenate([piece.gradient for piece in self.pieces])
 
 
-def _eliminated(system: ArrowSystem, damping: float, *, for_steps: bool = True) -> _Chain:
+def _eliminated(equations: ArrowEquations, damping: float, *, for_steps: bool = True) -> _Chain:
     """Piece by piece, which may go on at the same time: where they are cut does not depend on how many do.
 
-    for_steps: with what a step of the chain is found by, as much memory as the system itself.
+    for_steps: with what a step of the chain is found by.
     """
-    knots = len(system.diagonal)
-    free = np.setdiff1d(np.arange(system.corner.shape[0]), system.frozen)
-    shared = len(free)
-    # Unit diagonal: positions, angles and velocities differ by many orders of magnitude.
-    scale = 1.0 / np.sqrt(np.maximum((1.0 + damping) * np.einsum("kii->ki", system.diagonal), 1e-300))
+    knots, size = equations.knots, equations.shared
+    free = np.setdiff1d(np.arange(size), equations.frozen)
+    is_free = np.zeros(size, np.bool_)
+    is_free[free] = True
     pieces = max(1, round(knots / _PIECE))
-    cuts = (np.arange(1, pieces) * knots) // pieces
-    known = system.known()
-    edges = [-1, *(int(cut) for cut in cuts), knots]
+    edges = [0, *((np.arange(1, pieces) * knots) // pieces + 1).tolist(), knots]
+
+    def one(k: int) -> tuple[_Piece, _Left] | None:
+        piece = _eliminated_piece(equations, damping, is_free, edges[k], edges[k + 1])
+        if piece is None or for_steps:
+            return piece
+        # What the knots between pieces ask of it.
+        return replace(piece[0], L=piece[0].L[:0], M=piece[0].M[:0]), piece[1]
+
     tasks = range(pieces)
-
-    def one(k: int) -> _Piece | None:
-        piece = _eliminated_piece(system, known, damping, scale, free, edges[k] + 1, edges[k + 1])
-        return piece if for_steps or piece is None else piece.without_inside()
-
-    done = [piece for piece in (workers().map(one, tasks) if pieces > 1 else map(one, tasks)) if piece is not None]
-    if len(done) < pieces:
-        raise NotPositiveDefinite("the chain of knots is not positive definite")
-    L, E, W, inner = _between(system, known, damping, scale, free, done, cuts)
-    if not eliminate_kernel(L, E, W):
-        raise NotPositiveDefinite("the chain of knots is not positive definite")
-    flat = W.reshape(-1, shared + 1)
-    inner += flat.T @ flat
-    corner = system.corner[np.ix_(free, free)]
-    if damping > 0:
-        corner = corner + np.diag(damping * np.diag(corner))
-    schur = corner - inner[:shared, :shared]
-    reduced = system.gradient_shared[free] - inner[:shared, shared]
-    return _Chain(done, cuts, L, E, W, scale, free, 0.5 * (schur + schur.T), reduced)
+    done = workers().map(one, tasks) if pieces > 1 else map(one, tasks)
+    return _between(equations, damping, free, pieces, done)
 
 
 def _between(
-    system: ArrowSystem,
-    known: IntArray,
+    equations: ArrowEquations,
     damping: float,
-    scale: FloatArray,
     free: IntArray,
-    pieces: Sequence[_Piece],
-    cuts: IntArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """What the pieces leave of the knots between them, D, E, W of a chain, and what they take from the border: W' W."""
-    n, shared = system.diagonal.shape[1], len(free)
-    place = _places(free, system.corner.shape[0])
-    D, E, W = np.empty((len(cuts), n, n)), np.zeros((max(len(cuts) - 1, 0), n, n)), np.empty((len(cuts), n, shared + 1))
-    for j, cut in enumerate(cuts):
-        fill_kernel(
-            system.diagonal, system.lower, system.border, known, system.gradient, scale, place, damping, int(cut), False,
-            D[j : j + 1], E[:0], W[j : j + 1],
-        )  # fmt: skip
-    inner = np.zeros((shared + 1, shared + 1))
-    for j, piece in enumerate(pieces):
-        theirs = np.append(piece.touched, shared)
-        own = np.append(np.arange(len(piece.touched)), piece.W.shape[2] - 1)
-        add_places_kernel(piece.gram, own, theirs, inner)
-        before = slice(len(piece.touched), len(piece.touched) + n)
-        if piece.has_before:
-            D[j - 1] -= piece.gram[before, before]
-            W[j - 1][:, theirs] -= piece.gram[before][:, own]
-        if j < len(cuts):
-            last = piece.W[-1]
+    count: int,
+    done: Iterator[tuple[_Piece, _Left] | None],
+) -> _Chain:
+    """The knots between so many pieces as these leave them, in order, and then what they all leave of the border."""
+    shared = len(free)
+    place = _places(free, equations.shared)
+    corner, gradient_shared = equations.common()
+    pieces: list[_Piece] = []
+    taken = np.zeros((shared + 1, shared + 1))
+    D = E = W = scale = np.zeros((0, 0, 0))
+    for j, each in enumerate(done):
+        if each is None:
+            raise NotPositiveDefinite("the chain of knots is not positive definite")
+        piece, left = each
+        n = piece.gradient.shape[1]
+        if j == 0:
+            D, E = np.zeros((count - 1, n, n)), np.zeros((max(count - 2, 0), n, n))
+            W, scale = np.zeros((count - 1, n, shared + 1)), np.zeros((count - 1, n))
+        part, width = left.part, len(left.own)
+        add_places_kernel(part.corner, np.arange(len(part.columns)), part.columns, corner)
+        gradient_shared[part.columns] += part.gradient_shared
+        own, theirs = np.append(np.arange(width), len(left.gram) - 1), np.append(place[part.columns[left.own]], shared)
+        add_places_kernel(left.gram, own, theirs, taken)
+        before = slice(width, width + n)
+        if j > 0:
+            unit = scale[j - 1][:, None]
+            D[j - 1] -= unit * left.gram[before, before] * scale[j - 1]
+            W[j - 1][:, theirs] -= unit * left.gram[before][:, own]
+        if left.cut is not None and piece.onward is not None:
+            D[j], border, W[j, :, shared] = left.cut
+            scale[j] = piece.scale[-1]
+            W[j][:, theirs[:-1]] = border[:, left.own]
             D[j] -= piece.onward @ piece.onward.T
-            W[j][:, theirs] -= piece.onward @ last[:, own]
-            if piece.has_before:
-                E[j - 1] = -(piece.onward @ last[:, before])
-    return D, E, W, inner
+            W[j][:, theirs] -= piece.onward @ left.last[:, own]
+            if j > 0:
+                E[j - 1] = -(piece.onward @ left.last[:, before]) * scale[j - 1]
+        pieces.append(piece)
+    if not eliminate_kernel(D, E, W):
+        raise NotPositiveDefinite("the chain of knots is not positive definite")
+    flat = W.reshape(-1, shared + 1)
+    taken += flat.T @ flat
+    corner = corner[np.ix_(free, free)]
+    if damping > 0:
+        corner = corner + np.diag(damping * np.diag(corner))
+    schur = corner - taken[:shared, :shared]
+    reduced = gradient_shared[free] - taken[:shared, shared]
+    return _Chain(pieces, D, E, scale, free, 0.5 * (schur + schur.T), reduced, gradient_shared)
 
 
 def _places(columns: IntArray, size: int) -> IntArray:
@@ -244,69 +372,90 @@ def _places(columns: IntArray, size: int) -> IntArray:
 
 
 def _eliminated_piece(
-    system: ArrowSystem, known: IntArray, damping: float, scale: FloatArray, free: IntArray, first: int, last: int
-) -> _Piece | None:
-    """Knots first..last (exclusive); None where they are not positive definite."""
-    knots, n, _ = system.diagonal.shape
-    count, has_before = last - first, first > 0
-    # Most shared unknowns are felt everywhere, a node of the biases or a plane by a part of the chain alone.
-    size = system.corner.shape[0]
-    touched = np.flatnonzero(touched_kernel(system.border, known, size, first, last)[free])
+    equations: ArrowEquations, damping: float, free: BoolArray, first: int, end: int
+) -> tuple[_Piece, _Left] | None:
+    """The part of knots first..end (exclusive), whose last is a cut's but for the last part; None where its chain is not positive
+    definite. free: (S,)."""
+    part, is_last = equations.part(first, end), end == equations.knots
+    count, n = part.gradient.shape
+    count -= not is_last
+    # Unit diagonal: positions, angles and velocities differ by many orders of magnitude.
+    scale = 1.0 / np.sqrt(np.maximum((1.0 + damping) * np.einsum("kii->ki", part.diagonal), 1e-300))
+    # Most shared unknowns are felt everywhere, a plane by a part of the chain alone.
+    own = np.flatnonzero(free[part.columns] & touched_kernel(part.border))
     L, M = np.empty((count, n, n)), np.empty((max(count - 1, 0), n, n))
-    W = np.empty((count, n, len(touched) + (n if has_before else 0) + 1))
-    fill_kernel(
-        system.diagonal, system.lower, system.border, known, system.gradient, scale, _places(free[touched], size), damping,
-        first, has_before, L, M, W,
-    )  # fmt: skip
+    W = np.empty((count, n, len(own) + (n if first else 0) + 1))
+    fill_kernel(part.diagonal, part.lower, part.border, part.gradient, scale, own, damping, first > 0, L, M, W)
     if not eliminate_kernel(L, M, W):
         return None
     flat = W.reshape(count * n, -1)
-    onward = np.zeros((n, n))
-    if last < knots:
-        after = system.lower[last - 1] * (scale[last][:, None] * scale[last - 1])
+    before = part.lower[0] * scale[0][:, None] if first else None
+    onward = cut = None
+    if not is_last:
+        unit = scale[count][:, None]
+        after = part.lower[count] * (unit * scale[count - 1])
         onward = np.linalg.solve(np.tril(L[-1]), after.T).T
-    return _Piece(first, last, L, M, W, touched, flat.T @ flat, onward)
+        D = part.diagonal[count] * unit * scale[count]
+        D[np.arange(n), np.arange(n)] *= 1.0 + damping
+        cut = D, part.border[count] * unit, part.gradient[count] * scale[count]
+    left = _Left(replace(part, diagonal=_NONE, lower=_NONE, border=_NONE), own, flat.T @ flat, W[-1].copy(), cut)
+    return _Piece(first, first + count, scale, part.gradient, L, M, before, onward), left
 
 
-def _chain_step(chain: _Chain, shared: FloatArray, gradient: float) -> FloatArray:
-    """How the chain follows a step of the free shared columns (F,), and the gradient taken so many times: (K, n)."""
-    at_cuts = -(chain.W @ np.append(shared, gradient))
-    substitute_kernel(chain.L, chain.M, at_cuts)
-    step = np.empty_like(chain.scale)
-    step[chain.cuts] = at_cuts
+_NONE: FloatArray = np.zeros((0, 0, 0))
 
-    def one(k: int) -> None:
-        piece = chain.pieces[k]
-        before = at_cuts[k - 1] if piece.has_before else np.zeros(0)
-        own = -(piece.W @ np.concatenate([shared[piece.touched], before, [gradient]]))
-        if k < len(chain.cuts):
-            own[-1] -= piece.onward.T @ at_cuts[k]
-        substitute_kernel(piece.L, piece.M, own)
-        step[piece.first : piece.last] = own
 
-    tasks = range(len(chain.pieces))
-    list(workers().map(one, tasks) if len(tasks) > 1 else map(one, tasks))
-    return step * chain.scale
+def _chain_step(chain: _Chain, pull: FloatArray) -> FloatArray:
+    """How the chain gives way to a pull (K, n) on its knots: -A^-1 pull."""
+    pieces, step = chain.pieces, np.empty_like(pull)
+    several = len(pieces) > 1
+    at_cuts = np.array([pull[piece.last] for piece in pieces[:-1]]).reshape(chain.scale.shape) * chain.scale
+    if several:
+        for j, (before, after) in enumerate(workers().map(lambda piece: piece.leading(pull), pieces)):
+            if j > 0:
+                at_cuts[j - 1] -= chain.scale[j - 1] * before
+            if j < len(at_cuts):
+                at_cuts[j] -= after
+        at_cuts *= -1.0
+        forward_kernel(chain.L, chain.M, at_cuts)
+        substitute_kernel(chain.L, chain.M, at_cuts)
+    moved = at_cuts * chain.scale
+    none = np.zeros(pull.shape[1])
+
+    def one(j: int) -> None:
+        piece = pieces[j]
+        before, after = moved[j - 1] if j > 0 else none, at_cuts[j] if j < len(at_cuts) else none
+        step[piece.first : piece.last] = piece.followed(pull, before, after)
+        if j < len(at_cuts):
+            step[piece.last] = moved[j]
+
+    tasks = range(len(pieces))
+    list(workers().map(one, tasks) if several else map(one, tasks))
+    return step
 
 
 @dataclass(frozen=True)
 class Eliminated:
-    """A system with its chain eliminated, for its own gradient and for others: the gradient is a column like any other.
-
-    Of a chain with 500 shared columns, one more gradient is a hundredth of the work.
-    """
+    """Equations with their chain eliminated."""
 
     _chain: _Chain
-    _shared: int
+    _equations: ArrowEquations
 
     @staticmethod
-    def of(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
+    def of(equations: ArrowEquations, *, damping: float = 0.0) -> Eliminated:
         """Raises NotPositiveDefinite where the damped chain is not positive definite."""
-        return Eliminated(_eliminated(system, damping), system.corner.shape[0])
+        return Eliminated(_eliminated(equations, damping), equations)
 
-    def solution(self, system: ArrowSystem) -> ArrowSolution:
-        """The step by the gradient last given. system: of that gradient."""
-        return _solution(self._chain, system)
+    def solution(self) -> ArrowSolution:
+        """The step that they ask for."""
+        chain, free = self._chain, self._chain.free
+        step_shared = np.zeros(self._equations.shared)
+        step_shared[free] = _shared_step(chain.schur, chain.reduced) if len(free) else 0.0
+        gradient = chain.gradient()
+        step = _chain_step(chain, gradient + self._equations.border_times(step_shared[:, None])[:, :, 0])
+        slope = float(np.sum(step * gradient) + step_shared @ chain.gradient_shared)
+        information, remaining = _of_shared(chain, len(step_shared))
+        return ArrowSolution(step, step_shared, information, -0.5 * slope, remaining)
 
     def unit_responses(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """C columns of H^-1 E on the shared unknowns, each numbered below S: chain (K, n, C) and border (S, C).
@@ -314,77 +463,31 @@ class Eliminated:
         A factor with Jacobian J and residual r moves those unknowns by -(J X)' r, X these columns: its influence. Frozen
         columns respond to nothing. Raises NotPositiveDefinite.
         """
-        chain = self._chain
+        chain, shared = self._chain, self._equations.shared
         inverse = covariance(chain.schur).matrix
-        border, along = np.zeros((self._shared, len(columns))), np.zeros((*chain.scale.shape, len(columns)))
-        place = np.full(self._shared, -1)
-        place[chain.free] = np.arange(len(chain.free))
-        for c in np.flatnonzero(place[columns] >= 0):
-            own = inverse[:, place[columns[c]]]
-            border[chain.free, c] = own
-            along[:, :, c] = _chain_step(chain, own, 0.0)
+        border, place = np.zeros((shared, len(columns))), _places(chain.free, shared)[columns]
+        known = np.flatnonzero(place >= 0)
+        border[np.ix_(chain.free, known)] = inverse[:, place[known]]
+        along = self._equations.border_times(border)
+        for c in range(len(columns)):
+            along[:, :, c] = _chain_step(chain, np.ascontiguousarray(along[:, :, c]))
         return along, border
 
-    def again(self, system: ArrowSystem) -> ArrowSolution:
-        """The step by another system's gradient, as if its equations were these: true as far as the estimate has hardly moved.
 
-        Its frozen columns have to be the same ones.
-        """
-        return _solution(_with_gradient(self._chain, system), system)
-
-
-def _with_gradient(chain: _Chain, system: ArrowSystem) -> _Chain:
-    """The same chain with this system's gradient, (K, n) and (S,), eliminated instead of the one before, whose place it takes."""
-    scaled = system.gradient * chain.scale
-    reduced = system.gradient_shared[chain.free]
-    at_cuts = scaled[chain.cuts]
-    for j, piece in enumerate(chain.pieces):
-        own = scaled[piece.first : piece.last]
-        forward_kernel(piece.L, piece.M, own)
-        piece.W[:, :, -1] = own
-        taken = _times(piece.W, own)
-        count = len(piece.touched)
-        reduced[piece.touched] -= taken[:count]
-        if piece.has_before:
-            at_cuts[j - 1] -= taken[count:]
-        if j < len(chain.cuts):
-            at_cuts[j] -= piece.onward @ own[-1]
-    forward_kernel(chain.L, chain.M, at_cuts)
-    chain.W[:, :, -1] = at_cuts
-    reduced -= _times(chain.W, at_cuts)
-    return replace(chain, reduced=reduced)
-
-
-def _times(W: FloatArray, y: FloatArray) -> FloatArray:
-    """W' y of all columns but the last, which is the gradient's. W: (k, n, C), y: (k, n)."""
-    return np.asarray(W.reshape(-1, W.shape[2]).T @ y.reshape(-1))[:-1]
-
-
-def solve_arrow(system: ArrowSystem, *, damping: float = 0.0) -> ArrowSolution:
+def solve_arrow(equations: ArrowEquations, *, damping: float = 0.0) -> ArrowSolution:
     """One Gauss-Newton (damping 0) or Levenberg-Marquardt step, damping relative to H's diagonal.
 
     Raises NotPositiveDefinite where the damped chain is not positive definite.
     """
-    return Eliminated.of(system, damping=damping).solution(system)
+    return Eliminated.of(equations, damping=damping).solution()
 
 
-def _solution(chain: _Chain, system: ArrowSystem) -> ArrowSolution:
-    free = chain.free
-    moved = _shared_step(chain.schur, chain.reduced) if len(free) else np.zeros(0)
-    step = _chain_step(chain, moved, 1.0)
-    step_shared = np.zeros(system.corner.shape[0])
-    step_shared[free] = moved
-    slope = float(np.sum(step * system.gradient) + moved @ system.gradient_shared[free])
-    information, remaining = _of_shared(chain, len(step_shared))
-    return ArrowSolution(step, step_shared, information, -0.5 * slope, remaining)
-
-
-def solve_shared(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
+def solve_shared(equations: ArrowEquations) -> tuple[FloatArray, FloatArray]:
     """Information (S, S) and gradient (S,) of the shared unknowns with the chain eliminated, as an ArrowSolution has them.
 
-    For who asks for no step: in half the memory. Raises NotPositiveDefinite.
+    For who asks for no step. Raises NotPositiveDefinite.
     """
-    return _of_shared(_eliminated(system, 0.0, for_steps=False), system.corner.shape[0])
+    return _of_shared(_eliminated(equations, 0.0, for_steps=False), equations.shared)
 
 
 def _of_shared(chain: _Chain, size: int) -> tuple[FloatArray, FloatArray]:

@@ -103,17 +103,14 @@ def substitute_kernel(L: FloatArray, M: FloatArray, y: FloatArray) -> None:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def touched_kernel(border: FloatArray, known: IntArray, size: int, first: int, last: int) -> BoolArray:
-    """Which of so many shared columns are anything but zero at the knots first..last (exclusive) of a border (K, n, C).
-
-    known: (K, C) the shared column of each of a knot's.
-    """
-    touched = np.zeros(size, np.bool_)
-    for k in range(first, last):
+def touched_kernel(border: FloatArray) -> BoolArray:
+    """(C,) which columns of a border (k, n, C) are anything but zero."""
+    touched = np.zeros(border.shape[2], np.bool_)
+    for k in range(border.shape[0]):
         for r in range(border.shape[1]):
             for c in range(border.shape[2]):
                 if border[k, r, c] != 0.0:
-                    touched[known[k, c]] = True
+                    touched[c] = True
     return touched
 
 
@@ -122,45 +119,37 @@ def fill_kernel(
     diagonal: FloatArray,
     lower: FloatArray,
     border: FloatArray,
-    known: IntArray,
     gradient: FloatArray,
     scale: FloatArray,
-    place: IntArray,
+    own: IntArray,
     damping: float,
-    first: int,
     has_before: bool,
     D: FloatArray,
     E: FloatArray,
     W: FloatArray,
 ) -> None:
-    """Fills D (k, n, n), E (k - 1, n, n) and W (k, n, ..) of a piece of a chain from its first knot on, in units of scale (K, n).
+    """Fills D (k, n, n), E (k - 1, n, n) and W (k, n, ..) of a part's first knots (solver/arrow.py), in units of scale (.., n).
 
-    W: the shared columns at their places, the knot before the piece where has_before, the gradient.   known: (K, C) the shared
-    column of each of the border's, place: (S,) where it goes, -1 for nowhere.   damping: grows D's diagonal.
+    W: the border's columns `own`, the knot before the part in its own units where has_before, the gradient.   damping: grows
+    D's diagonal.
     """
     count, n, _ = D.shape
-    width = W.shape[2]
-    shared = width - 1 - (n if has_before else 0)
-    for i in range(count):
-        k = first + i
+    width, shared = W.shape[2], own.shape[0]
+    for k in range(count):
         for r in range(n):
-            own = scale[k, r]
+            unit = scale[k, r]
             for c in range(n):
-                D[i, r, c] = diagonal[k, r, c] * own * scale[k, c]
-            D[i, r, r] *= 1.0 + damping
-            if i > 0:
+                D[k, r, c] = diagonal[k, r, c] * unit * scale[k, c]
+            D[k, r, r] *= 1.0 + damping
+            if k > 0:
                 for c in range(n):
-                    E[i - 1, r, c] = lower[k - 1, r, c] * own * scale[k - 1, c]
+                    E[k - 1, r, c] = lower[k, r, c] * unit * scale[k - 1, c]
             for c in range(shared):
-                W[i, r, c] = 0.0
-            for c in range(border.shape[2]):
-                at = place[known[k, c]]
-                if at >= 0:
-                    W[i, r, at] = border[k, r, c] * own
+                W[k, r, c] = border[k, r, own[c]] * unit
             if has_before:
                 for c in range(n):
-                    W[i, r, shared + c] = lower[k - 1, r, c] * own * scale[k - 1, c] if i == 0 else 0.0
-            W[i, r, width - 1] = gradient[k, r] * own
+                    W[k, r, shared + c] = lower[k, r, c] * unit if k == 0 else 0.0
+            W[k, r, width - 1] = gradient[k, r] * unit
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

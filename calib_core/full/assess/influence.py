@@ -34,9 +34,11 @@ from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.solver.arrow import Eliminated
+from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
 
 
@@ -152,7 +154,9 @@ def _of_links(of: _Responses) -> Influences:
         gyro, accel = gyro + problem.sensors.gyro @ own, accel + problem.sensors.accel @ own
     changes = problem.bias_changes(estimate)
     out = Influences.none(len(gyro), of.unknowns, alone=of.alone)
-    for first, last in problem.links_at_once():
+
+    def one(first: int) -> None:
+        last = min(first + CHAIN.knots_at_once, len(gyro))
         some = slice(first, last)
         states = estimate.states.part(first, last + 1)
         f = link_factors(problem.links.part(first, last), states, estimate.gravity, *(each[some] for each in changes))
@@ -165,26 +169,39 @@ def _of_links(of: _Responses) -> Influences:
         )
         out.moved[some] = -(np.swapaxes(response, 1, 2) @ f.residual[..., None])[..., 0]
         out.allowed[some] = of.allowed(response)
+
+    list(workers().map(one, range(0, len(gyro), CHAIN.knots_at_once)))
     return out
 
 
 def _of_bins(of: _Responses) -> Influences:
     problem, bins = of.problem, of.problem.bins
-    a, J = problem.lidar.bins_seen(of.estimate)
-    Q = _response(J, bins.knot, bins.plane, of)
-    moved = -(np.swapaxes(Q, 1, 2) @ (bins.scatter[:, :4] @ a[..., None]))[..., 0]
-    by_scatter = bins.scatter[:, :4, :4] @ Q
-    allowed = np.einsum("fmn,fmn->fn", Q, by_scatter) if of.alone else np.swapaxes(Q, 1, 2) @ by_scatter
-    lasers = bins.lasers
-    if len(lasers.laser) == 0:
-        return Influences(moved, allowed)
+    out, lasers = Influences.none(len(bins.knot), of.unknowns, alone=of.alone), bins.lasers
+    rates = problem.lidar.rates(of.estimate)
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
     F, change = _feature_response(problem.lidar, of), _feature_change(problem.lidar, of)
-    add_influences_kernel(
-        lasers.bin, lasers.laser, lasers.cross, a, Q, F, change, moved, allowed,
-    )  # fmt: skip
-    add_own_influences_kernel(lasers.bin[lasers.of], lasers.laser[lasers.of], lasers.gram, F, change, moved, allowed)
-    return Influences(moved, allowed)
+    knots = len(of.along)
+
+    def one(first: int) -> None:
+        last = min(first + CHAIN.knots_at_once, knots)
+        some = slice(*(int(at) for at in np.searchsorted(bins.knot, (first, last))))
+        lidar = problem.lidar.between(first, last)
+        own, clusters = lidar.bins, lidar.bins.lasers
+        a, J = lidar.bins_seen(of.estimate, rates)
+        Q = _response(J, own.knot, own.plane, of)
+        moved, allowed = out.moved[some], out.allowed[some]
+        moved[:] = -(np.swapaxes(Q, 1, 2) @ (own.scatter[:, :4] @ a[..., None]))[..., 0]
+        by_scatter = own.scatter[:, :4, :4] @ Q
+        allowed[:] = np.einsum("fmn,fmn->fn", Q, by_scatter) if of.alone else np.swapaxes(Q, 1, 2) @ by_scatter
+        if len(clusters.laser):
+            add_influences_kernel(clusters.bin, clusters.laser, clusters.cross, a, Q, F, change, moved, allowed)
+
+    list(workers().map(one, range(0, knots, CHAIN.knots_at_once)))
+    if len(lasers.of):
+        add_own_influences_kernel(
+            lasers.bin[lasers.of], lasers.laser[lasers.of], lasers.gram, F, change, out.moved, out.allowed
+        )
+    return out
 
 
 def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:

@@ -63,6 +63,10 @@ class LastView:
             self.view.thinned.clear()
             self.view.poses.clear()
 
+    def forget(self) -> None:
+        """Of all, the points of thinned scans too: where all points are asked for, nobody asks for those."""
+        self.view = None
+
 
 @dataclass
 class LastReadings:

@@ -6,22 +6,19 @@ M its scatter; where the lasers' own parameters are unknowns, their moments add 
 
 from __future__ import annotations
 
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
-from calib_core.factors.assembly import add_bins_kernel
-from calib_core.factors.laser_assembly import add_features_kernel, add_grams_kernel
+from calib_core.factors.assembly import add_bins_kernel, bins_times_kernel
+from calib_core.factors.laser_assembly import add_features_kernel, add_grams_kernel, features_times_kernel
 from calib_core.factors.laser_features import feature_changes, features_squares
 from calib_core.factors.planes_seen import COLUMNS, planes_seen_kernel
 from calib_core.full.joint.sensors import SensorColumns
-from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
+from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.solver.arrow import ArrowSystem
-from calib_core.threads import MOST_THREADS, workers
+from calib_core.solver.arrow import ArrowPart
 from calib_core.types import FloatArray, IntArray
 
 
@@ -45,58 +42,89 @@ class LidarFactors:
             total += float(features_squares(self.bins.lasers, a, self.laser_changes(estimate), self.bins.plane).sum())
         return float(total)
 
-    def add_to(self, system: ArrowSystem, estimate: Estimate, layout: Layout) -> None:
-        """Adds the bins' share of the normal equations."""
-        seen = self.bins_seen(estimate)
-        lasers = self._lasers_begun(system, estimate, layout, *seen) if len(self.bins.lasers.laser) else []
-        for part in [*self._bins_begun(system, layout, *seen), *lasers]:
-            one = part.result()
-            if one.gradient is not system.gradient:
-                system.gradient += one.gradient
-            system.corner += one.corner
-            system.gradient_shared += one.gradient_shared
+    def add_to(self, part: ArrowPart, start: int, estimate: Estimate, layout: Layout, rates: FloatArray) -> None:
+        """Adds the bins' share of a part of the normal equations, of knots from `start` on. layout: of the part's columns.
 
-    def _bins_begun(
-        self, system: ArrowSystem, layout: Layout, a: FloatArray, J: FloatArray
-    ) -> list[Future[ArrowSystem]]:
-        """The bins' share in parts, each with knots of its own. As many on any number of threads: the sums are the same."""
-        b = self.bins
-        Ma = (b.scatter @ a[..., None])[..., 0]
-        clock, squeezed = layout.nuisance().start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1])
-
-        def one(first: int, last: int) -> ArrowSystem:
-            own, mine = _with_own_sums(system), slice(first, last)
-            add_bins_kernel(
-                b.knot[mine], b.plane[mine], J[mine], b.scatter[mine], Ma[mine], layout.every_plane().start, clock, squeezed,
-                own.diagonal, own.border, own.corner, own.gradient, own.gradient_shared,
-            )  # fmt: skip
-            return own
-
-        return [workers().submit(one, first, last) for first, last in _parts(b.knot)]
-
-    def _lasers_begun(
-        self, system: ArrowSystem, estimate: Estimate, layout: Layout, a: FloatArray, J: FloatArray
-    ) -> list[Future[ArrowSystem]]:
-        """The lasers' share in parts, at the same time as the bins': each fills columns and knots of the border that nobody
-        else does, and has the rest for itself.
+        rates: of all knots.
         """
-        lasers, bins = self.bins.lasers, self.bins
-        change = self.laser_changes(estimate)
-        places, start = self.sensors.laser_places, layout.nuisance().start
-        column_of, by_feature = np.where(places >= 0, start + places, -1), feature_changes(change, lasers.features)
-        add_grams_kernel(lasers.grams, lasers.of_laser, column_of, by_feature, system.corner, system.gradient_shared)
-
-        def one(first: int, last: int) -> ArrowSystem:
-            own = replace(_with_own_sums(system), gradient=np.zeros_like(system.gradient))
+        mine = self.between(start, start + len(part.diagonal))
+        b, lasers = mine.bins, mine.bins.lasers
+        a, J = mine.bins_seen(estimate, rates)
+        Ma = (b.scatter @ a[..., None])[..., 0]
+        knot, planes, clock = (
+            b.knot - start,
+            layout.every_plane().start,
+            layout.nuisance().start + self.sensors.clock_place,
+        )
+        add_bins_kernel(
+            knot, b.plane, J, b.scatter, Ma, planes, clock,
+            part.diagonal, part.border, part.corner, part.gradient, part.gradient_shared,
+        )  # fmt: skip
+        if len(lasers.laser):
             add_features_kernel(
-                lasers.bin, bins.knot, bins.plane, lasers.laser, J, a, lasers.cross, column_of, by_feature,
-                layout.every_plane().start,
-                start + self.sensors.clock_place, layout.squeezed(self.nodes.windows()[1]),
-                own.gradient, own.border, own.corner, own.gradient_shared, first, last,
+                lasers.bin, knot, b.plane, lasers.laser, J, a, lasers.cross, self._laser_columns(layout),
+                self._feature_changes(estimate), planes, clock,
+                part.gradient, part.border, part.corner, part.gradient_shared,
             )  # fmt: skip
-            return own
 
-        return [workers().submit(one, first, last) for first, last in _parts(bins.knot[lasers.bin])]
+    def add_common(self, corner: FloatArray, gradient_shared: FloatArray, estimate: Estimate, layout: Layout) -> None:
+        """Adds what the lasers' own parameters share with one another, which is no knot's business."""
+        lasers = self.bins.lasers
+        if len(lasers.laser):
+            columns, change = self._laser_columns(layout), self._feature_changes(estimate)
+            add_grams_kernel(lasers.grams, lasers.of_laser, columns, change, corner, gradient_shared)
+
+    def add_times(
+        self,
+        out: FloatArray,
+        first: int,
+        last: int,
+        estimate: Estimate,
+        layout: Layout,
+        rates: FloatArray,
+        shared: FloatArray,
+        along: FloatArray,
+    ) -> None:
+        """Adds to out (k, 9, m), of knots first..last (exclusive) and maybe more, what `add_to` has in their borders times
+        columns shared (S, m), and what the points tell of the knots themselves times along, (k, 9, m) or none at all."""
+        mine = self.between(first, last)
+        b, lasers, m = mine.bins, mine.bins.lasers, shared.shape[1]
+        J = mine.bins_seen(estimate, rates)[1]
+        own = shared[layout.nuisance()]
+        crossed = np.zeros((len(b.knot), 4, m))
+        if len(lasers.laser):
+            moved = np.vstack([own, np.zeros(m)])[self.sensors.laser_places]  # the last is of what is not in play, -1
+            features_times_kernel(
+                lasers.bin, lasers.laser, lasers.cross, feature_changes(moved, lasers.features), crossed
+            )
+        clock = own[self.sensors.clock_place :][:1] if self.sensors.clock_place >= 0 else np.zeros((1, m))
+        bins_times_kernel(
+            b.knot - first, b.plane, J, b.scatter, along, shared[:CALIBRATION],
+            shared[layout.every_plane()].reshape(-1, 3, m), clock, crossed, out,
+        )  # fmt: skip
+
+    def between(self, first: int, last: int) -> LidarFactors:
+        """Those of knots first..last (exclusive) alone, which keep their numbers; without what lasers share with one another."""
+        b, lasers = self.bins, self.bins.lasers
+        begin, end = (int(at) for at in np.searchsorted(b.knot, (first, last)))
+        clusters = slice(*(int(at) for at in np.searchsorted(lasers.bin, (begin, end))))
+        some = slice(begin, end)
+        lasers = replace(
+            lasers, bin=lasers.bin[clusters] - begin, laser=lasers.laser[clusters], cross=lasers.cross[clusters]
+        )
+        bins = replace(
+            b, knot=b.knot[some], plane=b.plane[some], scatter=b.scatter[some], count=b.count[some], lasers=lasers
+        )
+        return replace(self, bins=bins)
+
+    def _laser_columns(self, layout: Layout) -> IntArray:
+        """(L, 13) shared columns of each laser's parameters, -1 for none."""
+        places = self.sensors.laser_places
+        return np.where(places >= 0, layout.nuisance().start + places, -1)
+
+    def _feature_changes(self, estimate: Estimate) -> FloatArray:
+        """(L, F) of the features' coefficients since the points were laid out."""
+        return feature_changes(self.laser_changes(estimate), self.bins.lasers.features)
 
     def sums(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted distances of every bin's points, (B,) [1/m]."""
@@ -104,7 +132,7 @@ class LidarFactors:
         total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
         if len(self.bins.lasers.laser):
             lasers = self.bins.lasers
-            change = feature_changes(self.laser_changes(estimate), lasers.features)[lasers.laser]
+            change = self._feature_changes(estimate)[lasers.laser]
             total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
         return total
 
@@ -129,18 +157,20 @@ class LidarFactors:
 
     def planes_seen(self, estimate: Estimate) -> FloatArray:
         """A = [n_lidar, w_lidar, 1] of every bin, (B, 5)."""
-        return self._seen(estimate, 0)[0]
+        return self._seen(estimate, 0, self.rates(estimate))[0]
 
-    def bins_seen(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-        """A of every bin (B, 5) and the Jacobian of its first four (B, 4, 19), or 20 with the clocks' rate."""
-        return self._seen(estimate, COLUMNS + (self.sensors.clock_place >= 0))
+    def bins_seen(self, estimate: Estimate, rates: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """A of every bin (B, 5) and the Jacobian of its first four (B, 4, 19), or 20 with the clocks' rate. rates: where they are
+        known."""
+        columns = COLUMNS + (self.sensors.clock_place >= 0)
+        return self._seen(estimate, columns, self.rates(estimate) if rates is None else rates)
 
-    def _seen(self, estimate: Estimate, columns: int) -> tuple[FloatArray, FloatArray]:
+    def _seen(self, estimate: Estimate, columns: int, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         e, knot, plane = estimate, self.bins.knot, self.bins.plane
         a, J = np.empty((len(knot), 5)), np.empty((len(knot) if columns else 0, 4, columns))
         lever_s = self._clock_lever_s(e, knot) if columns > COLUMNS else np.zeros(0)
         planes_seen_kernel(
-            knot, plane, e.states.R, e.states.p, e.states.v, self._rates(e), self._later_s(e, knot),
+            knot, plane, e.states.R, e.states.p, e.states.v, rates, self._later_s(e, knot),
             e.R_imu_lidar, e.p_imu_lidar, e.normals, e.offsets_m, plane_axes(e.normals), lever_s, a, J,
         )  # fmt: skip
         return a, J
@@ -149,9 +179,9 @@ class LidarFactors:
         """The IMU's poses at the bins: R (B, 3, 3), p (B, 3)."""
         knot, s = self.bins.knot, estimate.states
         delta = self._later_s(estimate, knot)[:, None]
-        return s.R[knot] @ exp(-self._rates(estimate)[knot] * delta), s.p[knot] - s.v[knot] * delta
+        return s.R[knot] @ exp(-self.rates(estimate)[knot] * delta), s.p[knot] - s.v[knot] * delta
 
-    def _rates(self, estimate: Estimate) -> FloatArray:
+    def rates(self, estimate: Estimate) -> FloatArray:
         """(K, 3) [rad/s] at which the IMU turns at its knots."""
         return np.asarray(self.readings.knot_gyro - self.nodes.at_knots(estimate.gyro_bias))
 
@@ -171,14 +201,3 @@ class LidarFactors:
         """Seconds of offset for a ppm of rate, at knots."""
         lidar_s = self.readings.knots_s[knot] + estimate.time_offset_s
         return np.asarray(1e-6 * (lidar_s - self.sensors.clock_middle_s))
-
-
-def _with_own_sums(system: ArrowSystem) -> ArrowSystem:
-    """The same system, but for what all knots share, which begins at nothing."""
-    return replace(system, corner=np.zeros_like(system.corner), gradient_shared=np.zeros_like(system.gradient_shared))
-
-
-def _parts(knot: IntArray) -> list[tuple[int, int]]:
-    """Where each part of rows begins and ends, none of which shares a knot with another. knot: ascending, one a row."""
-    edges = np.searchsorted(knot, knot[(np.arange(1, MOST_THREADS) * len(knot)) // MOST_THREADS])
-    return list(pairwise((0, *edges.tolist(), len(knot))))

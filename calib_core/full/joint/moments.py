@@ -60,14 +60,17 @@ class Micro:
 
     @staticmethod
     def joined(parts: list[Micro]) -> Micro:
-        """Those of several scans in a row. The list is emptied: lasers' moments, which are most of it, would be there twice."""
-        time_s, scan, plane, scatter, count = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("time_s", "scan", "plane", "scatter", "count")
+        """Those of several scans in a row. The list is emptied: moments, which are most of it, would be there twice."""
+        time_s, scan, plane, count = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "scan", "plane", "count")
         )
         nuisance, time_offset_s = parts[0].nuisance, parts[0].time_offset_s
         lasers = [part.lasers for part in parts if part.lasers is not None]
-        parts.clear()
+        scatter, end = np.empty((len(plane), *parts[0].scatter.shape[1:])), len(plane)
+        while parts:
+            own = parts.pop().scatter
+            scatter[end - len(own) : end] = own
+            end -= len(own)
         joined = LaserMicro.joined(lasers) if lasers else None
         return Micro(time_s, scan, plane, scatter, count, joined, nuisance, time_offset_s)
 

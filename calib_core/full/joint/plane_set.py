@@ -79,15 +79,19 @@ def new_ones(
     dropped: tuple[FloatArray, FloatArray] = (np.empty((0, 3)), np.empty(0)),
 ) -> list[PlaneFit]:
     """The fits that are none of the planes known already, nor of those dropped. cloud_m: (N, 3), in which they were found."""
-    normals, offsets_m = np.vstack([estimate.normals, dropped[0]]), np.append(estimate.offsets_m, dropped[1])
     found = []
     for fit in fits:
         centre = cloud_m[fit.inliers].mean(axis=0)
-        known = same_place(
-            normals, offsets_m, fit.normal, centre,
-            within_deg=rules.same_normal_deg, within_m=rules.same_place_m,
+        known = (
+            same_place(
+                normals, offsets_m, fit.normal, centre,
+                within_deg=times * rules.same_normal_deg, within_m=times * rules.same_place_m,
+            )
+            for (normals, offsets_m), times in (
+                ((estimate.normals, estimate.offsets_m), 1.0), (dropped, rules.dropped_apart)
+            )
         )  # fmt: skip
-        if not known.any():
+        if not any(each.any() for each in known):
             found.append(fit)
     return found
 

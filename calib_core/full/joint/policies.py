@@ -164,6 +164,9 @@ class PlaneSet:
     #: walls. The same as for planes that are shown (Patches).
     same_normal_deg: float = 8.0
     same_place_m: float = 0.25
+    #: judged: the same of one that a person has dropped, so many times as far and as much askew: along what the others do not see
+    #: the map drifts, and what comes back is bent by it (seen: a floor by 9 deg and 0.3 m in ten seconds, with two walls).
+    dropped_apart: float = 3.0
     #: judged: a plane that is left out and faces the same way as one that stays is that one seen again, if it lies so near:
     #: twice as far, as what moved has moved.
     same_surface_m: float = 0.5

@@ -26,9 +26,9 @@ from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import seen_from
 from calib_core.full.joint.settings import HOLDING, WATCHING
-from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Estimate
+from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
-from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_shared
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
 
@@ -152,9 +152,8 @@ def descend(
             run.on_event(iteration_event(run, problem, estimate, cost, solution, (count, number), names))
 
     minimum = minimise(
-        problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report,
-        share_equations=True,
-    )  # fmt: skip
+        problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report
+    )
     after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
     require_bounds(data, state, after)
     return after, problem
@@ -165,6 +164,15 @@ def gathered(data: JointData, state: Estimation) -> JointProblem:
     assert state.observations is not None
     problem = problem_of(data, state)
     return replace(problem, bins=gather(state.observations, problem.motion(state.estimate), state.estimate))
+
+
+def with_bins(data: JointData, state: Estimation, bins: Bins) -> JointProblem:
+    """The same with points as they were gathered when fewer of the sensors' parameters were in play."""
+    assert state.observations is not None
+    laid_out = state.observations.nuisance
+    if len(laid_out) == 0:  # for an ideal lidar: that of one whose parameters are zero
+        laid_out = np.zeros(len(state.estimate.nuisance))
+    return replace(problem_of(data, state), bins=replace(bins, nuisance=laid_out))
 
 
 def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimation:
@@ -194,7 +202,7 @@ def _information(data: JointData, state: Estimation, problem: JointProblem) -> F
     if state.information is not None and problem.frozen == frozen:
         return state.information
     try:
-        return solve_arrow(replace(problem, frozen=frozen).linearise(state.estimate)).information
+        return solve_shared(replace(problem, frozen=frozen).linearise(state.estimate))[0]
     except NotPositiveDefinite:
         return None
 

@@ -28,11 +28,9 @@ class Chain:
     #: derived: a prior of gravity that is exact is this wide (1 sigma): far below what a solve knows it to (0.01), and far
     #: from round-off.
     exact_gravity_m_s2: float = 1e-7
-    #: derived: links whose Jacobians are there at the same time: nearly three minutes of them, 60 MB. Memory, not the answer,
-    #: depends on it.
-    links_at_once: int = 16_384
-    #: derived: fewer where each says of more parameters of the IMU than these: all of its own.
-    columns_at_once: int = 25
+    #: derived: knots whose links' and bins' Jacobians are there at the same time on one thread: ten seconds of them, some
+    #: megabytes. Memory, not the answer, depends on it.
+    knots_at_once: int = 1024
     #: data sheets: the worst parts in use (MPU-6050, unconfirmed) start up to 20 deg/s and 0.08 g off, within two of these:
     #: 11 deg/s, a tenth of gravity (1 sigma).
     gyro_bias_std_rad_s: float = 0.2
@@ -111,9 +109,9 @@ class Surveying:
     batch_points: int = 20_000
     #: derived: tables of so many lasers' moments are 13 MB, on each of four threads. A bound on memory: time alone depends on it.
     clusters: int = 16_000
-    #: derived: where so many thinned points meet planes is kept for the next step of the same round, 150 MB, those of three or
-    #: four minutes. Those beyond are asked for anew, half a hundredth of a long recording's time.
-    kept: int = 2_000_000
+    #: derived: where so many thinned points meet planes is kept for the next step of the same round, 75 MB, those of two
+    #: minutes. Those beyond are asked for anew, a hundredth of a long recording's time.
+    kept: int = 1_000_000
     #: judged: returns this near are looked at for what lies beside a plane: a door's frame, a skirting board, a hand's
     #: breadth and a half.
     beside_m: float = 0.3

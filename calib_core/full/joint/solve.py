@@ -88,6 +88,7 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     """With all points, to the fixed point: they show what shakes the IMU unseen where a part of them does not. Raises Refused."""
     assert schedule.settling is not None
     data, whole = data.portion(WATCHING.settled_share, 1.0), data
+    data.laid_out.forget()
     state, problem = alternate(data, state, schedule.settling, schedule.sampling)
     if (
         schedule.chosen
@@ -95,7 +96,7 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
         require_sensors(state, whole.limits.sensor_sigmas)
     rules = schedule.tones
     for _ in range(rules.turns):
-        after = admit_rest(data, state, rules, schedule.sensors, schedule.sampling)
+        after = admit_rest(data, state, rules, schedule.sensors, schedule.sampling, problem.bins)
         if after is state:
             break
         nearly = replace(schedule.settling, rounds=rules.settling_rounds)

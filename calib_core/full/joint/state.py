@@ -48,14 +48,13 @@ class BiasNodes:
         """The same nodes as seen by the links among knots first..last (exclusive)."""
         return BiasNodes(self.times_s, self.node[first : last - 1], self.fraction[first : last - 1])
 
-    def windows(self) -> tuple[IntArray, int]:
-        """The nodes that each knot's links touch: the first of them, (K,), and how many in a row that are at the most."""
-        count, links = len(self.times_s), len(self.node)
-        if count == 1 or links == 0:
-            return np.zeros(links + 1, np.int64), 1
-        first, last = np.append(self.node[:1], self.node), np.append(self.node, self.node[-1:]) + 1
-        width = int(np.max(last - first)) + 1
-        return np.minimum(first, count - width), width
+    def window(self, first: int, last: int) -> tuple[int, int]:
+        """The first of the nodes that links first..last (exclusive) touch, and how many in a row these are."""
+        if len(self.times_s) == 1 or first >= last:
+            return 0, 1
+        touched = self.node[first:last]
+        start = int(touched.min())
+        return start, int(touched.max()) + 2 - start
 
     def at_links(self, values: FloatArray) -> FloatArray:
         """Bias of every link. values: (N, 3) at the nodes. Returns (L, 3)."""
@@ -199,18 +198,13 @@ class Layout:
         start = BIAS_START + 6 * self.nodes
         return slice(start, start + 3 * self.planes)
 
-    def known_to_knots(self, first: IntArray, width: int) -> IntArray:
-        """(K, C) the columns that may be anything but zero at each knot: of the biases, so many nodes from its first on."""
-        window = 3 * first[:, None] + np.arange(3 * width)
+    def with_nodes(self, first: int, width: int) -> IntArray:
+        """(C,) all columns, of the biases those of so many nodes from the first one alone."""
+        window = 3 * first + np.arange(3 * width)
         rest = np.arange(self.every_plane().start, self.size)
-        every = np.ones((len(first), 1), np.int64)
-        return np.hstack([
-            np.arange(BIAS_START) * every, self.gyro_bias().start + window, self.accel_bias().start + window, rest * every
-        ])  # fmt: skip
-
-    def squeezed(self, width: int) -> int:
-        """By how much planes and parameters come earlier among what a knot knows, with so many nodes of all."""
-        return 6 * (self.nodes - width)
+        return np.concatenate(
+            [np.arange(BIAS_START), self.gyro_bias().start + window, self.accel_bias().start + window, rest]
+        )
 
     def nuisance(self) -> slice:
         """Columns of the sensors' own parameters, in the order of nuisance.py."""

@@ -22,7 +22,7 @@ from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, coarse_stride, gate_of, one_round
 from calib_core.full.joint.sensors import tone_values
-from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.prepare.nuisance import TONE
 from calib_core.imu.tones import attitudes, tone_readings
@@ -86,9 +86,14 @@ def admit_tones(
     return state
 
 
-def admit_rest(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
-    """The one that explains the most now: for a state at rest with all points, from which the way back is long."""
-    found = found_tones(data, state, rules, round_, sampling, least=rules.explains)
+def admit_rest(
+    data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, bins: Bins
+) -> Estimation:
+    """The one that explains the most now: for a state at rest with all points, from which the way back is long.
+
+    bins: of all these points.
+    """
+    found = found_tones(data, state, rules, round_, sampling, least=rules.explains, bins=bins)
     if not found:
         return state
     if is_hump(data, state, found[0].hz, rules):
@@ -128,8 +133,9 @@ def found_tones(
     *,
     least: float,
     loud: float = 0.0,
+    bins: Bins | None = None,
 ) -> list[Explaining]:
-    """Tones beside those that are known, the one that lowers the cost the most first.
+    """Tones beside those that are known, the one that lowers the cost the most first. bins: as `explaining` has them.
 
     loud: by how much the score has to stand out to begin with, where that is asked for. Where the sensors are held at what they
     are meant to be, and nothing shakes the IMU, it is asked for: of the motion itself cheap sensors make what a tone would. So
@@ -159,7 +165,7 @@ def found_tones(
     at_once = max(1, rules.knots_tried // state.knots)
     for first in range(0, len(tried), at_once):
         some = tried[first : first + at_once]
-        found += explaining(data, with_tones_tried(data, state, some, rules), len(some), least)
+        found += explaining(data, with_tones_tried(data, state, some, rules), len(some), least, bins)
     return sorted(found, key=lambda one: -one.decrease)
 
 

@@ -21,7 +21,7 @@ from calib_core.factors.imu import KNOT, PLACE, VELOCITY
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, Bins, Estimate
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.solver.arrow import ArrowSystem
+from calib_core.solver.arrow import ArrowPart
 from calib_core.types import BoolArray, FloatArray
 
 
@@ -52,46 +52,52 @@ class Unseen:
         since_s = readings.knots_s - readings.knots_s[gauge_knot]
         return Unseen(runs, _unseen(each.sum(axis=0), estimate.normals), gauge_knot, since_s)
 
-    def hold(self, system: ArrowSystem) -> None:
-        """Holds one knot of each run along what no plane sees in it; the gauge knot's place is held already."""
+    def hold(self, part: ArrowPart, start: int) -> None:
+        """Holds one knot of each run along what no plane sees in it; the gauge knot's place is held already.
+
+        start: the part's first knot.
+        """
         for first, last, free in self.runs:
-            held = CHAIN.unseen_held * free @ free.T
             ours = first <= self.gauge_knot < last
-            knot = self.gauge_knot if ours else first
-            system.diagonal[knot, VELOCITY, VELOCITY] += held
+            at = (self.gauge_knot if ours else first) - start
+            if not 0 <= at < len(part.diagonal):
+                continue
+            held = CHAIN.unseen_held * free @ free.T
+            part.diagonal[at, VELOCITY, VELOCITY] += held
             if not ours:
-                system.diagonal[knot, PLACE, PLACE] += held
+                part.diagonal[at, PLACE, PLACE] += held
 
     @property
     def seen(self) -> FloatArray:
         """(3, 3) takes from a vector what lies along the directions that are seen nowhere."""
         return np.asarray(np.eye(3) - self.everywhere @ self.everywhere.T)
 
-    def falls(self, step: FloatArray) -> FloatArray:
-        """(K, 9, ...) by how much the knots follow a step (3, ...) of gravity, beside what is solved of them."""
-        along = np.tensordot(self.everywhere @ self.everywhere.T, step, 1)
-        out = np.zeros((len(self.since_s), KNOT, *step.shape[1:]))
-        out[:, PLACE] = np.multiply.outer(0.5 * self.since_s**2, along)
-        out[:, VELOCITY] = np.multiply.outer(self.since_s, along)
+    def falls(self, step: FloatArray, first: int = 0, last: int | None = None) -> FloatArray:
+        """(K, 9, ...) by how much the knots first..last (exclusive) follow a step (3, ...) of gravity, beside what is solved of
+        them."""
+        along, since_s = np.tensordot(self.everywhere @ self.everywhere.T, step, 1), self.since_s[first:last]
+        out = np.zeros((len(since_s), KNOT, *step.shape[1:]))
+        out[:, PLACE] = np.multiply.outer(0.5 * since_s**2, along)
+        out[:, VELOCITY] = np.multiply.outer(since_s, along)
         return out
 
-    def let_fall(self, system: ArrowSystem, lidar: ArrowSystem, of_lidar: BoolArray) -> None:
-        """Has a system's knots counted from where gravity's step lets them fall.
+    def let_fall(
+        self, part: ArrowPart, start: int, diagonal: FloatArray, gradient: FloatArray, of_lidar: BoolArray
+    ) -> None:
+        """Has the knots of a part, from `start` on, counted from where gravity's step lets them fall.
 
-        lidar: what the points told of the knots by themselves.   of_lidar: (S,) the shared columns that points alone see; links,
-        which see the others, do not feel a fall.
+        diagonal, gradient: (k, 9, 9), (k, 9) what the points told of the knots by themselves.   of_lidar: (C,) of the part's
+        columns those that points alone see; links, which see the others, do not feel a fall.
         """
         if not self.everywhere.shape[1]:
             return
-        T, known = self.falls(np.eye(3)), system.known()
-        system.border[:, :, GRAVITY] += lidar.diagonal @ T
-        coupled = np.swapaxes(T, 1, 2) @ np.where(of_lidar[known][:, None], system.border, 0.0)
-        across = np.zeros((3, len(of_lidar)))
-        np.add.at(across.T, known, np.swapaxes(coupled, 1, 2))
-        system.corner[GRAVITY] += across
-        system.corner[:, GRAVITY] += across.T
-        system.corner[GRAVITY, GRAVITY] += np.einsum("kia,kij,kjb->ab", T, lidar.diagonal, T)
-        system.gradient_shared[GRAVITY] += np.einsum("kia,ki->a", T, lidar.gradient)
+        T = self.falls(np.eye(3), start, start + len(diagonal))
+        part.border[:, :, GRAVITY] += diagonal @ T
+        across = np.einsum("kia,kic->ac", T, np.where(of_lidar, part.border, 0.0), optimize=True)
+        part.corner[GRAVITY] += across
+        part.corner[:, GRAVITY] += across.T
+        part.corner[GRAVITY, GRAVITY] += np.einsum("kia,kij,kjb->ab", T, diagonal, T)
+        part.gradient_shared[GRAVITY] += np.einsum("kia,ki->a", T, gradient)
 
 
 def _unseen(told: FloatArray, normals: FloatArray) -> FloatArray:

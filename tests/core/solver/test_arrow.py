@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from calib_core.solver import arrow
-from calib_core.solver.arrow import ArrowSystem, Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
+from calib_core.solver.arrow import ArrowPart, ArrowSystem, Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
 from calib_core.types import FloatArray
 
 
@@ -107,26 +108,80 @@ def test_who_asks_for_no_step_gets_the_same_of_what_is_shared(monkeypatch: pytes
     assert gradient[2] == 0.0
 
 
-@pytest.mark.parametrize("piece", [6, 256])
-def test_a_border_may_have_a_knots_own_columns_alone(monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
-    """The same system with each knot's columns in another order, and those left out that are zero there.
+@dataclass
+class Apart:
+    """A system whose parts have their columns in another order, without those that are zero there, and a share of the corner."""
 
-    Mutations: columns taken in order; a column that one knot lacks left as it was in the knot before; frozen ones kept.
+    whole: ArrowSystem
+
+    @property
+    def knots(self) -> int:
+        return self.whole.knots
+
+    @property
+    def shared(self) -> int:
+        return self.whole.shared
+
+    @property
+    def frozen(self) -> tuple[int, ...]:
+        return self.whole.frozen
+
+    def part(self, first: int, last: int) -> ArrowPart:
+        part = self.whole.part(first, last)
+        columns = np.random.default_rng(first).permutation(np.flatnonzero(np.any(part.border != 0.0, axis=(0, 1))))
+        share = (last - first) / self.knots
+        among = np.ix_(columns, columns)
+        return replace(
+            part,
+            border=part.border[:, :, columns],
+            columns=columns,
+            corner=share * self.whole.corner[among],
+            gradient_shared=share * self.whole.gradient_shared[columns],
+        )
+
+    def common(self) -> tuple[FloatArray, FloatArray]:
+        corner, gradient = self.whole.common()
+        for first, last in pairwise(self.edges()):
+            part = self.part(first, last)
+            corner[np.ix_(part.columns, part.columns)] -= part.corner
+            gradient[part.columns] -= part.gradient_shared
+        return corner, gradient
+
+    def edges(self) -> list[int]:
+        pieces = max(1, round(self.knots / arrow._PIECE))
+        return [0, *((np.arange(1, pieces) * self.knots) // pieces + 1).tolist(), self.knots]
+
+    def border_times(self, shared: FloatArray) -> FloatArray:
+        return self.whole.border_times(shared)
+
+
+@pytest.mark.parametrize("piece", [6, 256])
+def test_a_part_may_have_columns_of_its_own(monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
+    """The same system with each part's columns in another order, those left out that are zero there, its share of the corner.
+
+    Mutations: columns taken in order; a part's corner, or its gradient, not added; frozen ones kept.
     """
     rng = np.random.default_rng(3)
     whole = random_system(9, 31, 3, 6)
-    columns = np.array([rng.permutation(6)[:4] for _ in range(31)])
-    held = np.zeros((31, 1, 6), bool)
-    np.put_along_axis(held, columns[:, None], True, axis=2)
+    held = rng.random((31, 1, 6)) < 0.2
+    held[10:, :, 4] = held[:25, :, 1] = False
     whole = replace(whole, border=np.where(held, whole.border, 0.0), frozen=(2,))
     whole.corner[:] += 30.0 * np.eye(6)
-    few = replace(whole, border=np.take_along_axis(whole.border, columns[:, None], axis=2), columns=columns)
-    np.testing.assert_array_equal(few.whole_border(), whole.border)
     monkeypatch.setattr(arrow, "_PIECE", piece)
-    expected, found = solve_arrow(whole, damping=0.1), solve_arrow(few, damping=0.1)
+    expected, found = solve_arrow(whole, damping=0.1), solve_arrow(Apart(whole), damping=0.1)
     np.testing.assert_allclose(found.step, expected.step, atol=1e-12)
     np.testing.assert_allclose(found.step_shared, expected.step_shared, atol=1e-12)
     np.testing.assert_allclose(found.information, expected.information, rtol=1e-9, atol=1e-9)
+    assert found.predicted_decrease == pytest.approx(expected.predicted_decrease)
+
+
+def test_written_out_it_is_the_same() -> None:
+    """Mutations: the first knot's coupling with none before it kept; a part's corner not added."""
+    whole = replace(random_system(9, 12, 3, 6), frozen=(2,))
+    again = ArrowSystem.of(Apart(whole))
+    for name in ("diagonal", "lower", "border", "corner", "gradient", "gradient_shared"):
+        np.testing.assert_allclose(getattr(again, name), getattr(whole, name), rtol=1e-12, atol=1e-12)
+    assert again.frozen == (2,)
 
 
 def test_information_is_the_inverse_of_the_borders_covariance() -> None:
@@ -229,30 +284,3 @@ def test_solving_again_starts_no_thread(monkeypatch: pytest.MonkeyPatch) -> None
     for _ in range(3):
         solve_arrow(system)
     assert len(started) <= 1  # a worker that was not yet needed
-
-
-@pytest.mark.parametrize("piece", [6, 256])
-def test_another_gradient_goes_through_the_same_elimination(monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
-    """Against the dense solution, whether the chain is cut or not, and with a column that is frozen.
-
-    Mutations: leave out what a piece's gradient says of the knot before it, or of the one after; the border's own gradient
-    that of before.
-    """
-    system = random_system(8, 31, 3, 5)
-    system.border[:20, :, 3] = system.border[14:, :, 1] = 0.0
-    system.frozen = (2,)
-    monkeypatch.setattr(arrow, "_PIECE", piece)
-    rng = np.random.default_rng(9)
-    other = replace(system, gradient=rng.normal(size=system.gradient.shape), gradient_shared=rng.normal(size=5))
-    eliminated = arrow.Eliminated.of(system)
-    first = eliminated.solution(system)
-    H, g = dense(other)
-    free = np.delete(np.arange(len(g)), 31 * 3 + 2)
-    expected = np.zeros(len(g))
-    expected[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
-    for _ in range(2):
-        found = eliminated.again(other)
-        np.testing.assert_allclose(np.append(found.step, found.step_shared), expected, rtol=1e-8, atol=1e-10)
-        assert found.predicted_decrease == pytest.approx(-0.5 * float(g @ expected))
-        np.testing.assert_allclose(found.information, first.information)
-    np.testing.assert_allclose(eliminated.again(system).step, first.step, rtol=1e-8, atol=1e-12)

@@ -164,7 +164,8 @@ def test_a_wall_that_is_left_out_still_stands_in_its_edges() -> None:
 def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
     """A door 10 cm before its wall is the wall; one 40 cm before it, or facing another way, is a plane of its own.
 
-    Mutations: leave out the distance, or the angle; measure from the origin instead of the find's middle; those dropped left out.
+    One that was dropped is known farther away, and more askew. Mutations: leave out the distance, or the angle; measure from the
+    origin instead of the find's middle; those dropped left out; known no farther than others; others known as far.
     """
     state = state_of(np.array([[-1.0, 0.0, 0.0]]), np.array([5.0]), MapPlane("wall"))
     turned = np.radians(10.0)
@@ -177,9 +178,13 @@ def test_a_find_that_is_a_known_plane_is_not_taken_in_again() -> None:
     assert [fit.offset_m for fit in found] == [4.6, 4.4]
     # Tilted by 7 deg about its own middle on the wall: near there, though 0.4 m off at the origin's foot.
     tilted = np.radians(7.0)
-    # One that was dropped at 4.6 m does not come back either.
+    # One that was dropped at 4.55 m does not come back either; what is more than 0.75 m or 24 deg off is another.
     wall = (np.array([[-1.0, 0.0, 0.0]]), np.array([4.55]))
-    assert new_ones(state.estimate, [wardrobe, leaf], cloud, PlaneSet(), dropped=wall) == [leaf]
+    assert new_ones(state.estimate, [wardrobe, leaf], cloud, PlaneSet(), dropped=wall) == []
+    open_leaf = replace(leaf, normal=np.array([-np.cos(3.0 * turned), np.sin(3.0 * turned), 0.0]))
+    assert new_ones(state.estimate, [open_leaf], cloud, PlaneSet(), dropped=wall) == [open_leaf]
+    behind = (wall[0], np.array([4.2]))
+    assert new_ones(state.estimate, [wardrobe, leaf], cloud, PlaneSet(), dropped=behind) == [leaf]
     normal = np.array([-np.cos(tilted), np.sin(tilted), 0.0])
     there = np.array([[5.0, 4.0, 0.0]])
     assert not new_ones(

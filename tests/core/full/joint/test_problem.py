@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,14 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.full.joint.begin import bias_nodes
-from calib_core.full.joint.lidar_factors import _parts
 from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.solver.arrow import ArrowSolution, ArrowSystem, solve_arrow
+from calib_core.solver.arrow import ArrowEquations, ArrowSolution, ArrowSystem, solve_arrow
 from calib_core.types import FloatArray
 
 KNOTS, PLANES, H_S = 7, 3, 0.05
@@ -139,15 +139,16 @@ def _numerical_jacobian(problem: JointProblem, e: Estimate) -> FloatArray:
     return np.array(columns).T
 
 
-def _written_out(system: ArrowSystem) -> tuple[FloatArray, FloatArray]:
+def _written_out(equations: ArrowEquations) -> tuple[FloatArray, FloatArray]:
+    system = ArrowSystem.of(equations)
     n, size = 9, KNOTS * 9 + LAYOUT.size
     H = np.zeros((size, size))
     for k in range(KNOTS):
         at, border = slice(k * n, k * n + n), slice(KNOTS * n, size)
         H[at, at], H[at, border], H[border, at] = (
             system.diagonal[k],
-            system.whole_border()[k],
-            system.whole_border()[k].T,
+            system.border[k],
+            system.border[k].T,
         )
         if k + 1 < KNOTS:
             H[at.stop : at.stop + n, at], H[at, at.stop : at.stop + n] = system.lower[k], system.lower[k].T
@@ -169,8 +170,7 @@ def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s:
     problem, e = _problem(seed, delta_s=delta_s, unseen=unseen)
     r, J = _stacked(problem, e), _numerical_jacobian(problem, e)
     assert problem.cost(e) == pytest.approx(0.5 * r @ r)
-    system = problem.linearise(e)
-    H, g = _written_out(system)
+    H, g = _written_out(problem.linearise(e))
     idle = np.zeros(len(g))
     idle[: KNOTS * 9] = 1e-6
     idle[KNOTS * 9 + LAYOUT.plane(0).start :] += 1e-4
@@ -334,22 +334,25 @@ def test_the_lidar_at_the_gauge_knot_and_frozen_columns_stay() -> None:
     assert np.abs(free.step_shared[list(frozen)]).min() > 1e-6
 
 
-def test_a_knots_border_has_the_columns_that_its_links_touch() -> None:
-    """By hand: links 0-1 are between nodes 0 and 1, 2-3 between 1 and 2, 4-5 between 2 and 3; knots 2 and 4 see three.
+def test_a_part_has_the_columns_that_its_links_touch() -> None:
+    """By hand: links 0-1 are between nodes 0 and 1, 2-3 between 1 and 2, 4-5 between 2 and 3.
 
-    Mutations: the window of a knot from the link after it; none for the last knot's node on the right.
+    Mutations: without the last link's node on the right; of all nodes.
     """
     problem, e = _problem(0)
-    first, width = problem.nodes.windows()
-    assert width == 3
-    np.testing.assert_array_equal(first, [0, 0, 0, 1, 1, 1, 1])  # the last two would end behind the last node
-    known = problem.layout(e).known_to_knots(first, width)
-    assert known.shape == (KNOTS, 7 + 3 + 2 * 9 + 3 * PLANES)
-    np.testing.assert_array_equal(known[3, 10:19], LAYOUT.gyro_bias().start + 3 + np.arange(9))
-    np.testing.assert_array_equal(known[3, 19:28], LAYOUT.accel_bias().start + 3 + np.arange(9))
-    np.testing.assert_array_equal(known[:, 28:] + 0, np.tile(np.arange(LAYOUT.plane(0).start, LAYOUT.size), (KNOTS, 1)))
-    assert LAYOUT.squeezed(width) == LAYOUT.plane(0).start - 28
-    assert BiasNodes.spread(problem.readings.knots_s, None).windows()[1] == 1
+    assert [problem.nodes.window(*links) for links in ((0, 1), (1, 3), (2, 6), (5, 6))] == [
+        (0, 2),
+        (0, 3),
+        (1, 3),
+        (2, 2),
+    ]
+    known = LAYOUT.with_nodes(1, 3)
+    assert len(known) == 7 + 3 + 2 * 9 + 3 * PLANES
+    np.testing.assert_array_equal(known[10:19], LAYOUT.gyro_bias().start + 3 + np.arange(9))
+    np.testing.assert_array_equal(known[19:28], LAYOUT.accel_bias().start + 3 + np.arange(9))
+    np.testing.assert_array_equal(known[28:], np.arange(LAYOUT.plane(0).start, LAYOUT.size))
+    np.testing.assert_array_equal(problem.linearise(e).part(3, 5).columns, known)  # the link into it is its own too
+    assert BiasNodes.spread(problem.readings.knots_s, None).window(0, 6) == (0, 1)
 
 
 def test_bias_nodes_interpolate() -> None:
@@ -372,30 +375,50 @@ def test_bias_nodes_interpolate() -> None:
         np.testing.assert_array_equal(single.at_knots(np.array([[1.0, 2.0, 3.0]])), np.tile([1.0, 2.0, 3.0], (101, 1)))
 
 
-@pytest.mark.parametrize("knots", [[0], [3, 3, 3], [0, 0, 1, 1, 1, 4, 5, 5], list(range(40))])
-def test_parts_of_the_rows_share_no_knot(knots: list[int]) -> None:
-    """Each row in one part, in order, and each knot's rows in the same one. Mutation: cut by rows, whatever their knots."""
-    rows = np.array(knots)
-    parts = _parts(rows)
-    assert [row for first, last in parts for row in range(first, last)] == list(range(len(rows)))
-    of_knot = [{k for k, (first, last) in enumerate(parts) if knot in rows[first:last]} for knot in set(knots)]
-    assert all(len(each) == 1 for each in of_knot)
+@pytest.mark.parametrize("unseen", [0, 1])
+@pytest.mark.parametrize("edges", [(0, 1, 2, 3, 4, 5, 6, 7), (0, 3, 7), (0, 6, 7), (0, 1, 7)])
+def test_parts_put_together_are_the_whole(edges: tuple[int, ...], unseen: int) -> None:
+    """Oracle: all knots as one part; what parts are added in another order differs by round-off.
 
-
-def test_links_taken_in_parts_are_those_taken_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the equations with all links at once, and the cost; what parts are added in another order differs by round-off.
-
-    Mutations: as many where each says of more columns; the last link of a part left out; its
-    knots counted from the first part's; its own bias changes not taken.
+    Mutations: a link into a part counted in its corner too; not counted in its first knot; the coupling of the first knot with
+    the one before it left out; the gauge knot held in each part; its bins' knots counted from the first of all.
     """
-    problem, estimate = _problem(4)
-    estimate = replace(estimate, gyro_bias=estimate.gyro_bias + 0.05 * np.arange(LAYOUT.nodes)[:, None])
-    whole = problem.linearise(estimate)
-    monkeypatch.setattr("calib_core.full.joint.problem.CHAIN", replace(CHAIN, links_at_once=4))
-    assert list(problem.links_at_once()) == [(0, 4), (4, KNOTS - 1)]
-    many = replace(problem, sensors=replace(problem.sensors, imu_places=np.arange(50)))
-    assert list(many.links_at_once())[:2] == [(0, 2), (2, 4)]
-    parts = problem.linearise(estimate)
-    for name in ("diagonal", "lower", "border", "corner", "gradient", "gradient_shared", "cost"):
-        one, other = np.asarray(getattr(whole, name)), np.asarray(getattr(parts, name))
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * max(np.abs(one).max(), 1.0), err_msg=name)
+    problem, e = _problem(4, delta_s=0.004, unseen=unseen)
+    e = replace(e, gyro_bias=e.gyro_bias + 0.05 * np.arange(LAYOUT.nodes)[:, None])
+    equations = problem.linearise(e)
+    whole = ArrowSystem.of(equations)
+    corner, shared = equations.common()
+    for first, last in pairwise(edges):
+        part = equations.part(first, last)
+        border = np.zeros((last - first, 9, LAYOUT.size))
+        border[:, :, part.columns] = part.border
+        corner[np.ix_(part.columns, part.columns)] += part.corner
+        shared[part.columns] += part.gradient_shared
+        lower = np.concatenate([np.zeros((1, 9, 9)), whole.lower])
+        for name, found, expected in (
+            ("diagonal", part.diagonal, whole.diagonal[first:last]),
+            ("lower", part.lower, lower[first:last]),
+            ("border", border, whole.border[first:last]),
+            ("gradient", part.gradient, whole.gradient[first:last]),
+        ):
+            near = 1e-12 * max(float(np.abs(expected).max()), 1.0)
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=near, err_msg=name)
+    for found, expected in ((corner, whole.corner), (shared, whole.gradient_shared)):
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("unseen", range(3))
+@pytest.mark.parametrize("held", [{}, {"hold_velocity": True}, {"planes_hold_frame": True}])
+@pytest.mark.parametrize("at_once", [3, 100])
+def test_the_border_times_columns_is_what_it_is_written_out(
+    monkeypatch: pytest.MonkeyPatch, unseen: int, held: dict[str, bool], at_once: int
+) -> None:
+    """Mutations: links beyond the first stretch of knots left out; the fall along what no plane sees left out of the bins, or not
+    taken from the links; the frame's hold left out, or there where something else holds it; all bins on the first plane.
+    """
+    monkeypatch.setattr("calib_core.full.joint.equations.CHAIN", replace(CHAIN, knots_at_once=at_once))
+    problem, e = _problem(5, delta_s=0.004, unseen=unseen)
+    equations = replace(problem, **held).linearise(e)
+    columns = np.random.default_rng(6).normal(size=(LAYOUT.size, 2))
+    expected = ArrowSystem.of(equations).border @ columns
+    np.testing.assert_allclose(equations.border_times(columns), expected, atol=1e-12 * np.abs(expected).max())

@@ -18,7 +18,7 @@ from calib_core.full.prepare.nuisance import SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
-from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.arrow import ArrowSolution, ArrowSystem
 from calib_core.types import FloatArray
 from tests.core.factors.test_laser_features import triangle
 from tests.core.full.joint import test_problem as plain
@@ -150,20 +150,47 @@ class Case:
 
 
 def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
-    system = case.problem.linearise(case.estimate)
+    system = ArrowSystem.of(case.problem.linearise(case.estimate))
     n, size = 9, plain.KNOTS * 9 + system.corner.shape[0]
     H = np.zeros((size, size))
     for k in range(plain.KNOTS):
         at, border = slice(k * n, k * n + n), slice(plain.KNOTS * n, size)
         H[at, at], H[at, border], H[border, at] = (
             system.diagonal[k],
-            system.whole_border()[k],
-            system.whole_border()[k].T,
+            system.border[k],
+            system.border[k].T,
         )
         if k + 1 < plain.KNOTS:
             H[at.stop : at.stop + n, at], H[at, at.stop : at.stop + n] = system.lower[k], system.lower[k].T
     H[plain.KNOTS * n :, plain.KNOTS * n :] = system.corner
     return H, np.concatenate([system.gradient.ravel(), system.gradient_shared])
+
+
+@pytest.mark.parametrize("nuisance", [NUISANCE, BENT])
+def test_parts_and_the_borders_columns_are_those_of_the_whole(nuisance: Nuisance) -> None:
+    """As without sensors (test_problem.py). Mutations: a part's clusters counted from the first of all; what lasers share with
+    one another in each part too; a parameter's column off by the nodes that a part has not; lasers left out of the border times
+    columns, or the IMU's parameters, or the clocks' rate.
+    """
+    case = Case(1, nuisance)
+    equations = case.problem.linearise(case.estimate)
+    whole = ArrowSystem.of(equations)
+    corner, shared = equations.common()
+    for first, last in ((0, 3), (3, plain.KNOTS)):
+        part = equations.part(first, last)
+        border = np.zeros((last - first, 9, whole.shared))
+        border[:, :, part.columns] = part.border
+        corner[np.ix_(part.columns, part.columns)] += part.corner
+        shared[part.columns] += part.gradient_shared
+        np.testing.assert_allclose(border, whole.border[first:last], atol=1e-12 * np.abs(whole.border).max())
+        expected = whole.gradient[first:last]
+        np.testing.assert_allclose(part.gradient, expected, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(corner, whole.corner, atol=1e-12 * np.abs(whole.corner).max())
+    np.testing.assert_allclose(shared, whole.gradient_shared, atol=1e-12 * np.abs(whole.gradient_shared).max())
+    columns = np.random.default_rng(6).normal(size=(whole.shared, 2))
+    columns *= (1.0 / np.sqrt(np.diag(whole.corner)))[:, None]
+    expected = whole.border @ columns
+    np.testing.assert_allclose(equations.border_times(columns), expected, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT)])

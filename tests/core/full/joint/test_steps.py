@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -40,9 +41,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[Estimation]:
     """Steps that only count, and the states that the end was reached with."""
     ends: list[Estimation] = []
 
-    def end(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, None]:
+    def end(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, object]:
         ends.append(state)
-        return state, None
+        return state, SimpleNamespace(bins=None)
 
     monkeypatch.setattr(solve, "STEPS", tuple((name, share, _counting) for name, share, _ in solve.STEPS))
     monkeypatch.setattr(solve, "alternate", end)

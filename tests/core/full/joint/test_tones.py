@@ -17,6 +17,7 @@ from calib_core.full.joint.round import gathered, one_round
 from calib_core.full.joint.schedule import FORECAST, FULL
 from calib_core.full.joint.sensors import true_readings
 from calib_core.full.joint.solve import admit_sensors
+from calib_core.full.joint.state import Bins
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tones import (
     Periodogram,
@@ -231,14 +232,24 @@ def test_what_a_tone_explains_is_no_matter_of_the_lasers(half: Half) -> None:
     assert [found[hz] for hz in tried] == pytest.approx(by, rel=0.02)
 
 
+def test_points_that_are_gathered_already_explain_as_much(half: Half) -> None:
+    """Mutation: what the points were laid out with taken as it was, when fewer parameters were in play."""
+    state = one_round(half.data, admit_sensors(half.data, half.state), FULL.sensors, FULL.sampling)
+    bins = gathered(half.data, state).bins
+    toned = with_tones_tried(half.data, state, [1.4, 3.0], RULES)
+    anew, kept = (explaining(half.data, toned, 2, 0.0, of) for of in (None, bins))
+    assert [each.hz for each in kept] == [each.hz for each in anew]
+    assert [each.decrease for each in kept] == pytest.approx([each.decrease for each in anew], rel=1e-9)
+
+
 def test_tones_tried_a_few_at_once_explain_what_all_together_do(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a long recording. Mutations: the last few left out; those found first before those that explain more."""
     every = replace(RULES, beside=0.0)
     tried: list[int] = []
 
-    def watched(data: Any, toned: Estimation, count: int, least: float) -> list[Explaining]:
+    def watched(data: Any, toned: Estimation, count: int, least: float, bins: Bins | None) -> list[Explaining]:
         tried.append(count)
-        return explaining(data, toned, count, least)
+        return explaining(data, toned, count, least, bins)
 
     monkeypatch.setattr(tones, "explaining", watched)
     together = tones.found_tones(half.data, half.state, every, FULL.sensors, FULL.sampling, least=-1.0)

@@ -47,12 +47,17 @@ def test_views_of_one_plane_and_of_none_are_bridged(turning_away: Scenario) -> N
     assert np.linalg.norm(error[3:6]) < 0.01
 
 
-def test_two_planes_of_a_corner_are_enough_where_the_third_has_told_the_motion(turning_away: Scenario) -> None:
-    """The floor is dropped, and neither counts nor comes back. Seen: 200 mm off, by ten of the stated sigmas, after ten attempts.
+@pytest.mark.parametrize("seed", [2, 3])
+def test_two_planes_of_a_corner_are_enough_where_the_third_has_told_the_motion(
+    turning_away: Scenario, seed: int
+) -> None:
+    """The floor is dropped, and neither counts nor comes back. Seen: 200 mm off, by ten of the stated sigmas, after ten attempts;
+    and the floor taken for another, as the map had drifted along the corner's edge.
 
-    Mutations: begin from start values by the two alone; from a motion that they alone have told.
+    Mutations: begin from start values by the two alone; from a motion that they alone have told; one that was dropped known no
+    farther away than others.
     """
-    recording, truth = generate(replace(turning_away, duration_s=10.0), seed=2)
+    recording, truth = generate(replace(turning_away, duration_s=10.0), seed=seed)
     proposed = [patch.plane for patch in propose_planes(recording, CalibrateSettings()).patches]
     floor = next(plane for plane in truth.planes if plane.name == "floor")
     walls = [replace(plane, suggested=True) for plane in proposed if plane.normal @ floor.normal < 0.9]
