@@ -21,6 +21,7 @@ from calib_core.full.assess.kernels import add_influences_kernel, add_own_influe
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.nuisance import Nuisance
@@ -66,6 +67,17 @@ def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
     step = solve_arrow(system).step_shared[:CALIBRATION] / UNITS
     size = np.abs(of.links.moved).sum(axis=0) + np.abs(of.bins.moved).sum(axis=0)
     np.testing.assert_allclose((moved - step) / size, 0.0, atol=1e-6)
+
+
+def test_factors_asked_for_a_few_knots_at_a_time_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutations: each few the first ones; the last link left out; clusters counted from the first of all."""
+    problem, estimate = Case(1).problem, Case(1).estimate
+    at_once = factor_influences(problem, estimate)
+    monkeypatch.setattr("calib_core.full.assess.influence.CHAIN", replace(CHAIN, knots_at_once=3))
+    in_turn = factor_influences(problem, estimate)
+    for one, other in ((at_once.links, in_turn.links), (at_once.bins, in_turn.bins)):
+        np.testing.assert_allclose(other.moved, one.moved, rtol=1e-9, atol=1e-12 * np.abs(one.moved).max())
+        np.testing.assert_allclose(other.allowed, one.allowed, rtol=1e-9, atol=1e-12 * np.abs(one.allowed).max())
 
 
 def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
