@@ -130,6 +130,34 @@ def features_times_kernel(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def features_pull_kernel(
+    bins: IntArray,
+    laser: IntArray,
+    a: FloatArray,
+    cross: FloatArray,
+    column_of: IntArray,
+    change: FloatArray,
+    u: FloatArray,
+    gradient_shared: FloatArray,
+) -> None:
+    """The gradient alone of `add_features_kernel`: adds to u (Q, 4), which times a bin's J is its own, and of lasers' columns."""
+    for b in range(bins.shape[0]):
+        q, j = bins[b], laser[b]
+        for f in range(cross.shape[1]):
+            moved = change[j, f]
+            if moved != 0.0:
+                for i in range(4):
+                    u[q, i] += moved * cross[b, f, i]
+        for t in range(COLUMNS):
+            column = column_of[j, t]
+            if column >= 0:
+                f, value = OF_COLUMN[t], 0.0
+                for c in range(5):
+                    value += cross[b, f, c] * a[q, c]
+                gradient_shared[column] += SIGN[t] * value
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _between_columns(column_of: IntArray, size: int) -> tuple[int, int]:
     """The first of the columns that any laser has, and one beyond the last. size: of all shared ones."""
     start, end = size, 0

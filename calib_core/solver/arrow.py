@@ -87,6 +87,11 @@ class ArrowEquations(Protocol):
         """Of the shared unknowns what belongs to no part: corner (S, S) and gradient (S,)."""
         ...
 
+    def pulls(self, along: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """The gradient alone, of the knots (K, n) and of what is shared (S,), which is B' along more where the knots have moved
+        by `along` (K, n); what it has of the knots then is not asked for."""
+        ...
+
     def border_times(self, shared: FloatArray) -> FloatArray:
         """(K, n, m) B times columns (S, m)."""
         ...
@@ -166,6 +171,12 @@ class ArrowSystem:
     def common(self) -> tuple[FloatArray, FloatArray]:
         """The corner, and its gradient."""
         return self.corner.copy(), self.gradient_shared.copy()
+
+    def pulls(self, along: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """The gradient, of the knots and of what is shared, this where the knots have moved by `along` (K, n)."""
+        if along is None:
+            return self.gradient, self.gradient_shared
+        return self.gradient, self.gradient_shared + np.einsum("kns,kn->s", self.border, along, optimize=True)
 
     def border_times(self, shared: FloatArray) -> FloatArray:
         """(K, n, m) the border times columns (S, m)."""
@@ -448,14 +459,18 @@ class Eliminated:
 
     def solution(self) -> ArrowSolution:
         """The step that they ask for."""
+        return _solution(self._chain, self._equations, self._chain.gradient())
+
+    def again(self, equations: ArrowEquations) -> ArrowSolution:
+        """The step by the gradient of other equations, as if their curvature were that of these: true as far as the estimate has
+        hardly moved.
+
+        Their frozen columns have to be the same ones.
+        """
         chain, free = self._chain, self._chain.free
-        step_shared = np.zeros(self._equations.shared)
-        step_shared[free] = _shared_step(chain.schur, chain.reduced) if len(free) else 0.0
-        gradient = chain.gradient()
-        step = _chain_step(chain, gradient + self._equations.border_times(step_shared[:, None])[:, :, 0])
-        slope = float(np.sum(step * gradient) + step_shared @ chain.gradient_shared)
-        information, remaining = _of_shared(chain, len(step_shared))
-        return ArrowSolution(step, step_shared, information, -0.5 * slope, remaining)
+        gradient, shared = equations.pulls()
+        reduced = equations.pulls(_chain_step(chain, gradient))[1][free]
+        return _solution(replace(chain, reduced=reduced, gradient_shared=shared), equations, gradient)
 
     def unit_responses(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """C columns of H^-1 E on the shared unknowns, each numbered below S: chain (K, n, C) and border (S, C).
@@ -472,6 +487,16 @@ class Eliminated:
         for c in range(len(columns)):
             along[:, :, c] = _chain_step(chain, np.ascontiguousarray(along[:, :, c]))
         return along, border
+
+
+def _solution(chain: _Chain, equations: ArrowEquations, gradient: FloatArray) -> ArrowSolution:
+    """gradient: (K, n)."""
+    step_shared = np.zeros(equations.shared)
+    step_shared[chain.free] = _shared_step(chain.schur, chain.reduced) if len(chain.free) else 0.0
+    step = _chain_step(chain, gradient + equations.border_times(step_shared[:, None])[:, :, 0])
+    slope = float(np.sum(step * gradient) + step_shared[chain.free] @ chain.gradient_shared[chain.free])
+    information, remaining = _of_shared(chain, len(step_shared))
+    return ArrowSolution(step, step_shared, information, -0.5 * slope, remaining)
 
 
 def solve_arrow(equations: ArrowEquations, *, damping: float = 0.0) -> ArrowSolution:

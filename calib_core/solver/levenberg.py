@@ -14,7 +14,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from calib_core.solver.arrow import ArrowEquations, ArrowSolution, NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import ArrowEquations, ArrowSolution, Eliminated, NotPositiveDefinite, solve_arrow
 
 E = TypeVar("E")
 #: Of a cost: what summing hundreds of thousands of squares in double precision cannot tell apart. Measured: where the cost
@@ -26,6 +26,10 @@ _LEAST_DAMPING = 1e-9
 #: Steps tried at one linearisation, each ten times as damped as the one before: from none at all to a thousand times the
 #: curvature.
 _TRIALS = 15
+#: The equations of the step before serve for one that predicts less than this: a fifth of a standard deviation long in all
+#: unknowns together. So they do while each such step leaves a hundredth of what the one before had left, a tenth of its
+#: length: where the motion is rough, they do not, and are made anew.
+_SAME_EQUATIONS, _LEFT = 0.02, 0.01
 
 
 class Problem(Protocol[E]):
@@ -73,13 +77,18 @@ def minimise(
     tolerance: float = 1e-6,
     relative: float = 0.0,
     on_step: Callable[[E, float, ArrowSolution], None] | None = None,
+    share_equations: bool = False,
 ) -> Minimum[E]:
     """The least-squares estimate from a start.
 
     tolerance: it has converged where an undamped step would lower the cost by less than this, or than its round-off,
     relative: or than this part of what the first step would have.
+    share_equations: small steps may be those of the equations of the one before (`_SAME_EQUATIONS`). The solution's information
+    is then of there; who wants that of the end descends once more from it, in a single step.
     """
-    end, equations, damping = _descend(problem, estimate, max_iterations, (tolerance, relative), on_step)
+    end, equations, damping = _descend(
+        problem, estimate, max_iterations, (tolerance, relative), on_step, share_equations
+    )
     if damping == 0.0 or equations is None or end.solution is None:
         return end
     # The damped equations are no information: with them, what is hardly known would pass for known.
@@ -89,12 +98,47 @@ def minimise(
         return replace(end, solution=None, outcome=Outcome.SINGULAR)
 
 
+@dataclass
+class _Equations:
+    """The equations by which steps are made, and whether they may be those of the step before.
+
+    kept: those of the last undamped step, where they are shared.   before: the decrease that the last step predicted.
+    nearly: the step that they give at this linearisation, where it is one to be taken.
+    """
+
+    share: bool
+    kept: Eliminated | None = None
+    before: float = np.inf
+    nearly: ArrowSolution | None = None
+
+    def begin(self, now: ArrowEquations) -> None:
+        """Another linearisation."""
+        self.nearly = self.kept.again(now) if self.kept is not None else None
+        if self.nearly is not None and self.nearly.predicted_decrease > min(_SAME_EQUATIONS, _LEFT * self.before):
+            self.nearly = None
+
+    def solved(self, now: ArrowEquations, damping: float) -> ArrowSolution:
+        """The step to try next. Raises NotPositiveDefinite."""
+        if self.nearly is not None:
+            return self.nearly
+        self.kept = None  # two of them at once would be the most memory of a solve
+        own = Eliminated.of(now, damping=damping)
+        self.kept = own if self.share and damping == 0.0 else None
+        return own.solution()
+
+    def refused(self) -> bool:
+        """Whether the step that did not lower the cost was by other equations: then its own come next, as little damped."""
+        shared, self.nearly = self.nearly is not None, None
+        return shared
+
+
 def _descend(
     problem: Problem[E],
     estimate: E,
     max_iterations: int,
     tolerances: tuple[float, float],
     on_step: Callable[[E, float, ArrowSolution], None] | None,
+    share_equations: bool,
 ) -> tuple[Minimum[E], ArrowEquations | None, float]:
     """Where it ended, the last linearisation and the damping of its solution."""
     cost = problem.cost(estimate)
@@ -103,14 +147,16 @@ def _descend(
     equations: ArrowEquations | None = None
     first = np.inf
     tolerance, relative = tolerances
+    shared = _Equations(share_equations)
     for iteration in range(max_iterations):
         equations = problem.linearise(estimate)
         solution, used = None, 0.0  # an earlier linearisation's says nothing of this one
+        shared.begin(equations)
         accepted = negligible = False
         candidate, new_cost = estimate, cost
         for _ in range(_TRIALS):
             try:
-                solution, used = solve_arrow(equations, damping=damping), damping
+                solution, used = shared.solved(equations, damping), damping
             except NotPositiveDefinite:
                 damping = max(damping * 10.0, _LEAST_DAMPING)
                 continue
@@ -123,9 +169,11 @@ def _descend(
             accepted = bool(np.isfinite(new_cost) and new_cost <= cost + COST_ROUND_OFF * abs(cost))
             if accepted or negligible:
                 break
-            damping = max(damping * 10.0, _LEAST_DAMPING)
+            if not shared.refused():
+                damping = max(damping * 10.0, _LEAST_DAMPING)
         if solution is None:
             return Minimum(estimate, cost, None, Outcome.SINGULAR, iteration + 1, first), equations, used
+        shared.before = solution.predicted_decrease
         if accepted:
             estimate, cost = candidate, new_cost
             if on_step is not None:

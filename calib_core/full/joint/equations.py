@@ -57,6 +57,11 @@ class Datum:
         if not (self.hold_velocity or self.planes_hold_frame):
             out[self.gauge_knot] += self._frame_held(estimate)[:KNOT, KNOT:] @ shared[:CALIBRATION]
 
+    def add_pull(self, shared: FloatArray, estimate: Estimate, along: FloatArray) -> None:
+        """Adds to (S,) what `hold` pulls by where the knots have moved by `along` (K, 9)."""
+        if not (self.hold_velocity or self.planes_hold_frame):
+            shared[:CALIBRATION] += along[self.gauge_knot] @ self._frame_held(estimate)[:KNOT, KNOT:]
+
     def _frame_held(self, estimate: Estimate) -> FloatArray:
         """The map frame is free to move as a whole: the lidar's pose at the gauge knot stays where it is. (16, 16) of the knot
         and the calibration.
@@ -157,6 +162,44 @@ class JointEquations:
         corner[planes, planes] += CHAIN.plane
         return corner, gradient_shared
 
+    def pulls(self, along: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """The gradient alone, of the knots (K, 9) and of what is shared (S,), where the knots have moved by `along` (K, 9) and
+        factors are linear. What holds knots otherwise pulls at nothing here, and is left out."""
+        out, shared = np.zeros((self.knots, KNOT)), self.common()[1]
+        edges = [*range(0, self.knots, CHAIN.knots_at_once), self.knots]
+        tasks = [workers().submit(self._pull, first, last, along) for first, last in pairwise(edges)]
+        for first, task in zip(edges, tasks, strict=False):
+            own, theirs = task.result()
+            out[first : first + len(own)] += own
+            shared += theirs
+        if along is not None:
+            self.datum.add_pull(shared, self.estimate, along)
+        return out, shared
+
+    def _pull(self, first: int, last: int, along: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Of the links that begin at knots first..last (exclusive), and their bins: as `_times`."""
+        end = min(last + 1, self.knots)
+        out, shared, some = np.zeros((end - first, KNOT)), np.zeros(self.shared), slice(first, end - 1)
+        f, nodes, layout = self._links(first, end), self.nodes.part(first, end), self.layout
+        r = f.residual
+        if along is not None:
+            r = r + _applied(f.r_D_first, along[some]) + _applied(f.r_D_second, along[first + 1 : end])
+        gyro, accel = _pulled(f.r_D_gyro_bias, r), _pulled(f.r_D_accel_bias, r)
+        shared[GRAVITY] = self.unseen.seen @ _pulled(f.r_D_gravity, r).sum(axis=0)
+        shared[layout.gyro_bias()] = nodes.from_links(gyro).ravel()
+        shared[layout.accel_bias()] = nodes.from_links(accel).ravel()
+        places = layout.nuisance().start + self.sensors.imu_places
+        if len(places):
+            shared[places] += np.einsum("lic,li->c", self.sensors.gyro[some], gyro, optimize=True)
+            shared[places] += np.einsum("lic,li->c", self.sensors.accel[some], accel, optimize=True)
+        of_lidar = self.lidar.pull(first, last, self.estimate, layout, self._rates, shared, along)
+        if self.unseen.everywhere.shape[1]:
+            shared[GRAVITY] += np.einsum("kia,ki->a", self.unseen.falls(np.eye(3), first, last), of_lidar)
+        out[: last - first] = of_lidar
+        out[: end - first - 1] += _pulled(f.r_D_first, r)
+        out[1:] += _pulled(f.r_D_second, r)
+        return out, shared
+
     def border_times(self, shared: FloatArray) -> FloatArray:
         """(K, n, m) the border times columns (S, m): what factors say of their knots where these columns move."""
         shared = np.ascontiguousarray(shared)
@@ -198,3 +241,13 @@ class JointEquations:
             self.links.part(first, last - 1), self.estimate.states.part(first, last), self.estimate.gravity,
             self.gyro_change[some], self.accel_change[some],
         )  # fmt: skip
+
+
+def _applied(J: FloatArray, step: FloatArray) -> FloatArray:
+    """J step of each: (F, m, n) and (F, n)."""
+    return np.asarray((J @ step[..., None])[..., 0])
+
+
+def _pulled(J: FloatArray, residual: FloatArray) -> FloatArray:
+    """J' residual of each: (F, m, n) and (F, m)."""
+    return np.asarray((residual[:, None] @ J)[:, 0])

@@ -11,9 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.assembly import add_bins_kernel, bins_times_kernel
-from calib_core.factors.laser_assembly import add_features_kernel, add_grams_kernel, features_times_kernel
+from calib_core.factors.imu import KNOT
+from calib_core.factors.laser_assembly import (
+    add_features_kernel,
+    add_grams_kernel,
+    features_pull_kernel,
+    features_times_kernel,
+)
 from calib_core.factors.laser_features import feature_changes, features_squares
-from calib_core.factors.planes_seen import COLUMNS, planes_seen_kernel
+from calib_core.factors.planes_seen import COLUMNS, OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE, planes_seen_kernel
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
@@ -102,6 +108,36 @@ class LidarFactors:
             b.knot - first, b.plane, J, b.scatter, along, shared[:CALIBRATION],
             shared[layout.every_plane()].reshape(-1, 3, m), clock, crossed, out,
         )  # fmt: skip
+
+    def pull(
+        self,
+        first: int,
+        last: int,
+        estimate: Estimate,
+        layout: Layout,
+        rates: FloatArray,
+        shared: FloatArray,
+        along: FloatArray | None,
+    ) -> FloatArray:
+        """(k, 9) gradient of knots first..last (exclusive), and adds to that of the shared unknowns (S,), where the knots have
+        moved by `along` (K, 9); without what lasers share with one another."""
+        mine = self.between(first, last)
+        b, lasers = mine.bins, mine.bins.lasers
+        a, J = mine.bins_seen(estimate, rates)
+        if along is not None:
+            a[:, :4] += (J[:, :, OF_KNOT] @ along[b.knot][..., None])[..., 0]
+        u = (b.scatter[:, :4] @ a[..., None])[..., 0]
+        if len(lasers.laser):
+            columns, change = self._laser_columns(layout), self._feature_changes(estimate)
+            features_pull_kernel(lasers.bin, lasers.laser, a, lasers.cross, columns, change, u, shared)
+        pulls = (u[:, None] @ J)[:, 0]
+        shared[:CALIBRATION] += pulls[:, OF_CALIBRATION].sum(axis=0)
+        np.add.at(shared[layout.every_plane()].reshape(-1, 3), b.plane, pulls[:, OF_PLANE])
+        if self.sensors.clock_place >= 0:
+            shared[layout.nuisance().start + self.sensors.clock_place] += pulls[:, OF_CLOCK].sum()
+        out = np.zeros((last - first, KNOT))
+        np.add.at(out, b.knot - first, pulls[:, OF_KNOT])
+        return out
 
     def between(self, first: int, last: int) -> LidarFactors:
         """Those of knots first..last (exclusive) alone, which keep their numbers; without what lasers share with one another."""

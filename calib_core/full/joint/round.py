@@ -152,8 +152,9 @@ def descend(
             run.on_event(iteration_event(run, problem, estimate, cost, solution, (count, number), names))
 
     minimum = minimise(
-        problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report
-    )
+        problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report,
+        share_equations=True,
+    )  # fmt: skip
     after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
     require_bounds(data, state, after)
     return after, problem

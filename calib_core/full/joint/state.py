@@ -63,6 +63,15 @@ class BiasNodes:
         f = self.fraction[:, None]
         return (1 - f) * values[self.node] + f * values[self.node + 1]
 
+    def from_links(self, values: FloatArray) -> FloatArray:
+        """(N, 3) what links (L, 3) pull the nodes by that they have their biases of: the transpose of `at_links`."""
+        out = np.zeros((len(self.times_s), 3))
+        f = self.fraction[:, None]
+        np.add.at(out, self.node, (1 - f) * values)
+        if len(out) > 1:
+            np.add.at(out, self.node + 1, f * values)
+        return out
+
     def at_knots(self, values: FloatArray) -> FloatArray:
         """Bias at every knot, (L + 1, 3)."""
         links = self.at_links(values)

@@ -151,6 +151,9 @@ class Apart:
         pieces = max(1, round(self.knots / arrow._PIECE))
         return [0, *((np.arange(1, pieces) * self.knots) // pieces + 1).tolist(), self.knots]
 
+    def pulls(self, along: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        return self.whole.pulls(along)
+
     def border_times(self, shared: FloatArray) -> FloatArray:
         return self.whole.border_times(shared)
 
@@ -284,3 +287,30 @@ def test_solving_again_starts_no_thread(monkeypatch: pytest.MonkeyPatch) -> None
     for _ in range(3):
         solve_arrow(system)
     assert len(started) <= 1  # a worker that was not yet needed
+
+
+@pytest.mark.parametrize("piece", [6, 256])
+def test_another_gradient_goes_through_the_same_elimination(monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
+    """Against the dense solution, whether the chain is cut or not, and with a column that is frozen.
+
+    Mutations: leave out what a piece's gradient says of the knot before it, or of the one after; the border's own gradient
+    that of before.
+    """
+    system = random_system(8, 31, 3, 5)
+    system.border[:20, :, 3] = system.border[14:, :, 1] = 0.0
+    system.frozen = (2,)
+    monkeypatch.setattr(arrow, "_PIECE", piece)
+    rng = np.random.default_rng(9)
+    other = replace(system, gradient=rng.normal(size=system.gradient.shape), gradient_shared=rng.normal(size=5))
+    eliminated = arrow.Eliminated.of(system)
+    first = eliminated.solution()
+    H, g = dense(other)
+    free = np.delete(np.arange(len(g)), 31 * 3 + 2)
+    expected = np.zeros(len(g))
+    expected[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
+    for _ in range(2):
+        found = eliminated.again(other)
+        np.testing.assert_allclose(np.append(found.step, found.step_shared), expected, rtol=1e-8, atol=1e-10)
+        assert found.predicted_decrease == pytest.approx(-0.5 * float(g @ expected))
+        np.testing.assert_allclose(found.information, first.information)
+    np.testing.assert_allclose(eliminated.again(system).step, first.step, rtol=1e-8, atol=1e-12)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from calib_core.solver.arrow import ArrowSolution, ArrowSystem
+from calib_core.solver.arrow import ArrowSolution, ArrowSystem, Eliminated
 from calib_core.solver.levenberg import Outcome, minimise
 from calib_core.types import FloatArray
 
@@ -229,3 +229,60 @@ def test_what_two_unknowns_trade_is_found_in_a_few_steps() -> None:
     end = minimise(problem, np.zeros(2), max_iterations=10)
     assert end.outcome is Outcome.CONVERGED
     assert end.estimate[0] == pytest.approx(2.0, abs=1e-6)
+
+
+class Bent(Valley):
+    """r = [3 x + y - 4 + bend x^2, x - y]: nearly linear, so that equations change little on the way."""
+
+    bend = 0.01
+
+    def residual(self, e: FloatArray) -> FloatArray:
+        return np.array([3.0 * e[0] + e[1] - 4.0 + self.bend * e[0] ** 2, e[0] - e[1] + 0.3])
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        J = np.array([[3.0 + 2.0 * self.bend * estimate[0], 1.0], [1.0, -1.0]])
+        H, g = J.T @ J, J.T @ self.residual(estimate)
+        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+
+
+@pytest.mark.parametrize(("problem", "start"), [(Bent(), [2.0, 2.0]), (Valley(), [-1.2, 1.0]), (Bowl(), [5.0, -3.0])])
+def test_shared_equations_lead_to_the_same_minimum(
+    monkeypatch: pytest.MonkeyPatch, problem: Valley, start: list[float]
+) -> None:
+    """By fewer eliminations where equations hardly change; without sharing each step has its own.
+
+    Mutation: the gradient shared too (it stays where the first step led).
+    """
+    counted: list[float] = []
+    real = Eliminated.of
+
+    def counting(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
+        counted.append(damping)
+        return real(system, damping=damping)
+
+    monkeypatch.setattr(Eliminated, "of", counting)
+    ends, made = [], []
+    for share in (False, True):
+        counted.clear()
+        ends.append(minimise(problem, np.array(start), max_iterations=200, tolerance=1e-12, share_equations=share))
+        made.append(len(counted))
+    np.testing.assert_allclose(ends[1].estimate, ends[0].estimate, atol=1e-5)
+    assert ends[1].outcome is ends[0].outcome
+    assert made[0] >= ends[0].iterations
+    if isinstance(problem, Bent):
+        assert made[1] < made[0]
+
+
+def test_equations_that_change_are_not_shared() -> None:
+    """Where they bend, steps of other equations come nearer slowly: they are as many as without.
+
+    Mutations: no bound on how long a shared step may be (26 steps instead of 5); on what it leaves of the one before (9).
+    """
+    problem = Bent()
+    problem.bend = 1.0
+    own, shared = (
+        minimise(problem, np.array([2.0, 2.0]), max_iterations=200, tolerance=1e-12, share_equations=share)
+        for share in (False, True)
+    )
+    np.testing.assert_allclose(shared.estimate, own.estimate, atol=1e-7)
+    assert shared.iterations <= own.iterations + 1

@@ -425,3 +425,27 @@ def test_the_border_times_columns_is_what_it_is_written_out(
     columns = np.random.default_rng(6).normal(size=(LAYOUT.size, 2))
     expected = ArrowSystem.of(equations).border @ columns
     np.testing.assert_allclose(equations.border_times(columns), expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("unseen", range(3))
+@pytest.mark.parametrize("held", [{}, {"hold_velocity": True}, {"planes_hold_frame": True}])
+@pytest.mark.parametrize("at_once", [3, 100])
+def test_the_gradient_alone_is_that_of_the_whole(
+    monkeypatch: pytest.MonkeyPatch, unseen: int, held: dict[str, bool], at_once: int
+) -> None:
+    """At the estimate, and of what is shared where the knots have moved.
+
+    Mutations: priors left out; the fall along what no plane sees, or links that feel it; a link's second knot not moved along, or
+    its pull on it; the frame's hold left out of what a moved knot pulls at, or there where something else holds it; the nodes'
+    shares exchanged; a second bin at a knot left out.
+    """
+    monkeypatch.setattr("calib_core.full.joint.equations.CHAIN", replace(CHAIN, knots_at_once=at_once))
+    problem, e = _problem(5, delta_s=0.004, unseen=unseen)
+    equations = replace(problem, **held).linearise(e)
+    whole = ArrowSystem.of(equations)
+    knots, shared = equations.pulls()
+    np.testing.assert_allclose(knots, whole.gradient, atol=1e-12 * np.abs(whole.gradient).max())
+    np.testing.assert_allclose(shared, whole.gradient_shared, atol=1e-12 * np.abs(whole.gradient_shared).max())
+    along = np.random.default_rng(6).normal(size=(KNOTS, 9))
+    moved = whole.pulls(along)[1]
+    np.testing.assert_allclose(equations.pulls(along)[1], moved, atol=1e-12 * np.abs(moved).max())

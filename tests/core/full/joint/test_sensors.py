@@ -170,7 +170,7 @@ def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
 def test_parts_and_the_borders_columns_are_those_of_the_whole(nuisance: Nuisance) -> None:
     """As without sensors (test_problem.py). Mutations: a part's clusters counted from the first of all; what lasers share with
     one another in each part too; a parameter's column off by the nodes that a part has not; lasers left out of the border times
-    columns, or the IMU's parameters, or the clocks' rate.
+    columns, or the IMU's parameters, or the clocks' rate; and of the gradient alone.
     """
     case = Case(1, nuisance)
     equations = case.problem.linearise(case.estimate)
@@ -191,6 +191,13 @@ def test_parts_and_the_borders_columns_are_those_of_the_whole(nuisance: Nuisance
     columns *= (1.0 / np.sqrt(np.diag(whole.corner)))[:, None]
     expected = whole.border @ columns
     np.testing.assert_allclose(equations.border_times(columns), expected, atol=1e-12 * np.abs(expected).max())
+    along = np.random.default_rng(7).normal(size=(plain.KNOTS, 9))
+    unit = 1.0 / np.sqrt(np.diag(whole.corner))
+    for moved in (None, along):
+        expected, found = whole.pulls(moved), equations.pulls(moved)
+        if moved is None:
+            np.testing.assert_allclose(found[0], expected[0], atol=1e-12 * np.abs(expected[0]).max())
+        np.testing.assert_allclose(unit * found[1], unit * expected[1], atol=1e-11 * np.abs(unit * expected[1]).max())
 
 
 @pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT)])
