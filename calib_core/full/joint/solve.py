@@ -27,7 +27,7 @@ from calib_core.full.joint.round import one_round, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
-from calib_core.full.joint.surface import admit_surface, is_bent_wall, say_uneven
+from calib_core.full.joint.surface import admit_surface, is_bent_wall, is_rough, say_uneven, unevenness_m
 from calib_core.full.joint.tones import admit_rest, admit_tones, loudest, say_tones
 from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
 from calib_core.full.run import Run
@@ -219,8 +219,26 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     bent, rests = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling, soon=soon)
     if not (rests and is_bent_wall(bent, schedule.surfaces)):
         return replace(state, rounds=bent.rounds, iterations=bent.iterations)
-    say_uneven(data, bent)
+    bent = with_rough_surface(data, bent, schedule)
+    say_uneven(data, bent, schedule.surfaces)
     return bent
+
+
+def with_rough_surface(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """With heights that may be as large as they have turned out, where that is far more than a wall's are, and comes to rest so.
+
+    What pulls them flat by a wall's measure pulls everything else away then.
+    """
+    assert schedule.settling is not None
+    surface, rules = state.nuisance.surface, schedule.surfaces
+    if surface is None or not is_rough(state, rules):
+        return state
+    nuisance = state.nuisance.with_surface(surface, unevenness_m(state), rules.alike_m)
+    wider = state.with_nuisance(nuisance, state.estimate.nuisance).without_points()
+    rough, rests = near_rest(data.portion(1.0, 1.0), wider, schedule.settling, schedule.sampling, soon=rules.rounds)
+    if rests and is_bent_wall(rough, rules):
+        return rough
+    return replace(state, rounds=rough.rounds, iterations=rough.iterations)
 
 
 def settle_with_tones(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:

@@ -45,14 +45,25 @@ def is_bent_wall(state: Estimation, rules: Surfaces) -> bool:
     return bool(np.abs(heights).max(initial=0.0) < rules.most_sigmas * rules.height_std_m)
 
 
-def say_uneven(data: JointData, state: Estimation) -> None:
+def unevenness_m(state: Estimation) -> float:
+    """Root mean square of the heights."""
+    return float(np.sqrt(np.mean(state.nuisance.values(state.estimate.nuisance, SURFACE) ** 2)))
+
+
+def is_rough(state: Estimation, rules: Surfaces) -> bool:
+    """Whether planes are off flat by far more than walls are: something before one passes for it."""
+    return unevenness_m(state) > rules.rough * rules.height_std_m
+
+
+def say_uneven(data: JointData, state: Estimation, rules: Surfaces) -> None:
     """That shapes are estimated, for a person: by how much planes are off flat, and in how many patches."""
-    heights_m = state.nuisance.values(state.estimate.nuisance, SURFACE)
+    rough = is_rough(state, rules)
+    why = ", more than walls are: what stands before one, as a door ajar does, passes for it" if rough else ""
     data.run.say(
-        "info",
+        "warning" if rough else "info",
         "planes.uneven",
-        f"the planes are off flat by {1e3 * float(np.sqrt(np.mean(heights_m**2))):.1f} mm from place to place: their shape is "
-        f"estimated along, in {len(heights_m)} patches",
+        f"the planes are off flat by {1e3 * unevenness_m(state):.1f} mm from place to place{why}: their shape is estimated "
+        f"along, in {state.nuisance.patches} patches",
     )
 
 

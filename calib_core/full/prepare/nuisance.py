@@ -122,10 +122,12 @@ class Nuisance:
         return tuple((self.places[each.block], each.whitener) for each in self.blocks if each.whitener is not None)
 
     def with_surface(self, surface: SurfacePatches, std_m: float, alike_m: float) -> Nuisance:
-        """With the heights of patches as unknowns, after all others: so large, and alike so far along a wall."""
+        """With the heights of patches as unknowns, after all others: so large, and alike so far along a wall. In the place of
+        those that were there."""
         std = np.full(surface.count, std_m)
         block = NuisanceBlock(SURFACE, surface.names, std, surface.whitener(std_m, alike_m))
-        return replace(self, blocks=(*self.blocks, block), surface=surface)
+        others = tuple(each for each in self.blocks if each.block != SURFACE)
+        return replace(self, blocks=(*others, block), surface=surface)
 
     def with_tone(self, hz: float, resolution_hz: float, zero_s: float) -> Nuisance:
         """With one more tone, after all others but what is the room's. resolution_hz: standard deviation of its frequency.

@@ -1,0 +1,81 @@
+"""Walls that something before them passes for: what pulls their heights flat is widened to what they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.factors.patches import patches_of
+from calib_core.full.joint import solve, surface
+from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.schedule import FULL
+from calib_core.full.prepare.nuisance import SURFACE
+from tests.core.full.joint.conftest import Half
+
+RULES = FULL.surfaces
+
+
+def _off_flat(half: Half, by_m: float) -> Estimation:
+    """With heights of this size, one up and one down."""
+    assert half.state.support is not None
+    patches = patches_of(half.state.support)
+    nuisance = half.state.nuisance.with_surface(patches, RULES.height_std_m, RULES.alike_m)
+    return half.state.with_nuisance(nuisance, np.resize([by_m, -by_m], nuisance.size))
+
+
+@pytest.mark.parametrize(("by_mm", "wider"), [(5.0, False), (12.0, True)])
+def test_heights_far_beyond_a_walls_may_be_as_large_as_they_are(
+    half: Half, monkeypatch: pytest.MonkeyPatch, by_mm: float, wider: bool
+) -> None:
+    """Mutations: heights of any size; the prior as it was; that of walls beside the new one."""
+    asked: list[Estimation] = []
+
+    def rests(_: Any, state: Estimation, *__: Any, **___: Any) -> tuple[Estimation, bool]:
+        asked.append(state)
+        return replace(state, rounds=state.rounds + 2), True
+
+    monkeypatch.setattr(solve, "near_rest", rests)
+    state = _off_flat(half, 1e-3 * by_mm)
+    after = solve.with_rough_surface(half.data, state, FULL)
+    assert (after is state) is not wider
+    if wider:
+        (block,) = (each for each in asked[0].nuisance.blocks if each.block == SURFACE)
+        np.testing.assert_allclose(block.prior_std, 1e-3 * by_mm)
+        assert asked[0].nuisance.size == state.nuisance.size
+        assert after.rounds == state.rounds + 2
+        np.testing.assert_array_equal(after.estimate.nuisance, state.estimate.nuisance)
+
+
+@pytest.mark.parametrize("farther_m", [0.0, 0.2])
+def test_what_does_not_come_to_rest_so_stays_as_it_was(
+    half: Half, monkeypatch: pytest.MonkeyPatch, farther_m: float
+) -> None:
+    """Or goes on to be another surface. Mutations: taken all the same; its rounds not counted."""
+
+    def ends(_: Any, state: Estimation, *__: Any, **___: Any) -> tuple[Estimation, bool]:
+        moved = replace(state.estimate, nuisance=state.estimate.nuisance + farther_m)
+        return replace(state, estimate=moved, rounds=9), farther_m > 0.0
+
+    monkeypatch.setattr(solve, "near_rest", ends)
+    state = _off_flat(half, 0.012)
+    after = solve.with_rough_surface(half.data, state, FULL)
+    assert after.nuisance is state.nuisance
+    assert after.rounds == 9
+
+
+@pytest.mark.parametrize(
+    ("by_mm", "level", "words"), [(5.0, "info", "flat by 5.0 mm"), (12.0, "warning", "a door ajar")]
+)
+def test_a_person_is_warned_of_what_no_wall_is(
+    half: Half, monkeypatch: pytest.MonkeyPatch, by_mm: float, level: str, words: str
+) -> None:
+    """Mutations: never more than a word by the way; what it may be left out."""
+    said: list[tuple[str, str, str]] = []
+    monkeypatch.setattr(type(half.data.run), "say", lambda _, *what: said.append(what))
+    surface.say_uneven(half.data, _off_flat(half, 1e-3 * by_mm), RULES)
+    ((told, code, text),) = said
+    assert (told, code) == (level, "planes.uneven")
+    assert words in text
