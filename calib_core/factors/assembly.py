@@ -65,7 +65,7 @@ def add_links_kernel(
     gradient: FloatArray,
     gradient_shared: FloatArray,
 ) -> None:
-    """Adds J' J and J' r of whitened links in a row to a part of an arrow system (solver/arrow.py), of L + 1 knots.
+    """Adds J' J and J' r of whitened links in a row to a part of an arrow system (solver/system.py), of L + 1 knots.
 
     first, second: (L, 9, 9) by the link's two knots.   D_gravity, D_gyro, D_accel: (L, 9, 3).   residual: (L, 9).
     D_nuisance: (L, 9, N), in the shared columns nuisance_column (N,).

@@ -39,7 +39,8 @@ from calib_core.paper.records import FrontEnd, PaperOptions, PaperSolution
 from calib_core.paper.rounds import Round, expand, reweighted
 from calib_core.paper.solve import Descent, descend
 from calib_core.settings import PAPER_FIELD_OF_VIEW_DEG, PAPER_POINTS_PER_PLANE_PER_SCAN, CalibrateSettings
-from calib_core.solver.arrow import ArrowSystem, solve_arrow
+from calib_core.solver.arrow import solve_arrow
+from calib_core.solver.system import ArrowSystem
 from calib_core.types import Finding, InitialGuess, Plane, Recording
 
 _MIN_PLANES, _MIN_SCANS = 3, 10

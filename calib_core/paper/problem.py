@@ -29,7 +29,8 @@ from calib_core.paper.lidar_factor import (
 from calib_core.paper.preintegration import Preintegrated
 from calib_core.paper.records import ImuStates
 from calib_core.paper.weights import Weights
-from calib_core.solver.arrow import ArrowSolution, ArrowSystem
+from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray, IntArray
 
 N_SHARED = 15

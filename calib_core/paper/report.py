@@ -10,7 +10,8 @@ from calib_core.paper.preintegration import ScanPreintegration
 from calib_core.paper.problem import PaperState, covariance_of_calibration
 from calib_core.paper.records import FrontEnd, PlaneFitQuality
 from calib_core.paper.timeline import Timeline
-from calib_core.solver.arrow import ArrowSystem, solve_arrow
+from calib_core.solver.arrow import solve_arrow
+from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray, IntArray, Trajectory
 
 #: Poses of the reported trajectory per scan.

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from calib_core.paper.problem import PaperProblem, PaperState
-from calib_core.solver.arrow import ArrowSystem, NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.solver.system import ArrowSystem
 
 #: A round is over when the model promises less than this share of the cost.
 _CONVERGED = 1e-9

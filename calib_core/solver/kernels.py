@@ -128,7 +128,7 @@ def fill_kernel(
     E: FloatArray,
     W: FloatArray,
 ) -> None:
-    """Fills D (k, n, n), E (k - 1, n, n) and W (k, n, ..) of a part's first knots (solver/arrow.py), in units of scale (.., n).
+    """Fills D (k, n, n), E (k - 1, n, n) and W (k, n, ..) of a part's first knots (solver/system.py), in units of scale (.., n).
 
     W: the border's columns `own`, the knot before the part in its own units where has_before, the gradient.   damping: grows
     D's diagonal.

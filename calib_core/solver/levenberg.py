@@ -14,7 +14,8 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from calib_core.solver.arrow import ArrowEquations, ArrowSolution, Eliminated, NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import ArrowSolution, Eliminated, NotPositiveDefinite, solve_arrow
+from calib_core.solver.system import ArrowEquations
 
 E = TypeVar("E")
 #: Of a cost: what summing hundreds of thousands of squares in double precision cannot tell apart. Measured: where the cost

@@ -1,4 +1,4 @@
-"""The joint problem's normal equations about an estimate, part by part of the chain (solver/arrow.py).
+"""The joint problem's normal equations about an estimate, part by part of the chain (solver/system.py).
 
 A part has the links and bins of its knots, and of the shared columns those that they touch. The link into a part's first knot is
 another's business but for what it says of that knot; what no knot has a share in, priors above all, is in common to all parts.
@@ -21,7 +21,7 @@ from calib_core.full.joint.state import CALIBRATION, GRAVITY, ROTATION, TRANSLAT
 from calib_core.full.joint.unseen import Unseen
 from calib_core.geometry import hat
 from calib_core.imu.preintegration import Links
-from calib_core.solver.arrow import ArrowPart
+from calib_core.solver.system import ArrowPart
 from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray
 
@@ -79,7 +79,7 @@ class Datum:
 
 @dataclass(frozen=True)
 class JointEquations:
-    """As solver/arrow.py takes them. prior: rows of what is known beforehand, residual (R,) and Jacobian (R, S).
+    """As solver/system.py has them. prior: rows of what is known beforehand, residual (R,) and Jacobian (R, S).
 
     gyro_change, accel_change: (L, 3) of the links' biases since their integration.
     """

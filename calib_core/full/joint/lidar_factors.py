@@ -24,7 +24,7 @@ from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.solver.arrow import ArrowPart
+from calib_core.solver.system import ArrowPart
 from calib_core.types import FloatArray, IntArray
 
 

@@ -21,7 +21,7 @@ from calib_core.factors.imu import KNOT, PLACE, VELOCITY
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, Bins, Estimate
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.solver.arrow import ArrowPart
+from calib_core.solver.system import ArrowPart
 from calib_core.types import BoolArray, FloatArray
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from calib_core.solver import arrow
-from calib_core.solver.arrow import ArrowPart, ArrowSystem, Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
+from calib_core.solver.arrow import Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
+from calib_core.solver.system import ArrowPart, ArrowSystem
 from calib_core.types import FloatArray
 
 

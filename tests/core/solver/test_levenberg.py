@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from calib_core.solver.arrow import ArrowSolution, ArrowSystem, Eliminated
+from calib_core.solver.arrow import ArrowSolution, Eliminated
 from calib_core.solver.levenberg import Outcome, minimise
+from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray
 
 #: Sends the descent of the valley through a wall.

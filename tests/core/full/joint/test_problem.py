@@ -17,7 +17,8 @@ from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import plane_axes
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.solver.arrow import ArrowEquations, ArrowSolution, ArrowSystem, solve_arrow
+from calib_core.solver.arrow import ArrowSolution, solve_arrow
+from calib_core.solver.system import ArrowEquations, ArrowSystem
 from calib_core.types import FloatArray
 
 KNOTS, PLANES, H_S = 7, 3, 0.05

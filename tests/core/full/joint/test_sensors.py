@@ -18,7 +18,8 @@ from calib_core.full.prepare.nuisance import SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
-from calib_core.solver.arrow import ArrowSolution, ArrowSystem
+from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray
 from tests.core.factors.test_laser_features import triangle
 from tests.core.full.joint import test_problem as plain

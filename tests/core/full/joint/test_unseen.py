@@ -16,8 +16,9 @@ from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.joint.unseen import Unseen
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.solver.arrow import ArrowSystem, Eliminated, solve_arrow
+from calib_core.solver.arrow import Eliminated, solve_arrow
 from calib_core.solver.information import covariance
+from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray
 
 KNOTS, H_S = 700, 0.01
