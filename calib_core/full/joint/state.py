@@ -144,8 +144,9 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Bins:
-    """Lidar factors: one a knot and plane. knot, plane: (B,). scatter: (B, 5, 5). count: (B,). time_offset_s: of their making.
+    """Lidar factors: one a knot and plane. knot: (B,) ascending. plane: (B,). scatter: (B, 5, 5). count: (B,).
 
+    time_offset_s: of their making.
     lasers: what they share with the lidar's own parameters.   nuisance: (N,) values with which the points were laid out.
     """
 
