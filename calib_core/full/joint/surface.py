@@ -58,7 +58,7 @@ def is_rough(state: Estimation, rules: Surfaces) -> bool:
 def say_uneven(data: JointData, state: Estimation, rules: Surfaces) -> None:
     """That shapes are estimated, for a person: by how much planes are off flat, and in how many patches."""
     rough = is_rough(state, rules)
-    why = ", more than walls are: what stands before one, as a door ajar does, passes for it" if rough else ""
+    why = ", more than walls are, as if a door stood ajar before one" if rough else ""
     data.run.say(
         "warning" if rough else "info",
         "planes.uneven",
