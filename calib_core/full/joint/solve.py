@@ -225,9 +225,10 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
 
 
 def with_rough_surface(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
-    """With heights that may be as large as they have turned out, where that is far more than a wall's are, and comes to rest so.
+    """With heights that may be as large as they have turned out, where that is far more than a wall's are.
 
-    What pulls them flat by a wall's measure pulls everything else away then.
+    What pulls them flat by a wall's measure pulls everything else away then. Cells by the leaf's edge may come and go while they
+    are surveyed. The stillest of these rounds is taken then, which comes to rest once they are not.
     """
     assert schedule.settling is not None
     surface, rules = state.nuisance.surface, schedule.surfaces
@@ -235,8 +236,8 @@ def with_rough_surface(data: JointData, state: Estimation, schedule: Schedule) -
         return state
     nuisance = state.nuisance.with_surface(surface, unevenness_m(state), rules.alike_m)
     wider = state.with_nuisance(nuisance, state.estimate.nuisance).without_points()
-    rough, rests = near_rest(data.portion(1.0, 1.0), wider, schedule.settling, schedule.sampling, soon=rules.rounds)
-    if rests and is_bent_wall(rough, rules):
+    rough, _ = near_rest(data.portion(1.0, 1.0), wider, schedule.settling, schedule.sampling, soon=rules.rounds)
+    if is_bent_wall(rough, rules):
         return rough
     return replace(state, rounds=rough.rounds, iterations=rough.iterations)
 
