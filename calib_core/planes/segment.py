@@ -7,7 +7,7 @@ Three checks keep out what is not a surface:
 * seen face on: a plane through the sensor collects whole rings; its points are seen edge on and do not count;
 * dominance: around a surface, the slab next to it is nearly empty, whereas an imaginary cut through other surfaces has
   as many points beside it as in it;
-* breadth: the points spread in two directions.
+* breadth: the points spread in two directions, those of one piece by themselves: two poles are no wall.
 
 A normal points to the side from which the plane was seen.
 """
@@ -23,11 +23,14 @@ from numpy.typing import NDArray
 from calib_core.geometry import plane_axes
 from calib_core.planes.kernels import band_kernel, support_kernel
 from calib_core.planes.same import same_place
+from calib_core.planes.sample import evenly_spread
 from calib_core.planes.settings import SegmentSettings
 from calib_core.types import BoolArray, FloatArray
 
 #: A prime beyond all cells of a side: a row and a column are one number.
 _ROW_KEY = 1_000_003
+#: A gap is told to a quarter of itself, and a half more.
+_CELLS_OF_A_GAP = 4.0
 #: Standard deviation of a normal law over its median absolute deviation.
 _NORMAL_MAD = 1.4826
 
@@ -210,7 +213,24 @@ def _is_surface(
         return False
     share = mine_count / nearby
     # Weighted by points: the share of this plane's points that lie in cells it dominates.
-    return float(mine_count[share > s.dominance].sum() / mine_count.sum()) > s.dominated_share
+    if float(mine_count[share > s.dominance].sum() / mine_count.sum()) <= s.dominated_share:
+        return False
+    return _breadth_of_a_piece_m(inside, s) >= s.piece_breadth_m
+
+
+def _breadth_of_a_piece_m(points: FloatArray, s: SegmentSettings) -> float:
+    """The narrower spread of the largest piece of a plane's points (N, 3): what is seen without a gap, from the origin."""
+    some = points[evenly_spread(len(points), s.pieced)] if len(points) > s.pieced else points
+    rays = some / np.maximum(np.linalg.norm(some, axis=1), 1e-9)[:, None]
+    # Pairs of cells of the view, as pairs of points would be a million where these lie close together.
+    cells, cell = np.unique(
+        np.floor(rays * (_CELLS_OF_A_GAP / s.gap_rad)).astype(np.int64), axis=0, return_inverse=True
+    )
+    near = scipy.spatial.cKDTree(cells).query_pairs(_CELLS_OF_A_GAP, output_type="ndarray")
+    links = scipy.sparse.coo_array((np.ones(len(near), np.bool_), tuple(near.T)), shape=(len(cells), len(cells)))
+    _, piece_of = scipy.sparse.csgraph.connected_components(links, directed=False)
+    piece = piece_of[cell.reshape(-1)]
+    return float(fit_plane(some[piece == np.argmax(np.bincount(piece))])[2][1])
 
 
 def _merge(points: FloatArray, fits: list[PlaneFit], s: SegmentSettings) -> list[PlaneFit]:

@@ -25,6 +25,13 @@ class SegmentSettings:
     #: derived: points spread evenly over a width w have w / sqrt(12); so much (1 sigma) in the narrower direction is a
     #: strip of 0.4 m. A lone ring is narrower.
     min_breadth_m: float = 0.12
+    #: derived: the same of a single piece: what is seen without a gap of 5 deg, 0.087 rad, nearly twice the 2.8 deg between the
+    #: rings of sixteen lasers that look 22.5 deg up and down. A plane through two poles, or a pole and a person, is as wide as
+    #: they are apart, and each of its pieces a strip of 0.3 m.
+    piece_breadth_m: float = 0.12
+    gap_rad: float = 0.087
+    #: judged: pieces are told among so many points: a wall of 90 deg by 30 deg has one every 1.2 deg. Time grows with them.
+    pieced: int = 2000
     #: derived: the sine of 3.4 deg, more than the 2 deg between rings of sixteen lasers. From this cosine of incidence on a
     #: point is seen face on; below, a plane collects whole rings.
     min_incidence: float = 0.06

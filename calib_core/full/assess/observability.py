@@ -88,12 +88,23 @@ def assess(
     rows = np.zeros(CALIBRATION)
     for row in priors.rows:
         rows[row.column] += 1.0 / row.std**2
-    # Positive definite: priors of 10 m and less hold what the data leave open, which `covariance` would take for round-off.
-    covariance = np.linalg.inv(data + np.diag(rows * UNITS**2)) * UNITS[:, None] * UNITS[None, :]
+    covariance = _held(data, rows * UNITS**2) * UNITS[:, None] * UNITS[None, :]
     if not frozen_offset:
         covariance[TIME_OFFSET, TIME_OFFSET] += offset_std_s**2
     rotation = np.linalg.eigvalsh(data[ROTATION, ROTATION])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / WORDING.known_deg**2))
+
+
+def _held(data: FloatArray, prior: FloatArray) -> FloatArray:
+    """Covariance of what the data say together with a diagonal prior, (7, 7), positive definite.
+
+    Priors of 10 m and less hold what the data leave open. In their units no direction is less certain than they are: an
+    information that seems to be less than nothing is round-off beside what is known best.
+    """
+    std = 1.0 / np.sqrt(prior)
+    values, vectors = np.linalg.eigh(data * std[:, None] * std)
+    spread = std[:, None] * vectors
+    return np.asarray((spread / (1.0 + np.maximum(values, 0.0))) @ spread.T, dtype=np.float64)
 
 
 def _describe(vector: FloatArray, spread: float, data_std: FloatArray, *, undetermined: bool) -> WeakDirection:

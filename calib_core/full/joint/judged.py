@@ -9,11 +9,11 @@ import numpy as np
 from calib_core.full.joint.doubt import face_three_ways, plane_doubts, require_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.plane_set import drop_planes, mark_planes, only_planes
-from calib_core.full.joint.policies import PlaneSet, Sampling, Settling
+from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settle import settle
-from calib_core.full.joint.tones import found_tones
+from calib_core.full.joint.tones import found_tones, heard_anew
 from calib_core.full.planes.standing import Fault, fault_of
 
 
@@ -28,26 +28,34 @@ def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> E
         state = mark_planes(data, state, rules or PlaneSet())
     if rules is None or not data.sensors.blocks:
         return state
-    return drop_planes(data, state, rules, most_share=rules.clutter_share)
+    left = drop_planes(data, state, rules, most_share=rules.clutter_share)
+    return left if left is state else heard_anew(data, left, schedule.tones, schedule.coarse[-1], schedule.sampling)
 
 
-def without_doubtful(data: JointData, state: Estimation, schedule: Schedule, rules: PlaneSet) -> Estimation:
+def without_faulty(data: JointData, state: Estimation, schedule: Schedule, *, settled: bool) -> Estimation:
+    """Without the planes that are none. settled: as drop_planes has it."""
+    assert schedule.planes is not None
+    left = drop_planes(data, state, schedule.planes, settled=settled)
+    return left if left is state else heard_anew(data, left, schedule.tones, schedule.sensors, schedule.sampling)
+
+
+def without_doubtful(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """Without what is no plane, unless something shakes the IMU unseen: it would be held against them, and is known later."""
     tones = schedule.tones
     if found_tones(data, state, tones, schedule.sensors, schedule.sampling, least=tones.explains_in_company):
         return state
-    return drop_planes(data, state, rules, settled=True)
+    return without_faulty(data, state, schedule, settled=True)
 
 
-def settle_without_doubtful(
-    data: JointData, state: Estimation, rules: PlaneSet, settling: Settling, sampling: Sampling
-) -> Estimation:
+def settle_without_doubtful(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """Settled again without what turns out to be no plane, in as many turns as there are."""
-    for _ in range(rules.turns):
-        left = drop_planes(data, state, rules, settled=True)
+    assert schedule.planes is not None
+    assert schedule.settling is not None
+    for _ in range(schedule.planes.turns):
+        left = without_faulty(data, state, schedule, settled=True)
         if left is state:
             break
-        state = settle(data, left, settling, sampling)
+        state = settle(data, left, schedule.settling, schedule.sampling)
     return state
 
 

@@ -140,7 +140,8 @@ def correct(
     count: FloatArray = np.zeros(len(normals))
     returns = 1
     settled: Micro | None = None
-    for extra_m in (policy.gate_m, policy.tightened * policy.gate_m):
+    # Where the lidar told nothing for a while, the prediction is all there is.
+    for extra_m in (policy.gate_m, policy.tightened * policy.gate_m) if inside else ():
         gate = gate_of(state, extra_m, schedule.sampling)
         gate = replace(gate, extra_of_plane_m=gates_m(drift.along(normals), extra_m, policy))
         points = associate(window.view(data), inside, state.lidar_noise, gate, way.reach, stride=stride)

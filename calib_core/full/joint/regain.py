@@ -56,7 +56,9 @@ def regain(
             None if outlined is None else PlaneExtents(reach.normals[plane : plane + 1], outlined[plane : plane + 1])
         )
         gate = Gate(extra_m=3.0 * float(straying_m[plane]) + policy.regained_gate_m)
-        found.append(_points_of(view, state, position, index[fit.inliers], plane=plane, gate=gate, within=within))
+        points = _points_of(view, state, position, index[fit.inliers], plane=plane, gate=gate, within=within)
+        if len(points.count):
+            found.append(points)
     return Micro.joined(found) if found else None
 
 

@@ -16,8 +16,9 @@ from calib_core.full.joint.judged import (
     with_culprits_marked,
     without_clutter,
     without_doubtful,
+    without_faulty,
 )
-from calib_core.full.joint.plane_set import add_planes, drop_planes
+from calib_core.full.joint.plane_set import add_planes
 from calib_core.full.joint.policies import Round, Sampling
 from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
@@ -169,7 +170,7 @@ def with_sensors(data: JointData, state: Estimation, schedule: Schedule) -> Esti
     least = schedule.tones.explains_at_once
     state = admit_tones(data, state, schedule.tones, schedule.sensors, schedule.sampling, least=least)
     if schedule.planes is not None:
-        state = drop_planes(data, state, schedule.planes)
+        state = without_faulty(data, state, schedule, settled=False)
     return until_steady(data, state, schedule, schedule.sensors, moved)
 
 
@@ -203,15 +204,13 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     if rules is None:
         state = settle(data, state, schedule.settling, schedule.sampling)
     else:
-        judge = partial(without_doubtful, data, schedule=schedule, rules=rules)
+        judge = partial(without_doubtful, data, schedule=schedule)
         state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.chosen:
         state = with_culprits_marked(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:
-        state = settle_without_doubtful(
-            data.portion(1.0, 1.0), state, schedule.planes, schedule.settling, schedule.sampling
-        )
+        state = settle_without_doubtful(data.portion(1.0, 1.0), state, schedule)
     uneven = admit_surface(data, state, schedule.surfaces, schedule.sampling)
     if uneven is state:
         return state

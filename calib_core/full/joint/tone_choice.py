@@ -23,7 +23,7 @@ from calib_core.full.joint.state import Bins
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, TONE
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
-from calib_core.solver.information import covariance
+from calib_core.solver.information import ROUND_OFF, covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +62,12 @@ def explaining(
     of = np.arange(end - count * PARAMETERS, end)
     others = np.setdiff1d(np.arange(len(g)), of)
     follow = S[np.ix_(of, others)] @ covariance(S[np.ix_(others, others)]).matrix
+    whole = np.diag(S)[of]
     S, g = S[np.ix_(of, of)] - follow @ S[np.ix_(others, of)], g[of] - follow @ g[others]
-    each = [slice(k, k + PARAMETERS) for k in range(0, count * PARAMETERS, PARAMETERS)]
-    decreases = [0.5 * float(g[own] @ covariance(S[own, own]).matrix @ g[own]) for own in each]
+    # What is left of a parameter that the others make up altogether is round-off, of either sign.
+    told = np.diag(S) > ROUND_OFF * whole
+    each = [k + np.flatnonzero(told[k : k + PARAMETERS]) for k in range(0, count * PARAMETERS, PARAMETERS)]
+    decreases = [0.5 * float(g[own] @ covariance(S[np.ix_(own, own)]).matrix @ g[own]) for own in each]
     found = [
         Explaining(*one) for one in zip(toned.nuisance.tones_hz[-count:], decreases, strict=True) if one[1] > least
     ]

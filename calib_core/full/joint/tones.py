@@ -117,11 +117,26 @@ def is_hump(data: JointData, state: Estimation, hz: float, rules: Tones) -> bool
 
 def without_tones(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
     """With what pulls at the readings left in them, for the error bars to count, and two rounds back to where that leads."""
+    return told(data, replace(bare(state), untuned=True), round_, sampling)
+
+
+def heard_anew(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
+    """With those tones only that show again from two rounds without any: for a state whose planes are no longer those that told
+    them.
+
+    What clutter taken for planes says of the readings is as loud as an engine. Walls show it again if it was one.
+    """
+    if not state.nuisance.tones_hz:
+        return state
+    silent = told(data, bare(state), round_, sampling)
+    return admit_tones(data, silent, rules, round_, sampling, least=rules.explains_at_once)
+
+
+def bare(state: Estimation) -> Estimation:
+    """Without tones among the unknowns."""
     place, e = state.nuisance.places[TONE], state.estimate
-    bare = state.with_nuisance(
-        state.nuisance.without_tones(), np.delete(e.nuisance, np.arange(place.start, place.stop))
-    )
-    return told(data, replace(bare, untuned=True), round_, sampling)
+    values = np.delete(e.nuisance, np.arange(place.start, place.stop))
+    return state.with_nuisance(state.nuisance.without_tones(), values)
 
 
 def found_tones(

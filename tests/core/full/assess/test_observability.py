@@ -194,6 +194,23 @@ def test_a_trace_of_an_undetermined_direction_leaves_the_rotation_as_well_known_
     assert np.sqrt(known.covariance[2, 2]) / UNITS[2] > 15.0, "a real part stays one"
 
 
+def test_what_nothing_tells_beside_micrometres_is_no_wider_than_the_priors() -> None:
+    """What is known best leaves round-off in what is not known at all: seen as variances below nothing, which ended in a defect.
+    Oracle: the priors along the open directions alone. Mutations: plainly inverted; not held at nothing.
+    """
+    rng = np.random.default_rng(3)
+    stds = np.array([row.std for row in STANDING]) / UNITS
+    for _ in range(50):
+        axes = np.linalg.qr(rng.normal(size=(7, 7)))[0]
+        spread = 10.0 ** rng.uniform(-5.0, -3.5, 7)
+        spread[:3] = np.inf
+        scaled = _assess(spread, axes).covariance / UNITS / UNITS[:, None]
+        alone = np.linalg.inv((axes[:, :3].T / stds**2) @ axes[:, :3])
+        assert np.all(np.diag(scaled) > 0.0)
+        # Round-off may as well tell something where nothing is told, but nothing is less than nothing.
+        assert np.linalg.eigvalsh(scaled)[-1] < np.linalg.eigvalsh(alone)[-1] * (1.0 + 1e-6)
+
+
 def test_inflation_multiplies_every_spread() -> None:
     """Fails when variances are multiplied by the factor instead of its square."""
     plain, inflated = _assess(_all(GOOD)), _assess(_all(GOOD), inflation=3.0)

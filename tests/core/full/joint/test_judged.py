@@ -34,8 +34,6 @@ def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
     monkeypatch: pytest.MonkeyPatch, half: Half, shaken: bool
 ) -> None:
     """It would be held against them. Mutations: judged in any case; never; by another tone than one in company."""
-    rules = FULL.planes
-    assert rules is not None
 
     def found(*_: object, least: float) -> list[Explaining]:
         assert least == FULL.tones.explains_in_company
@@ -44,8 +42,33 @@ def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(
     monkeypatch.setattr(judged, "found_tones", found)
     left = replace(half.state, rounds=77)
     monkeypatch.setattr(judged, "drop_planes", lambda *_, settled: left if settled else None)
-    after = judged.without_doubtful(half.data, half.state, FULL, rules)
+    after = judged.without_doubtful(half.data, half.state, FULL)
     assert after is (half.state if shaken else left)
+
+
+@pytest.mark.parametrize("is_none", [True, False])
+def test_what_planes_that_are_none_have_told_of_the_readings_goes_with_them(
+    monkeypatch: pytest.MonkeyPatch, half: Half, is_none: bool
+) -> None:
+    """Seen: of 22 planes 19 were clutter, and 1.2 m/s2 at 0.34 Hz stayed among the unknowns without them: a time offset known to
+    0.1 ms was undetermined. Where all stay, nothing is heard anew. Mutations: heard anew in any case; never; before the clutter
+    goes; with the sensors let go while they are held.
+    """
+    left, anew = replace(half.state, rounds=77), replace(half.state, rounds=78)
+    rounds: list[object] = []
+
+    def heard(_data: object, state: Estimation, _tones: object, round_: object, _sampling: object) -> Estimation:
+        assert state is left
+        rounds.append(round_)
+        return anew
+
+    monkeypatch.setattr(judged, "heard_anew", heard)
+    monkeypatch.setattr(judged, "drop_planes", lambda _data, state, *_, **__: left if is_none else state)
+    data = replace(half.data, sensors=Nuisance().with_tone(1.4, 0.01, 0.0))
+    expected = anew if is_none else half.state
+    assert judged.without_clutter(data, half.state, FULL) is expected
+    assert judged.without_faulty(data, half.state, FULL, settled=True) is expected
+    assert rounds == ([FULL.coarse[-1], FULL.sensors] if is_none else [])
 
 
 @pytest.mark.parametrize("chosen", [True, False])
@@ -144,7 +167,7 @@ def test_of_ideal_sensors_clutter_is_judged_once(monkeypatch: pytest.MonkeyPatch
 
     def drop(_data: JointData, state: Estimation, *_: object, **how: float) -> Estimation:
         assert state.observations is not None
-        told.append("clutter" if how else "all")
+        told.append("clutter" if "most_share" in how else "all")
         return replace(state, observations=None)
 
     def sensors(_data: JointData, state: Estimation, *_: object) -> tuple[Estimation, float]:
@@ -152,7 +175,6 @@ def test_of_ideal_sensors_clutter_is_judged_once(monkeypatch: pytest.MonkeyPatch
 
     data = replace(half.data, sensors=Nuisance()) if held else half.data
     monkeypatch.setattr(judged, "drop_planes", drop)
-    monkeypatch.setattr(solve, "drop_planes", drop)
     monkeypatch.setattr(solve, "moving_round", sensors)
     monkeypatch.setattr(solve, "admit_tones", lambda _, state, *__, **___: state)
     monkeypatch.setattr(solve, "until_steady", lambda _, state, *__: state)
@@ -181,7 +203,6 @@ def test_clutter_goes_before_the_sensors_are_let_go(monkeypatch: pytest.MonkeyPa
         return state, 0.0
 
     monkeypatch.setattr(judged, "drop_planes", drop)
-    monkeypatch.setattr(solve, "drop_planes", drop)
     monkeypatch.setattr(solve, "first_with_sensors", sensors)
     monkeypatch.setattr(solve, "admit_tones", lambda _, state, *__, **___: state)
     after = solve.with_sensors(half.data, half.state, FULL)

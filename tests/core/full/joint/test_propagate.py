@@ -101,7 +101,8 @@ def seen(half: Half) -> tuple[Window, list[int], np.ndarray]:
 def test_lost_planes_are_known_again_by_their_normals(half: Half) -> None:
     """The motion is off by 0.25 m, more than any gate allows; the planes are found and each gets its own points.
 
-    Oracle: every plane's points lie as far from it as the shift says. Mutation: give the points to the first plane.
+    Oracle: every plane's points lie as far from it as the shift says. Mutations: give the points to the first plane; a plane
+    without any within its outline is known again, which ended in a defect.
     """
     window, fresh, lost = seen(half)
     away_m = np.full(len(lost), 0.06)
@@ -123,6 +124,12 @@ def test_lost_planes_are_known_again_by_their_normals(half: Half) -> None:
         lost=~lost, straying_m=away_m, reach=reach, outlined=None, policy=POLICY,
     )  # fmt: skip
     assert none_lost is None
+    elsewhere = np.zeros_like(reach.inside)
+    nothing_there = regain(
+        half.data, half.state, strayed(half, window, shift_m), fresh,
+        lost=lost, straying_m=away_m, reach=reach, outlined=elsewhere, policy=POLICY,
+    )  # fmt: skip
+    assert nothing_there is None
 
 
 def test_a_wall_that_faces_the_other_way_is_not_the_lost_one(half: Half) -> None:
@@ -208,6 +215,22 @@ def test_a_piece_that_no_plane_corrects_is_predicted_alone(half: Half) -> None:
     np.testing.assert_array_equal(further.state.estimate.states.p[-SECOND:], alone.estimate.states.p[-SECOND:])
     np.testing.assert_array_equal(further.seen_at, way.seen_at)
     np.testing.assert_allclose(further.drift.covariance, way.drift.after(0.3).covariance, rtol=1e-9)
+    assert share == 0.0
+
+
+def test_where_the_lidar_told_nothing_for_a_while_the_imu_goes_on_alone(half: Half) -> None:
+    """Seen: a car that left its hall ended in a defect. Mutations: no scan is the first one; what is not seen ends the way."""
+    way = begin(half.data, half.state, half.schedule, POLICY)
+    clocks = half.data.run.clocks
+    gone = replace(
+        clocks, scan_s=np.where(np.arange(len(clocks.scan_s)) < 60, clocks.scan_s - 60.0, clocks.scan_s + 60.0)
+    )
+    silent = replace(half.data, run=replace(half.data.run, clocks=gone))
+    end = half.state.knots + 30
+    further, share = advance(silent, way, end, half.schedule, POLICY)
+    alone = predict(half.data, half.state, half.state.knots - SECOND, end)
+    np.testing.assert_array_equal(further.state.estimate.states.p[-SECOND:], alone.estimate.states.p[-SECOND:])
+    np.testing.assert_array_equal(further.seen_at, way.seen_at)
     assert share == 0.0
 
 
