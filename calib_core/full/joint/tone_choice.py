@@ -68,7 +68,11 @@ def explaining(
     told = np.diag(S) > ROUND_OFF * whole
     each = [k + np.flatnonzero(told[k : k + PARAMETERS]) for k in range(0, count * PARAMETERS, PARAMETERS)]
     decreases = [0.5 * float(g[own] @ covariance(S[np.ix_(own, own)]).matrix @ g[own]) for own in each]
+    # Nothing takes more away than there is: what seems to is round-off of what all else makes up.
+    most = problem.cost(toned.estimate)
     found = [
-        Explaining(*one) for one in zip(toned.nuisance.tones_hz[-count:], decreases, strict=True) if one[1] > least
+        Explaining(*one)
+        for one in zip(toned.nuisance.tones_hz[-count:], decreases, strict=True)
+        if least < one[1] <= most
     ]
     return sorted(found, key=lambda one: -one.decrease)

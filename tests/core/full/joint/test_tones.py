@@ -337,6 +337,20 @@ def test_what_all_else_makes_up_of_a_tone_explains_nothing(
     assert [found[hz] for hz in tried] == pytest.approx(expected, rel=1e-9)
 
 
+def test_no_tone_lowers_the_cost_by_more_than_there_is(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen: 4e16 of a million, and the readings bent by it. Mutations: taken for the loudest; cut down to all there is."""
+    tried = [1.4, 3.0]
+    state = with_tones_tried(half.data, half.state, tried, RULES)
+    problem = gathered(half.data, state)
+    last = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop
+    size, cost = len(solve_shared(problem.linearise(state.estimate))[1]), problem.cost(state.estimate)
+    for share, heard in ((0.9, True), (1.1, False)):
+        g = np.zeros(size)
+        g[last - 1] = np.sqrt(2.0 * share * cost)
+        monkeypatch.setattr(tone_choice, "solve_shared", lambda _, g=g: (np.eye(size), g))
+        assert [each.hz for each in explaining(half.data, state, 2, 1.0)] == ([3.0] if heard else [])
+
+
 def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a recording of 20 s: a turn is a tenth of a hertz. Mutations: two are too many; those far away count; an engine's too;
     looked for again afterwards.
