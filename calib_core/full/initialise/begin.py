@@ -24,7 +24,7 @@ from calib_core.full.initialise.agreement import (
     agreement_of,
 )
 from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
-from calib_core.full.initialise.guide import Guide
+from calib_core.full.initialise.guide import Guide, Led
 from calib_core.full.initialise.proposed import choice_among, joined, matched
 from calib_core.full.initialise.rotation import fit_lags, rotation_start
 from calib_core.full.initialise.settings import AGREEING, VECTORS
@@ -35,6 +35,7 @@ from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
+from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.turning import Turning
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
@@ -213,7 +214,23 @@ def _felt(
     known = _with_steps(ctx, known, planes, reference)
     if known[1] is None or len(known[1].leaps) > 0:
         known = _turned_rightly(ctx, known, planes, reference, pairs)
-    return known[0]
+    return _from_a_sound_stretch(ctx, known, planes, reference)[0]
+
+
+def _from_a_sound_stretch(ctx: Run, known: Known, planes: Sequence[Plane], reference: int) -> Known:
+    """The track led by what its longest stretch without a fault tells, where the whole of it is too wrong to tell anything."""
+    found = known[1]
+    if found is None or found.tells:
+        return known
+    part = found.sound_stretch
+    lidar = track_of(ctx, part)
+    rotation = told_rotation(ctx, lidar)
+    if rotation is None or rotation.open_axis_imu is not None:
+        return known
+    of_part = judged(ctx, part, lidar, rotation)
+    if not of_part.tells:
+        return known
+    return _with_steps(ctx, _sounder(ctx, known, planes, reference, Led.of(ctx, of_part)), planes, reference)
 
 
 def _with_steps(ctx: Run, known: Known, planes: Sequence[Plane], reference: int) -> Known:
@@ -264,8 +281,13 @@ def _sounder(ctx: Run, known: Known, planes: Sequence[Plane], reference: int, tu
 
 def lidar_track(ctx: Run, followed: Followed) -> LidarTrack:
     """The track on the lidar's clock."""
-    positions = np.array([m.position for m in followed.motions])
-    return LidarTrack.of(followed.motions, ctx.clocks.scan_s[positions], ctx.clocks.sweep_s[positions])
+    return track_of(ctx, followed.motions)
+
+
+def track_of(ctx: Run, motions: Sequence[ScanMotion]) -> LidarTrack:
+    """These motions on the lidar's clock."""
+    positions = np.array([m.position for m in motions])
+    return LidarTrack.of(motions, ctx.clocks.scan_s[positions], ctx.clocks.sweep_s[positions])
 
 
 def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:

@@ -88,16 +88,23 @@ class Judged:
     leaps: IntArray
 
     @property
-    def astray(self) -> int:
-        """Steps that the accelerometer has not felt, bridged ones aside."""
+    def astray(self) -> IntArray:
+        """Scans from which the step to the next one was none that the accelerometer has felt, bridged ones aside."""
         seen = np.array([m.share > 0 for m in self.motions])
         at = self.steps.step
-        return int(np.count_nonzero(self.steps.astray & seen[at] & seen[at + 1]))
+        return np.asarray(at[self.steps.astray & seen[at] & seen[at + 1]])
 
     @property
     def faults(self) -> int:
         """Both."""
-        return len(self.leaps) + self.astray
+        return len(self.leaps) + len(self.astray)
+
+    @property
+    def sound_stretch(self) -> Sequence[ScanMotion]:
+        """The longest run of motions between two faults."""
+        cuts = np.unique(np.concatenate([[-1], self.leaps, self.astray, [len(self.motions) - 1]]))
+        longest = int(np.argmax(np.diff(cuts)))
+        return self.motions[int(cuts[longest]) + 1 : int(cuts[longest + 1]) + 1]
 
     @property
     def tells(self) -> bool:

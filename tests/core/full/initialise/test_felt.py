@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.full.initialise.felt import Felt, GyroTurning, leaps
+from calib_core.full.initialise.felt import Felt, GyroTurning, Judged, leaps
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
@@ -37,6 +37,24 @@ def test_steps_add_up_either_way_and_end_where_one_is_not_known() -> None:
     assert felt.step([at[1]], 1) is None
     assert _turning().step([at[0]], 1) is None
     np.testing.assert_allclose(felt.between(0, 10**9), exp(RATE), atol=1e-9)
+
+
+def test_the_longest_run_between_faults_is_the_sound_stretch() -> None:
+    """Faults after the motions 3, 9 and 15 of 20: those from 4 to 9, or with one after 4 as well those from 10 to 15. Both kinds
+    count. Mutations: leaps alone, steps alone; cut before what went wrong; the last stretch left out.
+    """
+    nothing = np.zeros(3)
+    motions = [ScanMotion(k, np.eye(3), nothing, nothing, nothing) for k in range(20)]
+
+    def stretch(leapt: list[int], astray: list[int]) -> list[int]:
+        wrong = np.isin(np.arange(19), astray)
+        steps: Any = SimpleNamespace(step=np.arange(19), astray=wrong)
+        return [m.position for m in Judged(ROTATION, steps, motions, np.array(leapt, np.int64)).sound_stretch]
+
+    assert stretch([3], [9, 15]) == [4, 5, 6, 7, 8, 9]
+    assert stretch([3, 4, 15], [9]) == [10, 11, 12, 13, 14, 15]
+    assert stretch([], [7]) == list(range(8, 20))
+    assert stretch([], []) == list(range(20))
 
 
 def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
