@@ -29,8 +29,6 @@ from calib_core.types import BoolArray, FloatArray
 
 #: A prime beyond all cells of a side: a row and a column are one number.
 _ROW_KEY = 1_000_003
-#: A gap is told to a quarter of itself, and a half more.
-_CELLS_OF_A_GAP = 4.0
 #: Standard deviation of a normal law over its median absolute deviation.
 _NORMAL_MAD = 1.4826
 
@@ -223,10 +221,8 @@ def _breadth_of_a_piece_m(points: FloatArray, s: SegmentSettings) -> float:
     some = points[evenly_spread(len(points), s.pieced)] if len(points) > s.pieced else points
     rays = some / np.maximum(np.linalg.norm(some, axis=1), 1e-9)[:, None]
     # Pairs of cells of the view, as pairs of points would be a million where these lie close together.
-    cells, cell = np.unique(
-        np.floor(rays * (_CELLS_OF_A_GAP / s.gap_rad)).astype(np.int64), axis=0, return_inverse=True
-    )
-    near = scipy.spatial.cKDTree(cells).query_pairs(_CELLS_OF_A_GAP, output_type="ndarray")
+    cells, cell = np.unique(np.floor(rays * (s.gap_cells / s.gap_rad)).astype(np.int64), axis=0, return_inverse=True)
+    near = scipy.spatial.cKDTree(cells).query_pairs(s.gap_cells, output_type="ndarray")
     links = scipy.sparse.coo_array((np.ones(len(near), np.bool_), tuple(near.T)), shape=(len(cells), len(cells)))
     _, piece_of = scipy.sparse.csgraph.connected_components(links, directed=False)
     piece = piece_of[cell.reshape(-1)]

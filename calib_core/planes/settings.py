@@ -30,6 +30,8 @@ class SegmentSettings:
     #: they are apart, and each of its pieces a strip of 0.3 m.
     piece_breadth_m: float = 0.12
     gap_rad: float = 0.087
+    #: derived: told by cells of a quarter of it, a gap of 2.8 deg never parts and one of 7.2 always does.
+    gap_cells: float = 4.0
     #: judged: pieces are told among so many points: a wall of 90 deg by 30 deg has one every 1.2 deg. Time grows with them.
     pieced: int = 2000
     #: derived: the sine of 3.4 deg, more than the 2 deg between rings of sixteen lasers. From this cosine of incidence on a

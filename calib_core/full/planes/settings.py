@@ -52,7 +52,9 @@ class Patches:
     joined_m: float = 0.4
     #: judged: the segmentation in so small a neighbourhood, of which less of everything is asked. A plane that is pointed
     #: at depends on it.
-    around: SegmentSettings = SegmentSettings(min_points=30, min_share=0.2, min_breadth_m=0.04, max_planes=3)  # noqa: RUF009  frozen
+    around: SegmentSettings = SegmentSettings(  # noqa: RUF009  frozen
+        min_points=30, min_share=0.2, min_breadth_m=0.04, piece_breadth_m=0.04, max_planes=3
+    )
 
 
 @dataclass(frozen=True, slots=True)

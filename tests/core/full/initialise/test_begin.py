@@ -190,7 +190,7 @@ def test_steps_mend_what_turns_alone_do_not(noisy: tuple[Recording, Truth], monk
 def test_a_track_that_is_mostly_wrong_is_led_by_its_longest_sound_stretch(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """After 36 scans of 60 it goes anywhere, whatever turns it. Seen in a cluttered office: 49 faults of 299, and an answer 1.2 deg
+    """After 36 scans of 60 it goes anywhere, whatever turns it. Seen in a cluttered office: 49 faults of 299, an answer 1.2 deg
     and 30 mm off; one fault when it was led so. Mutations: what the whole of it tells leads it; the first stretch rather than the
     longest; nothing of it is looked at.
     """
