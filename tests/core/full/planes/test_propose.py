@@ -102,6 +102,25 @@ def test_a_plane_that_was_dropped_grows_back_from_a_click(proposals: PlanePropos
         assert grown.plane.name == f"plane {len(rest.patches) + 1}"
 
 
+def test_a_small_board_grows_where_a_person_points(proposals: PlaneProposals) -> None:
+    """0.9 m by 0.32 m at 3 m: too narrow for a wall, and wanted all the same. Mutation: a whole plane's breadth asked of it."""
+    rng = np.random.default_rng(0)
+    board = np.stack(
+        [3.0 + rng.normal(0.0, 0.004, 400), rng.uniform(-0.45, 0.45, 400), rng.uniform(-0.16, 0.16, 400)], axis=1
+    )
+    alone = replace(
+        proposals,
+        patches=(),
+        cloud_m=board.astype(np.float32),
+        cloud_patch=np.full(400, -1, np.int16),
+        cloud_intensity=np.zeros(400, np.float32),
+    )
+    grown = grow_plane(alone, np.array([3.0, 0.05, 0.02]))
+    assert grown is not None
+    assert abs(grown.plane.normal[0]) > 0.999
+    assert grown.n_points > 300
+
+
 def test_nothing_grows_in_the_air_or_where_all_is_taken(proposals: PlaneProposals) -> None:
     """Fails when the seed's own distance to the plane is not asked for."""
     assert grow_plane(proposals, np.array([0.3, 0.2, 0.1])) is None
