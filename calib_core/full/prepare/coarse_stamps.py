@@ -115,7 +115,8 @@ def _are_multiples(stamps_ns: IntArray, step_ns: int) -> bool:
 def _kept_by_sensor(stamps_ns: IntArray, step_ns: int) -> bool:
     """Whether stamps are multiples of the period itself, of many steps each: a clock's that starts the sampling."""
     steps = np.diff(stamps_ns)
-    period_ns = round(float(np.median(steps)))
+    # Whole steps: seconds since 1970 in double precision leave some hundred nanoseconds of it.
+    period_ns = step_ns * round(float(np.median(steps)) / step_ns)
     if period_ns < STEPS.chance * min(step_ns, STEPS.usual_s * 1e9) or steps.min() < 0.5 * period_ns:
         return False
     return _are_multiples(stamps_ns, period_ns)

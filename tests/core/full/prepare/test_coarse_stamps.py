@@ -95,6 +95,17 @@ def test_seconds_in_double_precision_hide_no_step() -> None:
     assert found.step_s == 1e-3
 
 
+def test_a_period_in_double_precision_is_the_sensors_own_all_the_same() -> None:
+    """A lidar whose rotor keeps to tenths of UTC, its points' times in seconds since 1970: 100 ms and some nanoseconds between
+    scans. Seen: 35 ms of doubt, and "weak". Mutation: multiples of the median to the nanosecond.
+    """
+    seconds = EPOCH_NS // 10**9 + 0.1 * np.arange(299)
+    stamps = np.rint((seconds % 1.0) * 1e9).astype(np.int64) + np.floor(seconds).astype(np.int64) * 10**9
+    assert np.median(np.diff(stamps)) % (100 * MS) != 0
+    assert scan_step(stamps, "/points") is None
+    assert "multiples of the 100 ms" in str(exact_stamps(stamps, "/points"))
+
+
 @pytest.mark.parametrize("rate_hz", [100, 200, 400])
 @pytest.mark.parametrize("law", ["nanoseconds", "microseconds", "its own period"])
 def test_good_stamps_are_left_in_peace(rate_hz: int, law: str) -> None:
