@@ -25,7 +25,14 @@ from calib_core.types import FloatArray, IntArray, Plane, Scan
 #: Few hypotheses, because a scan of the target is mostly its planes; the first scan is given more. What could be an
 #: imaginary cut is let through: a plane must still match one that is followed, and a partly seen one is wanted.
 _EACH_SCAN = SegmentSettings(
-    hypotheses=80, subsample=800, max_planes=6, min_points=40, dominance=0.0, min_breadth_m=0.05, min_incidence=0.03
+    hypotheses=80,
+    subsample=800,
+    max_planes=6,
+    min_points=40,
+    dominance=0.0,
+    min_breadth_m=0.05,
+    piece_breadth_m=0.0,
+    min_incidence=0.03,
 )
 #: Points of a later scan among which planes are sought; all points on them are used.
 _SEGMENTED_POINTS = 2500
