@@ -40,7 +40,7 @@ _TURNS_RAD = 0.02
 _EXPLAINED = 0.75
 #: Flipped axes must beat the axes as sent by this, and in more than this share of the windows: in six windows of a slow motion
 #: the rig's own accelerations may halve the median by chance. Of 640 motions of an independent world whose axes are right four
-#: were called flipped, three of them in 0.50 to 0.57 of their windows; flipped ones are nearer in 0.64 and more, but for one of 405.
+#: were called flipped, three of them in 0.50 to 0.57 of their windows; flipped ones, but for one of 405, are nearer in 0.64.
 _BETTER, _NEARER = 0.6, 0.6
 #: An axis is named only where its flip leaves less than this, and the next best pattern more by this factor.
 _NAMES_RAD, _NAMES_TIMES = 0.15, 1.1
