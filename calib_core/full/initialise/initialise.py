@@ -16,6 +16,7 @@ from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.odometry.register import ScanMotion
+from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.run import Run
 from calib_core.types import InitialGuess, Plane
@@ -43,9 +44,7 @@ def initialise(
     if guess is not None:
         candidates = _guided(run, candidates, guess)
     if not candidates:
-        raise Refused(
-            "start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion"
-        )
+        raise _nothing_to_compare(len(motions), len(run.recording.scans))
     magnitude = run.settings.gravity.magnitude_m_s2
 
     def trial(rotation: RotationStart) -> Start:
@@ -136,3 +135,16 @@ def _guided(run: Run, found: list[RotationStart], guess: InitialGuess) -> list[R
     if guess.R_imu_lidar is not None:
         base = replace(base, R_imu_lidar=guess.R_imu_lidar, open_axis_imu=None)
     return [base]
+
+
+def _nothing_to_compare(followed: int, scans: int) -> Refused:
+    """Why no start is found at all: the lidar was soon lost, or its stamps are those of another time."""
+    if followed < FOLLOWING.followed_share * scans:
+        return Refused(
+            "planes.lost",
+            f"the lidar could be followed over {followed} of {scans} scans only, too few to compare its motion with the IMU's; "
+            "record more slowly, where three planes that face different ways stay in view",
+        )
+    return Refused(
+        "start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion"
+    )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.linear import double_integral, linear_start, linear_steps
@@ -355,3 +356,24 @@ def test_where_only_noise_turns_the_rotation_comes_from_the_accelerations() -> N
     _, start = initialise(run, motions, truth.planes, None)
     assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.rotation.R_imu_lidar))) < 3.0
     assert abs(clocks.offset_ns(start.rotation.time_offset_s) - truth.time_offset_ns) < 2e7
+
+
+@pytest.mark.parametrize(("followed", "code"), [(8, "planes.lost"), (70, "start.no_overlap")])
+def test_a_lidar_that_was_soon_lost_is_refused_as_that(
+    monkeypatch: pytest.MonkeyPatch, followed: int, code: str
+) -> None:
+    """No start at all is found. Seen: 8 scans of 299 in a corridor, and stamps of another time were told for the reason.
+
+    Mutations: one reason for both; stamps in any case.
+    """
+    recording, truth = generate(SCENARIOS["no-rotation"], seed=11, duration_s=8.0)
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)[:followed]
+    begin = "calib_core.full.initialise.initialise."
+    monkeypatch.setattr(begin + "rotation_start", lambda *_: [])
+    monkeypatch.setattr(begin + "acceleration_start", lambda *_: [])
+    with pytest.raises(
+        Refused, match="could be followed over 8 of 80 scans" if followed == 8 else "share no stretch"
+    ) as refused:
+        initialise(run, motions, truth.planes, None)
+    assert refused.value.code == code
