@@ -219,7 +219,7 @@ def test_a_piece_that_no_plane_corrects_is_predicted_alone(half: Half) -> None:
 
 
 def test_where_the_lidar_told_nothing_for_a_while_the_imu_goes_on_alone(half: Half) -> None:
-    """Seen: a car that left its hall ended in a defect. Mutations: no scan is the first one; what is not seen ends the way."""
+    """Seen: a car that left its hall ended in a defect. Mutation: points looked for among no scans at all."""
     way = begin(half.data, half.state, half.schedule, POLICY)
     clocks = half.data.run.clocks
     gone = replace(
