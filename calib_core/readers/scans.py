@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
-from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_times
+from calib_core.readers.timing.point_time import PointTiming, raw_times
+from calib_core.readers.timing.split_time import is_split
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, KeptScans, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.
@@ -69,7 +70,7 @@ def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int, out_n
     """Fills out_ns (N,) with times from a base, exact to the field's own resolution; that base as integer ns."""
     scale = timing.ns_per_unit
     if timing.reference != "absolute":
-        values = raw_times(points, timing.field) if timing.field == COMPOSITE else points[timing.field]
+        values = raw_times(points, timing.field) if is_split(timing.field, points) else points[timing.field]
         np.multiply(values, scale, out=out_ns, dtype=np.float64)
         return header_ns
     values = raw_times(points, timing.field)

@@ -14,7 +14,8 @@ from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder
 from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.scans import RING_NAMES
-from calib_core.readers.timing.point_time import COMPOSITE, PointTiming, raw_times
+from calib_core.readers.timing.point_time import PointTiming, raw_times
+from calib_core.readers.timing.split_time import is_split
 from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Evidence, Finding
 
@@ -50,7 +51,9 @@ def once_each(
     """
     if settings.repeated_returns == "as-sent":
         return decoder, ()
-    known = [cloud for cloud in sample[:_LOOKED_AT] if timing.field in (COMPOSITE, *cloud.names)]
+    known = [
+        cloud for cloud in sample[:_LOOKED_AT] if timing.field in cloud.names or is_split(timing.field, cloud.points)
+    ]
     again = sum(int(np.count_nonzero(repeated(cloud, timing))) for cloud in known)
     sent = sum(int(np.count_nonzero(_returned(cloud))) for cloud in known)
     if again <= _SHARE * sent:

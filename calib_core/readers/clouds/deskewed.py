@@ -3,7 +3,8 @@
 A spinning lidar fires at an azimuth that grows evenly with time, whatever the platform does. Taking the motion out
 moves the points, and the azimuth of one ring no longer keeps step with the point times: by the rig's translation over
 the range and its rotation during the sweep. So the misfit of a straight line, azimuth over time, is compared between
-scans in which the gyroscope turns and scans in which it rests.
+scans in which the gyroscope turns and scans in which it rests. Lasers of one column may aim degrees past one another: where
+they are not told apart, only those at rest say how much of the misfit is theirs.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from calib_core.types import Evidence, Finding, FloatArray, ImuData, Scan
 
 _EXAMINED = 60
 _MIN_POINTS = 60
+_FEWEST = 5
 _SPINNING_RAD = np.deg2rad(300.0)
 _MOVING_RAD_S = np.deg2rad(10.0)
 _STILL_RAD_S = np.deg2rad(2.0)
@@ -42,7 +44,7 @@ def deskew_suspicion(scans: Sequence[Scan], imu: ImuData, coarse_offset_ns: int,
             moving.append(misfit_rad)
         elif turning < _STILL_RAD_S:
             still.append(misfit_rad)
-    if len(moving) < 5:
+    if len(moving) < _FEWEST or (not still and not any(scan.points["ring"].any() for scan in scans)):
         return None
     seen, rest = float(np.median(moving)), float(np.median(still)) if still else 0.0
     if seen < _SUSPICIOUS_RAD or seen < _TIMES_STILL * rest:

@@ -19,6 +19,7 @@ import numpy as np
 from calib_core.errors import PointTimeError
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
 from calib_core.readers.timing.point_window import reference_shift, sweep_edges
+from calib_core.readers.timing.split_time import is_split, joined_ns, parts, split_times
 from calib_core.settings import ReadSettings
 from calib_core.threads import workers
 from calib_core.types import Evidence, Finding, FloatArray, IntArray
@@ -27,9 +28,6 @@ Unit = Literal["s", "ms", "us", "ns"]
 Reference = Literal["header-first", "header-last", "absolute"]
 NS_PER_UNIT: dict[Unit, float] = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 
-#: Two fields that together are one absolute stamp (SICK).
-SEC_NSEC = ("lidar_sec", "lidar_nsec")
-COMPOSITE = "lidar_sec+lidar_nsec"
 TIME_NAMES = frozenset(
     {"t", "ts", "time", "timestamp", "time_stamp", "timestamps", "offset_time", "time_offset", "time_offset_ns"}
     | {"timeoffset", "point_time", "stamp"}
@@ -38,7 +36,7 @@ _OTHER_NAMES = frozenset(
     {"x", "y", "z", "i", "intensity", "ring", "line", "tag", "channel", "azimuth", "elevation", "distance", "range"}
     | {"reflectivity", "reflector", "ambient", "signal", "near_ir", "noise", "rgb", "rgba", "label", "return_type"}
     | {"flags", "normal_x", "normal_y", "normal_z", "layer", "echo", "velocity", "scan_id", "scan_idx"}
-    | {"is_2nd_return", "lidar_sec", "lidar_nsec", "row", "column", "col", "laser_id"}
+    | {"is_2nd_return", "row", "column", "col", "laser_id"}
 )
 #: Below this share of forward steps a field is no clock but some quantity that merely has a fitting spread.
 _MIN_ORDER = 0.6
@@ -89,8 +87,8 @@ class _Hypothesis:
 
 def raw_times(points: StructArray, field: str) -> IntArray | FloatArray:
     """The field's values, (N,): float64 for float fields, int64 for integer fields, nothing rounded."""
-    if field == COMPOSITE:
-        return np.asarray(points[SEC_NSEC[0]].astype(np.int64) * 1_000_000_000 + points[SEC_NSEC[1]], np.int64)
+    if is_split(field, points):
+        return joined_ns(points, field)
     if points.dtype[field].kind == "f":
         return np.asarray(points[field], np.float64)
     return np.asarray(points[field], np.int64)
@@ -99,10 +97,12 @@ def raw_times(points: StructArray, field: str) -> IntArray | FloatArray:
 def _candidates(clouds: Sequence[RawCloud], settings: ReadSettings) -> list[str]:
     dtype = clouds[0].points.dtype
     scalars = [n for n in clouds[0].names if dtype[n].kind in "iuf" and dtype[n].shape == ()]
+    split = split_times(clouds[0].points)
     if settings.point_time_field is not None:
-        return [n for n in (*scalars, COMPOSITE) if n == settings.point_time_field]
-    names = [n for n in scalars if n.lower() not in _OTHER_NAMES and dtype[n].itemsize >= 2]
-    return names + ([COMPOSITE] if set(SEC_NSEC) <= set(scalars) else [])
+        return [n for n in (*scalars, *split) if n == settings.point_time_field]
+    half = {part for field in split for part in parts(field)}
+    names = [n for n in scalars if n.lower() not in _OTHER_NAMES and n not in half and dtype[n].itemsize >= 2]
+    return names + split
 
 
 def _returns(points: StructArray) -> IntArray:
@@ -126,7 +126,7 @@ def _sample_field(clouds: Sequence[RawCloud], returns: Sequence[IntArray], name:
         return float(low), float(high), int(np.count_nonzero(step > 0)), int(np.count_nonzero(step))
 
     q01, q99, forward, steps = (np.array(each) for each in zip(*workers().map(one, clouds, returns), strict=True))
-    named = name.lower() in TIME_NAMES or name == COMPOSITE
+    named = name.lower() in TIME_NAMES or is_split(name, clouds[0].points)
     return _FieldSample(name, q01, q99, int(forward.sum()) / int(steps.sum()) if steps.any() else 0.0, named)
 
 

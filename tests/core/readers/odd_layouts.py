@@ -40,6 +40,18 @@ def sick(*time_fields: tuple[str, str]) -> Callable[[int, bool], Truth]:
     return make
 
 
+def split_microseconds(k: int, cdr: bool) -> Truth:
+    """A stamp as of C's timeval, under somebody's own names, microseconds first."""
+    dtype = packed(
+        [("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8), ("timeMicrosecond", "<i4", 12), ("timeSecond", "<i4", 16)],
+        20,
+    )
+    scan = build.sweep(seed=k)
+    absolute_us = (start_ns(k) + np.rint(scan["time_s"] * 1e9).astype(np.int64)) // 1000
+    parts = {"timeSecond": absolute_us // 1_000_000, "timeMicrosecond": absolute_us % 1_000_000}
+    return truth(k, cdr, filled(dtype, scan, **parts), scan["time_s"])
+
+
 AEVA = packed(
     [
         ("x", "<f4", 0),
@@ -218,6 +230,9 @@ ODD_LAYOUTS: dict[str, Layout] = {
         "absolute",
         "sick-all-fields",
         0,
+    ),
+    "seconds-and-microseconds": Layout(
+        split_microseconds, "timeSecond+timeMicrosecond", "ns", "absolute", "generic", 1_000
     ),
     "aeva": Layout(aeva, "time_offset_ns", "ns", "header-first", "aeva", 0),
     "unnamed-ms": Layout(unnamed("phase", "f4", 1e3), "phase", "ms", "header-first", "generic", 8),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -41,3 +43,28 @@ def test_only_deskewed_scans_are_suspected(deskewed: bool, turning: bool, suspec
     if finding is not None:
         assert finding.code == "points.deskewed"
         assert finding.confidence == 0.8
+
+
+def aiming_apart(scan: Scan) -> Scan:
+    """Lasers 2 deg apart in azimuth within a column, as those of an Ouster, and no field that tells them apart."""
+    points = scan.points.copy()
+    turned = np.column_stack([np.zeros((points.size, 2)), np.deg2rad(2.0) * (points["ring"] - 1.5)])
+    points["xyz"] = Rotation.from_rotvec(turned).apply(points["xyz"])
+    points["ring"] = 0
+    return replace(scan, points=points)
+
+
+def test_lasers_that_aim_past_one_another_are_no_suspicion() -> None:
+    """Their misfit is the same at rest; where nothing rests it is nobody's. Fails when all points are one laser's."""
+    scans, imu = drive(deskewed=False, turning=True)
+    apart = [aiming_apart(scan) for scan in scans]
+    assert deskew_suspicion(apart, imu, 0, "/p") is None
+    assert deskew_suspicion(apart[25:], imu, 0, "/p") is None
+
+
+def test_lasers_told_apart_need_no_rest() -> None:
+    """Fails when only a standstill makes a suspicion: of what never stops the azimuths tell as much."""
+    scans, imu = drive(deskewed=True, turning=True)
+    finding = deskew_suspicion(scans[25:], imu, 0, "/p")
+    assert finding is not None
+    assert finding.confidence == 0.5
