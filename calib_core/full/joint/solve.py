@@ -29,7 +29,7 @@ from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, is_rough, say_uneven, unevenness_m
-from calib_core.full.joint.tones import admit_rest, admit_tones, loudest, say_tones
+from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
 from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
 from calib_core.full.run import Run
 
@@ -66,6 +66,8 @@ def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> S
     state = with_outlines(data, state)
     for each in (replace(schedule.motion, survey=True), schedule.coarse[-1]):
         state = one_round(part, state, each, schedule.sampling)
+    tones = schedule.tones
+    state = heard_anew(part, state, tones, schedule.coarse[-1], schedule.sampling, loud=tones.shouts)
     assert state.observations is not None
     last_s = float(state.observations.time_s.max()) - state.estimate.time_offset_s
     seen_at = int(np.searchsorted(data.readings.knots_s, last_s))

@@ -24,6 +24,10 @@ from calib_core.full.prepare.nuisance import LASER_BLOCKS, TONE
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
 from calib_core.solver.information import ROUND_OFF, covariance
+from calib_core.types import FloatArray
+
+#: What is positive and no more than so many times what came out negative of the same elimination is round-off as well.
+_TIMES_ROUND_OFF = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +44,24 @@ def _of_lasers(state: Estimation, problem: JointProblem) -> list[int]:
     first, places = problem.layout(state.estimate).nuisance().start, state.nuisance.places
     return [
         first + k for block in LASER_BLOCKS if block in places for k in range(places[block].start, places[block].stop)
+    ]
+
+
+def _decreases(S: FloatArray, g: FloatArray, whole: FloatArray, count: int) -> list[float]:
+    """By how much each of `count` tones lowers the cost, all else following. S (T, T), g (T,): what that leaves of them all.
+
+    whole: (T,), the diagonal of S before anything followed. Along what the others make up altogether, as a tone does where no
+    plane shows it, round-off is left, of either sign: how large it is, those say that came out below nothing.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(whole, np.finfo(float).tiny))
+    values, pulls = np.empty((count, PARAMETERS)), np.empty((count, PARAMETERS))
+    for k in range(count):
+        own = slice(k * PARAMETERS, (k + 1) * PARAMETERS)
+        values[k], along = np.linalg.eigh(S[own, own] * scale[own, None] * scale[own])
+        pulls[k] = (along.T @ (g[own] * scale[own])) ** 2
+    told = values > max(ROUND_OFF, -_TIMES_ROUND_OFF * float(values.min()))
+    return [
+        0.5 * float((pull[told] / value[told]).sum()) for pull, value, told in zip(pulls, values, told, strict=True)
     ]
 
 
@@ -64,10 +86,7 @@ def explaining(
     follow = S[np.ix_(of, others)] @ covariance(S[np.ix_(others, others)]).matrix
     whole = np.diag(S)[of]
     S, g = S[np.ix_(of, of)] - follow @ S[np.ix_(others, of)], g[of] - follow @ g[others]
-    # What is left of a parameter that the others make up altogether is round-off, of either sign.
-    told = np.diag(S) > ROUND_OFF * whole
-    each = [k + np.flatnonzero(told[k : k + PARAMETERS]) for k in range(0, count * PARAMETERS, PARAMETERS)]
-    decreases = [0.5 * float(g[own] @ covariance(S[np.ix_(own, own)]).matrix @ g[own]) for own in each]
+    decreases = _decreases(S, g, whole, count)
     # Nothing takes more away than there is: what seems to is round-off of what all else makes up.
     most = problem.cost(toned.estimate)
     found = [

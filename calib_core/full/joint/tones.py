@@ -120,16 +120,18 @@ def without_tones(data: JointData, state: Estimation, round_: Round, sampling: S
     return told(data, replace(bare(state), untuned=True), round_, sampling)
 
 
-def heard_anew(data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling) -> Estimation:
+def heard_anew(
+    data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, *, loud: float = 0.0
+) -> Estimation:
     """With those tones only that show again from two rounds without any: for a state whose planes are no longer those that told
-    them.
+    them.   loud: as `found_tones` has it.
 
     What clutter taken for planes says of the readings is as loud as an engine. Walls show it again if it was one.
     """
     if not state.nuisance.tones_hz:
         return state
     silent = told(data, bare(state), round_, sampling)
-    return admit_tones(data, silent, rules, round_, sampling, least=rules.explains_at_once)
+    return admit_tones(data, silent, rules, round_, sampling, least=rules.explains_at_once, loud=loud)
 
 
 def bare(state: Estimation) -> Estimation:
