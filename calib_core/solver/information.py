@@ -17,10 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray
 
 #: Relative to unit diagonal: what double precision cannot resolve after eliminating a chain of knots.
 ROUND_OFF = 1e-11
+#: What one elimination leaves of nothing strays by so many times what came out below it. Judged.
+_STRAYS = 10.0
 #: Eigenvalues are surely above it where a bound is by so much, which is estimated and may be a few times too high.
 _SURELY = 100.0
 #: Information of an unknown that has none: far below any, and its inverse squared is still a number.
@@ -71,6 +73,14 @@ def covariance(information: FloatArray) -> Covariance:
     values, vectors = np.linalg.eigh(unit)
     spread = scale[:, None] * vectors
     return Covariance(spread / np.maximum(values, ROUND_OFF) @ spread.T, spread[:, values <= ROUND_OFF])
+
+
+def above_round_off(values: FloatArray) -> BoolArray:
+    """Which eigenvalues are information. values: all of what one elimination left, relative to what there was before.
+
+    None is below zero in truth: how large round-off has grown, those say that came out so.
+    """
+    return np.asarray(values > max(ROUND_OFF, -_STRAYS * float(values.min(initial=0.0))))
 
 
 def marginal(information: FloatArray, count: int) -> FloatArray:

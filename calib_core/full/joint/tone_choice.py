@@ -23,11 +23,8 @@ from calib_core.full.joint.state import Bins
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, TONE
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
-from calib_core.solver.information import ROUND_OFF, covariance
+from calib_core.solver.information import above_round_off, covariance
 from calib_core.types import FloatArray
-
-#: What is positive and no more than so many times what came out negative of the same elimination is round-off as well.
-_TIMES_ROUND_OFF = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +48,7 @@ def _decreases(S: FloatArray, g: FloatArray, whole: FloatArray, count: int) -> l
     """By how much each of `count` tones lowers the cost, all else following. S (T, T), g (T,): what that leaves of them all.
 
     whole: (T,), the diagonal of S before anything followed. Along what the others make up altogether, as a tone does where no
-    plane shows it, round-off is left, of either sign: how large it is, those say that came out below nothing.
+    plane shows it, round-off is left, of either sign, and explains nothing.
     """
     scale = 1.0 / np.sqrt(np.maximum(whole, np.finfo(float).tiny))
     values, pulls = np.empty((count, PARAMETERS)), np.empty((count, PARAMETERS))
@@ -59,7 +56,7 @@ def _decreases(S: FloatArray, g: FloatArray, whole: FloatArray, count: int) -> l
         own = slice(k * PARAMETERS, (k + 1) * PARAMETERS)
         values[k], along = np.linalg.eigh(S[own, own] * scale[own, None] * scale[own])
         pulls[k] = (along.T @ (g[own] * scale[own])) ** 2
-    told = values > max(ROUND_OFF, -_TIMES_ROUND_OFF * float(values.min()))
+    told = above_round_off(values)
     return [
         0.5 * float((pull[told] / value[told]).sum()) for pull, value, told in zip(pulls, values, told, strict=True)
     ]

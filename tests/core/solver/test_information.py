@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib_core.solver.arrow import FROZEN
-from calib_core.solver.information import ROUND_OFF, covariance, factor, marginal, solved
+from calib_core.solver.information import ROUND_OFF, above_round_off, covariance, factor, marginal, solved
 from calib_core.types import FloatArray
 
 #: Standard deviations of unknowns in very different units: 1 urad, 1 mm, 0.1 s, 10 m.
@@ -92,3 +92,12 @@ def test_the_quick_way_is_taken_where_all_is_surely_known(smallest: float) -> No
         np.testing.assert_allclose(found.matrix / std / std[:, None], expected / std / std[:, None], atol=1e-6)
         right = rng.normal(size=size)
         np.testing.assert_allclose(normalised @ solved(lower, right), right, atol=1e-6)
+
+
+def test_what_came_out_below_nothing_says_how_large_round_off_is() -> None:
+    """Mutations: only its own row's; what is negative and large taken; nothing but the constant asked."""
+    values = np.array([[-2e-7, 1.9e-6, 2.1e-6, 1.0], [1e-9, 1e-6, 3e-6, 2.0]])
+    assert above_round_off(values).tolist() == [[False, False, True, True], [False, False, True, True]]
+    assert above_round_off(np.array([1e-12, 0.5 * ROUND_OFF, 2.0 * ROUND_OFF])).tolist() == [False, False, True]
+    assert above_round_off(np.array([-0.5, 4.9, 5.1])).tolist() == [False, False, True]
+    assert above_round_off(np.zeros((0, 25))).shape == (0, 25)

@@ -295,24 +295,24 @@ def test_a_tone_after_which_more_is_to_be_explained_was_none(half: Half, monkeyp
 
 def test_tones_are_heard_anew_from_rounds_without_any(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
     """And the state is as it is where there were none. Mutations: from rounds with them; one that is no louder than bent walls is
-    taken; none is ever heard again once they were given up.
+    taken; none is ever heard again once they were given up; how loud they have to be is lost on the way.
     """
     toned = tones.with_tone(half.data, half.state, 1.4, RULES)
-    least: list[float] = []
+    asked: list[tuple[float, float]] = []
 
-    def admitted(_data: object, state: Estimation, *_: object, least: float) -> Estimation:
+    def admitted(_data: object, state: Estimation, *_: object, least: float, loud: float) -> Estimation:
         assert not state.nuisance.tones_hz
         assert not state.untuned
         assert len(state.estimate.nuisance) == state.nuisance.size == half.state.nuisance.size
-        asked.append(least)
+        asked.append((least, loud))
         return replace(state, rounds=78)
 
-    asked = least
     monkeypatch.setattr(tones, "admit_tones", admitted)
     monkeypatch.setattr(tones, "told", lambda _data, state, *_: state)
     assert tones.heard_anew(half.data, half.state, RULES, FULL.sensors, FULL.sampling) is half.state
     assert tones.heard_anew(half.data, toned, RULES, FULL.sensors, FULL.sampling).rounds == 78
-    assert asked == [RULES.explains_at_once]
+    assert tones.heard_anew(half.data, toned, RULES, FULL.sensors, FULL.sampling, loud=9.0).rounds == 78
+    assert asked == [(RULES.explains_at_once, 0.0), (RULES.explains_at_once, 9.0)]
 
 
 @pytest.mark.parametrize("left", [-1e-13, 1e-13])
