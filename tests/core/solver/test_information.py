@@ -95,7 +95,7 @@ def test_the_quick_way_is_taken_where_all_is_surely_known(smallest: float) -> No
 
 
 def test_what_came_out_below_nothing_says_how_large_round_off_is() -> None:
-    """Mutations: only its own row's; what is negative and large taken; nothing but the constant asked."""
+    """Mutations: only its own row's; as small and positive taken; nothing but the constant asked."""
     values = np.array([[-2e-7, 1.9e-6, 2.1e-6, 1.0], [1e-9, 1e-6, 3e-6, 2.0]])
     assert above_round_off(values).tolist() == [[False, False, True, True], [False, False, True, True]]
     assert above_round_off(np.array([1e-12, 0.5 * ROUND_OFF, 2.0 * ROUND_OFF])).tolist() == [False, False, True]
