@@ -16,6 +16,7 @@ from calib_core.types import IntArray
 
 #: Between the two names, where they are named as one field.
 _AND = "+"
+_SECOND_NS = 1_000_000_000
 _WHOLE = re.compile(r"(?P<of>.*?)(s|secs?|seconds?)", re.IGNORECASE)
 _PART = re.compile(
     r"(?P<of>.*?)((?P<nano>ns|nsecs?|nanos|nanosecs?|nanoseconds?)|us|usecs?|micros|microsecs?|microseconds?)",
@@ -24,7 +25,10 @@ _PART = re.compile(
 
 
 def split_times(points: StructArray) -> list[str]:
-    """The stamps in two fields that a cloud has, each named "SECONDS+PART"; only whole numbers are such."""
+    """The stamps in two fields that a cloud has, each named "SECONDS+PART"; only whole numbers are such.
+
+    Nanoseconds that go on past a second are a stamp of their own, whatever is beside them.
+    """
     whole = [
         name for name in points.dtype.names or () if points.dtype[name].kind in "iu" and points.dtype[name].shape == ()
     ]
@@ -33,7 +37,8 @@ def split_times(points: StructArray) -> list[str]:
         part = _PART.fullmatch(name)
         for other in whole if part else ():
             seconds = _WHOLE.fullmatch(other)
-            if part and seconds and other != name and seconds["of"].lower() == part["of"].lower():
+            alike = part and seconds and other != name and seconds["of"].lower() == part["of"].lower()
+            if alike and np.median(points[name]) * _ns_of(name) < _SECOND_NS:
                 found.append(f"{other}{_AND}{name}")
     return found
 
@@ -52,6 +57,11 @@ def parts(field: str) -> Sequence[str]:
 def joined_ns(points: StructArray, field: str) -> IntArray:
     """(N,) nanoseconds of a stamp in two fields."""
     whole, part = parts(field)
+    seconds, rest = points[whole].astype(np.int64), points[part].astype(np.int64)
+    return np.asarray(seconds * _SECOND_NS + rest * _ns_of(part), np.int64)
+
+
+def _ns_of(part: str) -> int:
+    """Nanoseconds of one unit of a field of that name."""
     match = _PART.fullmatch(part)
-    ns = 1 if match is None or match["nano"] else 1000
-    return np.asarray(points[whole].astype(np.int64) * 1_000_000_000 + points[part].astype(np.int64) * ns, np.int64)
+    return 1 if match is None or match["nano"] else 1000

@@ -44,3 +44,12 @@ def test_a_field_of_that_very_name_is_no_stamp_in_two() -> None:
     points = np.zeros(3, [("x", "<f4"), ("sec", "<u4"), ("nsec", "<u4"), ("sec+nsec", "<f8")])
     assert not is_split("sec+nsec", points)
     assert not is_split("sec+msec", points)
+
+
+def test_nanoseconds_of_the_epoch_are_a_stamp_of_their_own() -> None:
+    """Beside whole seconds, as a driver may send both: their sum would be 1970 twice. Fails when names alone decide."""
+    points = cloud(stamp_s="<u4", stamp_ns="<u8")
+    points["stamp_s"], points["stamp_ns"] = 1_700_000_000, 1_700_000_000_250_000_000
+    assert split_times(points) == []
+    points["stamp_ns"] = [250_000_000, 250_000_001, 2**63]  # one that is damaged
+    assert split_times(points) == ["stamp_s+stamp_ns"]

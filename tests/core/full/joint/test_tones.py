@@ -11,12 +11,9 @@ import pytest
 
 from calib_core.calibrate import calibrate
 from calib_core.factors.imu import LinkFactors
-from calib_core.full.joint import tone_choice, tones
-from calib_core.full.joint.estimation import Estimation, LastReadings
-from calib_core.full.joint.round import gathered, one_round
+from calib_core.full.joint import tones
+from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FORECAST, FULL
-from calib_core.full.joint.sensors import true_readings
-from calib_core.full.joint.solve import admit_sensors
 from calib_core.full.joint.state import Bins
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tones import (
@@ -25,7 +22,6 @@ from calib_core.full.joint.tones import (
     candidates,
     score_periodogram,
     with_tone,
-    with_tones_tried,
 )
 from calib_core.full.prepare.nuisance import TONE, Nuisance
 from calib_core.geometry import log
@@ -36,7 +32,6 @@ from calib_core.simulate.faults.engine import Shaken
 from calib_core.simulate.motion import Kinematics, Motion, Wave
 from calib_core.simulate.scenarios import named
 from calib_core.simulate.sensors import Spinning
-from calib_core.solver.arrow import solve_arrow, solve_shared
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
 from tests.core.full.joint.test_problem import _problem
@@ -184,64 +179,6 @@ def test_what_a_chosen_plane_that_is_none_makes_of_the_motion_is_no_tone(
         assert bool(found) is (not fault or power > RULES.shouts)
 
 
-def test_what_a_tone_explains_is_what_the_normal_equations_say(half: Half) -> None:
-    """Beside all that follows it. Oracle: two solves of the whole system, with the tone and without. Mutations: nothing else
-    follows; the tones' own blocks taken together; the gradient of the others forgotten.
-    """
-    tried = [1.4, 0.6, 3.0]
-    found = explaining(half.data, with_tones_tried(half.data, half.state, tried, RULES), len(tried), 0.0)
-
-    def decrease(state: Estimation) -> float:
-        return solve_arrow(gathered(half.data, state).linearise(state.estimate)).predicted_decrease
-
-    without = decrease(half.state)
-    by = {hz: decrease(with_tones_tried(half.data, half.state, [hz], RULES)) - without for hz in tried}
-    assert [each.hz for each in found] == sorted(tried, key=lambda hz: -by[hz])
-    assert [each.decrease for each in found] == pytest.approx([by[each.hz] for each in found], rel=1e-4)
-    most = explaining(half.data, with_tones_tried(half.data, half.state, tried, RULES), 3, 0.5 * found[0].decrease)
-    assert most[0] == found[0]
-    assert len(most) < 3 or found[2].decrease > 0.5 * found[0].decrease
-
-
-def test_what_a_tone_explains_is_no_matter_of_the_lasers(half: Half) -> None:
-    """Their parameters are held while tones are tried. Oracle: two solves of the whole system in which they follow.
-
-    Mutation: all parameters of the sensors held, which leaves a tone what they explain.
-    """
-    before = half.state
-    toned = Nuisance().with_tone(1.4, 0.01, float(half.data.readings.knots_s[before.knots // 2]))
-    sine = np.zeros(PARAMETERS)
-    sine[:3] = 0.005, -0.01, 0.0075  # of the gyroscope: the accelerometer is read anew by its delay
-    known = half.data.readings.part(0, before.knots)
-    shaken = true_readings(known, toned, sine, before.estimate.states.R)
-    data = replace(half.data, readings=shaken, asked=LastReadings())
-    state = one_round(data, admit_sensors(data, before), FULL.sensors, FULL.sampling)
-    assert state.nuisance.lasers
-
-    def decrease(state: Estimation) -> float:
-        return solve_arrow(gathered(data, state).linearise(state.estimate)).predicted_decrease
-
-    without = decrease(state)
-    tried = [1.4, 3.0]
-    by = [decrease(with_tones_tried(data, state, [hz], RULES)) - without for hz in tried]
-    assert by[0] > RULES.explains
-    found = {
-        each.hz: each.decrease
-        for each in explaining(data, with_tones_tried(data, state, tried, RULES), len(tried), 0.0)
-    }
-    assert [found[hz] for hz in tried] == pytest.approx(by, rel=0.02)
-
-
-def test_points_that_are_gathered_already_explain_as_much(half: Half) -> None:
-    """Mutation: what the points were laid out with taken as it was, when fewer parameters were in play."""
-    state = one_round(half.data, admit_sensors(half.data, half.state), FULL.sensors, FULL.sampling)
-    bins = gathered(half.data, state).bins
-    toned = with_tones_tried(half.data, state, [1.4, 3.0], RULES)
-    anew, kept = (explaining(half.data, toned, 2, 0.0, of) for of in (None, bins))
-    assert [each.hz for each in kept] == [each.hz for each in anew]
-    assert [each.decrease for each in kept] == pytest.approx([each.decrease for each in anew], rel=1e-9)
-
-
 def test_tones_tried_a_few_at_once_explain_what_all_together_do(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a long recording. Mutations: the last few left out; those found first before those that explain more."""
     every = replace(RULES, beside=0.0)
@@ -313,70 +250,6 @@ def test_tones_are_heard_anew_from_rounds_without_any(half: Half, monkeypatch: p
     assert tones.heard_anew(half.data, toned, RULES, FULL.sensors, FULL.sampling).rounds == 78
     assert tones.heard_anew(half.data, toned, RULES, FULL.sensors, FULL.sampling, loud=9.0).rounds == 78
     assert asked == [(RULES.explains_at_once, 0.0), (RULES.explains_at_once, 9.0)]
-
-
-@pytest.mark.parametrize("left", [-1e-13, 1e-13])
-def test_what_all_else_makes_up_of_a_tone_explains_nothing(
-    half: Half, monkeypatch: pytest.MonkeyPatch, left: float
-) -> None:
-    """Round-off is left of it, of either sign: seen to end in a defect. Oracle: an information of ones, in which the third number
-    of the first tone is another unknown's twin. Mutations: taken for information; the whole tone left out; other tones' too.
-    """
-    tried = [1.4, 3.0]
-    state = with_tones_tried(half.data, half.state, tried, RULES)
-    problem = gathered(half.data, state)
-    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
-    size = len(solve_shared(problem.linearise(state.estimate))[1])
-    S, g = np.eye(size), np.random.default_rng(1).normal(size=size)
-    S[first + 2, 0] = S[0, first + 2] = 1.0
-    S[first + 2, first + 2] = 1.0 + left
-    monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
-    found = {each.hz: each.decrease for each in explaining(half.data, state, 2, 0.0)}
-    own = g[first : first + 2 * PARAMETERS].reshape(2, PARAMETERS)
-    expected = 0.5 * np.sum(own**2, axis=1) - [0.5 * own[0, 2] ** 2, 0.0]
-    assert [found[hz] for hz in tried] == pytest.approx(expected, rel=1e-9)
-
-
-def test_what_came_out_below_nothing_says_how_large_round_off_is(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a tone along which no plane shows anything 62,000 was "explained" where the readings pulled by two: a lever arm known to
-    2 mm was undetermined. Oracle: an information of ones, in which two numbers of the first tone have another unknown for their
-    sum but for -1e-7, one number of the second is another's twin but for 5e-7, and one but for a hundredth.
-
-    Mutations: each number asked by itself; what is as small and positive told; what is a hundredth not.
-    """
-    tried = [1.4, 3.0]
-    state = with_tones_tried(half.data, half.state, tried, RULES)
-    problem = gathered(half.data, state)
-    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
-    second = first + PARAMETERS
-    size = len(solve_shared(problem.linearise(state.estimate))[1])
-    S, g = np.eye(size), np.random.default_rng(1).normal(size=size)
-    half_each = np.sqrt(0.5 * (1.0 + 1e-7))
-    for own, other, coupled, left in (
-        (first + 2, 0, half_each, 0.0), (first + 3, 0, half_each, 0.0), (second + 2, 1, 1.0, 5e-7), (second + 4, 2, 1.0, 1e-2),
-    ):  # fmt: skip
-        S[own, other] = S[other, own] = coupled
-        S[own, own] = 1.0 + left
-    monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
-    found = {each.hz: each.decrease for each in explaining(half.data, state, 2, 0.0)}
-    of_first, of_second = (np.sum(g[of : of + PARAMETERS] ** 2) for of in (first, second))
-    of_first += 0.5 * (g[first + 2] - g[first + 3]) ** 2 - g[first + 2] ** 2 - g[first + 3] ** 2
-    of_second += (g[second + 4] - g[2]) ** 2 / 1e-2 - g[second + 2] ** 2 - g[second + 4] ** 2
-    assert [found[hz] for hz in tried] == pytest.approx([0.5 * of_first, 0.5 * of_second], rel=1e-6)
-
-
-def test_no_tone_lowers_the_cost_by_more_than_there_is(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Seen: 4e16 of a million, and the readings bent by it. Mutations: taken for the loudest; cut down to all there is."""
-    tried = [1.4, 3.0]
-    state = with_tones_tried(half.data, half.state, tried, RULES)
-    problem = gathered(half.data, state)
-    last = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop
-    size, cost = len(solve_shared(problem.linearise(state.estimate))[1]), problem.cost(state.estimate)
-    for share, heard in ((0.9, True), (1.1, False)):
-        g = np.zeros(size)
-        g[last - 1] = np.sqrt(2.0 * share * cost)
-        monkeypatch.setattr(tone_choice, "solve_shared", lambda _, g=g: (np.eye(size), g))
-        assert [each.hz for each in explaining(half.data, state, 2, 1.0)] == ([3.0] if heard else [])
 
 
 def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
