@@ -58,8 +58,7 @@ from calib_core.types import BoolArray, CountArray, Float32Array, FloatArray, In
 class LaserGroups:
     """How the lidar's own parameters take the points: lasers told apart, or 1.   group: (S,) of each slice.   middle: (G,).
 
-    first_only: of the moments only those of the points themselves are asked for, sum w [x, 1, d]': that is c + (1 - c) = 1 of
-    the features, all in the incidence's row.
+    first_only: of the moments only those of the points themselves are asked for, sum w [x, 1, d]': a single row, of ones.
     """
 
     lasers: int
@@ -102,8 +101,8 @@ def scan_moments(
         group, clusters = groups.group, len(groups.middle) * n_planes * groups.lasers
         R, p = steps_to_middles(poses, group, groups.middle)
     scatter, count = np.zeros((slices * n_planes, 15)), np.zeros(slices * n_planes, np.int64)
-    products = 0 if groups is not None and groups.first_only else clusters
-    cross, gram = np.zeros((clusters, FEATURES, 5)), np.zeros((products, PRODUCTS))
+    features, products = (1, 0) if groups is not None and groups.first_only else (FEATURES, clusters)
+    cross, gram = np.zeros((clusters, features, 5)), np.zeros((products, PRODUCTS))
     of_cluster = np.zeros(clusters, np.int64)
     slant = np.zeros(2) if errors is None else errors.slant()
     moments_kernel(
@@ -142,7 +141,7 @@ def moments_kernel(
     """Fills scatter (S Q, 15) and count (S Q,); with lasers in play cross (G Q L, 8, 5), gram (G Q L, 28), of_cluster (G Q L,).
 
     Of the seen planes the first Q = len(extra_of_plane_m) take points.   off: of no laser where nothing is to be corrected.
-    gram (0, 28): only the rows of ones are summed.
+    gram (0, 28): only ones are summed, cross (G Q L, 1, 5).
     slant: (2,) LaserErrors.slant.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
     else all are laser 0.   group: (S,), (0,) where the lidar is taken for ideal; R, p as in collapse_features_kernel.
     """
@@ -253,7 +252,7 @@ def _sort_in(
             which = laser[at[m]] if told_apart else 0
             if which < lasers:
                 c = (first + int(S[PLANE + m])) * lasers + which
-                add_ones(S, m, S[DISTANCE + m], S[WEIGHT + m], c, cross)
+                add_ones(S, m, S[DISTANCE + m], S[WEIGHT + m], c, 0, cross)
                 of_cluster[c] += 1
         return
     for m in range(n):

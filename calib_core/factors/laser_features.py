@@ -91,7 +91,8 @@ class LaserErrors:
 class LaserSums:
     """Moments of (group of slices, plane, laser). group, plane, laser: (B,). cross: (B, F, 5), gram: (B, F (F + 1) / 2), float32.
 
-    F: 8 features, or 12 with the shares of heights.   gram: the upper triangle of their products, row by row.
+    F: 8 features, 12 with the shares of heights, or a 1 alone where none is asked for.   gram: the upper triangle of their
+    products, row by row; of a 1 alone zeros.
     """
 
     group: IntArray

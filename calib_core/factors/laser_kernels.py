@@ -96,13 +96,13 @@ def correct_kernel(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def add_ones(S: FloatArray, m: int, d: float, weight: float, b: int, cross: FloatArray) -> None:
-    """Adds weight y' of the m-th hit of a block to the incidence's row of cluster b. S: after `places_block`."""
-    cross[b, INCIDENCE, 0] += weight * S[PLACE + m]
-    cross[b, INCIDENCE, 1] += weight * S[PLACE + BLOCK + m]
-    cross[b, INCIDENCE, 2] += weight * S[PLACE + 2 * BLOCK + m]
-    cross[b, INCIDENCE, 3] += weight
-    cross[b, INCIDENCE, 4] += weight * d
+def add_ones(S: FloatArray, m: int, d: float, weight: float, b: int, row: int, cross: FloatArray) -> None:
+    """Adds weight y' of the m-th hit of a block to a row of cluster b. S: after `places_block`."""
+    cross[b, row, 0] += weight * S[PLACE + m]
+    cross[b, row, 1] += weight * S[PLACE + BLOCK + m]
+    cross[b, row, 2] += weight * S[PLACE + 2 * BLOCK + m]
+    cross[b, row, 3] += weight
+    cross[b, row, 4] += weight * d
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -129,7 +129,7 @@ def add_features(S: FloatArray, m: int, d: float, weight: float, b: int, cross: 
         for c in range(r, 7):
             gram[b, place] += w * f[c]
             place += 1
-    add_ones(S, m, d, weight, b, cross)
+    add_ones(S, m, d, weight, b, INCIDENCE, cross)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

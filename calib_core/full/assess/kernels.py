@@ -117,19 +117,21 @@ def laser_influences_kernel(
 ) -> None:
     """Adds to each laser's moved (L, N) and allowed what the means of its points have moved and allowed.
 
-    As above, but `laser` may count square * L + laser, as F and change do.
+    As above, but `laser` may count square * L + laser, as F and change do.   cross may be (B, 1, 5), of a 1 alone.
     """
     features, unknowns, lasers = F.shape[1], F.shape[2], moved.shape[0]
-    response = np.empty(unknowns)
+    response, ones = np.empty(unknowns), np.empty(5)
     for b in range(bins.shape[0]):
         q, j = bins[b], laser[b]
-        weight = cross[b, 0, 3] + cross[b, 4, 3]
+        for c in range(5):
+            ones[c] = cross[b, 0, c] + (cross[b, 4, c] if features > 4 else 0.0)
+        weight = ones[3]
         if weight <= 0.0:
             continue
         residual, mine = 0.0, j % lasers
         response[:] = 0.0
         for c in range(5):
-            mean = (cross[b, 0, c] + cross[b, 4, c]) / weight
+            mean = ones[c] / weight
             residual += mean * a[q, c]
             if c < 4:
                 for s in range(unknowns):

@@ -32,9 +32,17 @@ class LaserMicro:
         sums = replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight[:, 0])
         return replace(self, sums=sums)
 
+    def part(self, some: slice) -> LaserMicro:
+        """Some of them in a row."""
+        of = self.sums
+        sums = LaserSums(of.group[some], of.plane[some], of.laser[some], of.cross[some], of.gram[some])
+        return LaserMicro(self.time_s[some], self.scan[some], sums)
+
     @staticmethod
-    def joined(parts: list[LaserMicro]) -> LaserMicro:
-        """Those of several scans in a row. The list is emptied (`LaserSums.joined`)."""
+    def joined(parts: list[LaserMicro]) -> LaserMicro | None:
+        """Those of several scans in a row, None of none. The list is emptied (`LaserSums.joined`)."""
+        if not parts:
+            return None
         time_s = np.concatenate([part.time_s for part in parts])
         scan, sums = np.concatenate([part.scan for part in parts]), [part.sums for part in parts]
         parts.clear()
@@ -45,8 +53,8 @@ class LaserMicro:
 class Micro:
     """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
 
-    lasers: None where the lidar is taken for ideal.   nuisance: (N,) the values with which the points were laid out, and
-    time_offset_s.
+    lasers: None where the lidar is taken for ideal.   apart: where its points lie laser by laser nevertheless, for whoever asks;
+    None where nobody has.   nuisance: (N,) the values with which the points were laid out, and time_offset_s.
     """
 
     time_s: FloatArray
@@ -55,6 +63,7 @@ class Micro:
     scatter: FloatArray
     count: IntArray
     lasers: LaserMicro | None = None
+    apart: LaserMicro | None = None
     nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
     time_offset_s: float = 0.0
 
@@ -66,13 +75,14 @@ class Micro:
         )
         nuisance, time_offset_s = parts[0].nuisance, parts[0].time_offset_s
         lasers = [part.lasers for part in parts if part.lasers is not None]
+        apart = [part.apart for part in parts if part.apart is not None]
         scatter, end = np.empty((len(plane), *parts[0].scatter.shape[1:])), len(plane)
         while parts:
             own = parts.pop().scatter
             scatter[end - len(own) : end] = own
             end -= len(own)
-        joined = LaserMicro.joined(lasers) if lasers else None
-        return Micro(time_s, scan, plane, scatter, count, joined, nuisance, time_offset_s)
+        told_apart, beside = LaserMicro.joined(lasers), LaserMicro.joined(apart)
+        return Micro(time_s, scan, plane, scatter, count, told_apart, beside, nuisance, time_offset_s)
 
     def part(self, some: BoolArray) -> Micro:
         """Those of a mask (B,), without the lasers' moments."""

@@ -28,6 +28,7 @@ from calib_core.full.joint.sensors import seen_from
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
+from calib_core.full.prepare.nuisance import named_lasers
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_shared
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
@@ -97,6 +98,8 @@ def associate(data: JointData, state: Estimation, gate: Gate, *, stride: int) ->
         told = done
 
     view = present_view(data, state)
+    if stride == 1:  # what comes to rest with all points is asked what each laser says of it (by_laser.py)
+        view = replace(view, apart=named_lasers(run.recording.scans))
     observations = association.associate(
         view, state.positions, state.lidar_noise, gate, state.support, stride=stride, on_scans=tell
     )

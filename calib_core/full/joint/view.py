@@ -49,8 +49,8 @@ class View:
 
     poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
     thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.   few: the points
-    of thinned scans, handed on from view to view.   first_only: lasers are told apart by where their points lie, and nothing is
-    asked about what errors of theirs would do.
+    of thinned scans, handed on from view to view.   apart: so many lasers are told apart beside the factors where they are taken
+    for ideal, 0 for none.
     """
 
     scans: Sequence[Scan]
@@ -63,7 +63,7 @@ class View:
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
     few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
-    first_only: bool = False
+    apart: int = 0
 
     def points(self, position: int, stride: int) -> PointArray:
         """Every so many-th point of a scan: taken from the whole once, however often they are asked for."""
@@ -153,7 +153,7 @@ class View:
         bins = collapse(hits, keep, weight, len(self.estimate.normals))
         if not self._lidar_in_play():
             return self.micro(positions, bins)
-        groups = self._laser_groups(positions)
+        groups = self._laser_groups(positions, max(self.nuisance.lasers, 1))
         laser = np.concatenate([self.lasers_of(self.points(i, stride)) for i in positions])
         surface = self.nuisance.surface
         sums = collapse_features(
@@ -162,7 +162,7 @@ class View:
         )  # fmt: skip
         return self._with_lasers(positions, bins, hits.poses, groups, sums)
 
-    def _laser_groups(self, positions: Sequence[int]) -> LaserGroups:
+    def _laser_groups(self, positions: Sequence[int], lasers: int, *, first_only: bool = False) -> LaserGroups:
         """Slices go together that go to one knot, as they do when they are gathered."""
         counts = [self._slices(i) for i in positions]
         centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
@@ -171,7 +171,7 @@ class View:
         begins[np.cumsum(counts)[:-1]] = True
         first = np.flatnonzero(begins)
         middle = (first + np.append(first[1:], len(knot)) - 1) // 2
-        return LaserGroups(max(self.nuisance.lasers, 1), np.cumsum(begins) - 1, middle, self.first_only)
+        return LaserGroups(lasers, np.cumsum(begins) - 1, middle, first_only)
 
     def _with_lasers(
         self, positions: Sequence[int], bins: MicroBins, poses: SlicePoses, groups: LaserGroups, sums: LaserSums
@@ -185,15 +185,22 @@ class View:
         micro = self.micro(
             positions, bins.together(*steps_to_middles(poses, groups.group, groups.middle), groups.group, groups.middle)
         )
-        time_s, scan = self._instants(positions, groups.middle[sums.group])
-        return replace(micro, lasers=LaserMicro(time_s, scan, sums))
+        return replace(micro, lasers=self._of_groups(positions, groups, sums))
+
+    def _of_groups(self, positions: Sequence[int], groups: LaserGroups, sums: LaserSums) -> LaserMicro:
+        """Moments by groups of slices of scans in a row, each with its time and scan."""
+        return LaserMicro(*self._instants(positions, groups.middle[sums.group]), sums)
 
     def whole_scans(
         self, positions: Sequence[int], noise: LidarNoise, gate: Gate, extents: PlaneExtents | None
     ) -> Micro:
         """All points of a few scans, laid on planes and collapsed in one go."""
         e, poses = self.estimate, SlicePoses.joined([self.slice_poses(i) for i in positions])
-        groups = self._laser_groups(positions) if self._lidar_in_play() else None
+        groups, in_play = None, self._lidar_in_play()
+        if in_play:
+            groups = self._laser_groups(positions, max(self.nuisance.lasers, 1))
+        elif self.apart:
+            groups = self._laser_groups(positions, self.apart, first_only=True)
         bins, sums = scan_moments(
             self._as_one(positions),
             poses,
@@ -202,12 +209,14 @@ class View:
             gate,
             extents,
             errors=self._errors(),
-            told_apart=self.nuisance.lasers > 0,
+            told_apart=self.nuisance.lasers > 0 or not in_play,
             groups=groups,
             field_of_view_deg=self.settings.field_of_view_deg,
         )
         if groups is None or sums is None:
             return self.micro(positions, bins)
+        if not in_play:
+            return replace(self.micro(positions, bins), apart=self._of_groups(positions, groups, sums))
         return self._with_lasers(positions, bins, poses, groups, sums)
 
     def _as_one(self, positions: Sequence[int]) -> PointArray:
@@ -224,9 +233,10 @@ class View:
         """How many of the scans may be taken as one: their times have room for two seconds, and lasers' moments take memory."""
         longest_s = max((self._slices(i) for i in positions), default=1) * SLICE_S
         most = int(np.iinfo(POINT_DTYPE["offset_ns"]).max * 1e-9 / longest_s)
-        if self._lidar_in_play():
+        lasers = max(self.nuisance.lasers, 1) if self._lidar_in_play() else self.apart
+        if lasers:
             groups = int(longest_s / self.motion.readings.spacing_s) + 2
-            most = min(most, SURVEYING.clusters // (groups * len(self.estimate.normals) * max(self.nuisance.lasers, 1)))
+            most = min(most, SURVEYING.clusters // (groups * len(self.estimate.normals) * lasers))
         return max(1, most)
 
     def _lidar_in_play(self) -> bool:

@@ -17,12 +17,13 @@ from calib_core.full.odometry.settings import MAP
 from calib_core.geometry import plane_axes
 from calib_core.planes.same import apart, same_points
 from calib_core.planes.segment import PlaneFit, segment_planes
-from calib_core.types import BoolArray, FloatArray, IntArray, Plane
+from calib_core.types import BoolArray, CountArray, FloatArray, IntArray, Plane
 
 
 class PlaneMap:
     """Planes with their reach. normals: (P, 3), offsets_m: (P,), axes: (P, 2, 3), reach: (P, W, W) bool; map frame.
 
+    filled: (P, W, W) so many cells around each are known to be reached, as reach only grows.
     given: how many of them came from outside; the others were found on the way.   support: (P,) scans that had points
     on each.
     """
@@ -34,6 +35,7 @@ class PlaneMap:
         self.given = len(self.normals)
         self.support = np.zeros(self.given, np.int64)
         self.reach: BoolArray = np.zeros((self.given, MAP.cells, MAP.cells), np.bool_)
+        self.filled: CountArray = np.zeros(self.reach.shape, np.int32)
 
     @staticmethod
     def of(planes: Sequence[Plane]) -> PlaneMap:
@@ -45,6 +47,7 @@ class PlaneMap:
         """From planes that reach everywhere."""
         made = PlaneMap.of(planes)
         made.reach = np.ones((made.given, 1, 1), np.bool_)
+        made.filled = np.zeros(made.reach.shape, np.int32)
         return made
 
     def surfaces(self, outside_m: float) -> Surfaces:
@@ -62,7 +65,7 @@ class PlaneMap:
     def spread(self, x_map_m: FloatArray, eye_m: FloatArray) -> None:
         """Let planes reach on where points next to their known part lie on them. x_map_m: (N, 3), seen from eye_m (3,)."""
         spread_kernel(
-            x_map_m, self.normals, self.offsets_m, self.axes, self.reach, MAP.cell_m, MAP.near_m, MAP.near_per_m,
+            x_map_m, self.normals, self.offsets_m, self.axes, self.reach, self.filled, MAP.cell_m, MAP.near_m, MAP.near_per_m,
             MAP.widen_cells, eye_m, MAP.spread_passes,
         )  # fmt: skip
 
@@ -115,7 +118,8 @@ class PlaneMap:
         self.offsets_m = np.append(self.offsets_m, fit.offset_m)
         self.axes = plane_axes(self.normals)
         self.support = np.append(self.support, 0)
-        self.reach = np.concatenate([self.reach, np.zeros((1, *self.reach.shape[1:]), np.bool_)])
+        new = np.zeros((1, *self.reach.shape[1:]), np.bool_)
+        self.reach, self.filled = np.concatenate([self.reach, new]), np.concatenate([self.filled, new.astype(np.int32)])
         self._mark(len(self.normals) - 1, points_m)
 
     def _cells(self, j: int, x_map_m: FloatArray) -> tuple[IntArray, IntArray]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.factors.cell_kernels import cell_of
 from calib_core.full.odometry.kernels import BLOCK
-from calib_core.types import BoolArray, FloatArray
+from calib_core.types import BoolArray, CountArray, FloatArray
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -40,9 +40,12 @@ def _owners(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _fill(reach: BoolArray, plane: int, row: int, column: int, around: int) -> bool:
-    """Adds a cell's neighbours; whether one was new."""
+def _fill(reach: BoolArray, filled: CountArray, plane: int, row: int, column: int, around: int) -> bool:
+    """Adds a cell's neighbours, where that was not done before; whether one was new."""
     width, changed = reach.shape[1], False
+    if filled[plane, row, column] >= around:
+        return False
+    filled[plane, row, column] = around
     for r in range(max(row - around, 0), min(row + around + 1, width)):
         for c in range(max(column - around, 0), min(column + around + 1, width)):
             if not reach[plane, r, c]:
@@ -58,6 +61,7 @@ def spread_kernel(
     offsets: FloatArray,
     axes: FloatArray,
     reach: BoolArray,
+    filled: CountArray,
     cell_m: float,
     near_m: float,
     near_per_m: float,
@@ -67,8 +71,9 @@ def spread_kernel(
 ) -> None:
     """Lets planes reach on: a point near a plane, in a cell that it reaches, adds that cell's neighbours; in `passes` rounds.
 
-    x_map: (N, 3) map.   eye: (3,) from where they were seen.   reach: (P, W, W), changed.   A point speaks for the plane
-    nearest to it alone. Far away rings are wide apart: one more cell every `widen_cells` cells of range.
+    x_map: (N, 3) map.   eye: (3,) from where they were seen.   reach: (P, W, W), changed; filled: (P, W, W) so many cells around
+    each are known to be reached, changed too: most points lie where others have lain.   A point speaks for the plane nearest to
+    it alone. Far away rings are wide apart: one more cell every `widen_cells` cells of range.
     """
     width, n = reach.shape[1], x_map.shape[0]
     eye_at = np.empty(normals.shape[0])
@@ -93,7 +98,7 @@ def spread_kernel(
             column = cell_of(axes[j, 1, 0] * x + axes[j, 1, 1] * y + axes[j, 1, 2] * z, cell_m, width)
             around = 1 + int(ranges[k] / (widen_cells * cell_m))
             if reach[j, row, column]:
-                changed |= _fill(reach, j, row, column, around)
+                changed |= _fill(reach, filled, j, row, column, around)
             else:
                 waiting[left, 0], waiting[left, 1], waiting[left, 2], waiting[left, 3] = j, row, column, around
                 left += 1
@@ -104,7 +109,7 @@ def spread_kernel(
         for i in range(left):
             j, row, column = waiting[i, 0], waiting[i, 1], waiting[i, 2]
             if reach[j, row, column]:
-                changed |= _fill(reach, j, row, column, waiting[i, 3])
+                changed |= _fill(reach, filled, j, row, column, waiting[i, 3])
             else:
                 waiting[still, :] = waiting[i, :]
                 still += 1

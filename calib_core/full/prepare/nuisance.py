@@ -31,7 +31,7 @@ from calib_core.intrinsics import (
 )
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
-from calib_core.types import FloatArray, Recording, Scan
+from calib_core.types import FloatArray, PointArray, Recording, Scan
 
 IMU_BLOCKS, LASER_BLOCKS, LIDAR_BLOCKS = blocks_of("imu"), blocks_of("laser"), blocks_of("lidar")
 #: Of the room, not of the sensors: how far patches of planes lie before them. Admitted where walls turn out to be bent.
@@ -168,16 +168,27 @@ def sensor_block(of: NuisanceBlock) -> Block:
     return of.block
 
 
+def named_lasers(scans: Sequence[Scan]) -> int:
+    """How many lasers the points name, 0 where they name none."""
+    if not scans:
+        return 0
+    lasers = int(max((points["ring"].max(initial=0) for points in _some_of(scans)), default=0)) + 1
+    return 0 if lasers < 2 or lasers > LASERS.most else lasers
+
+
+def _some_of(scans: Sequence[Scan]) -> list[PointArray]:
+    """The points of a few scans all over a recording."""
+    return [scans[int(i)].points for i in np.unique(np.linspace(0, len(scans) - 1, LASERS.scans).astype(np.int64))]
+
+
 def count_lasers(scans: Sequence[Scan]) -> tuple[int, bool]:
     """How many lasers the points name, 0 where they name none, and whether each has an elevation of its own, as on a rotor."""
-    if not scans:
+    lasers = named_lasers(scans)
+    if not lasers:
         return 0, False
-    some = [scans[int(i)].points for i in np.unique(np.linspace(0, len(scans) - 1, LASERS.scans).astype(np.int64))]
+    some = _some_of(scans)
     ring = np.concatenate([points["ring"] for points in some]).astype(np.int64)
     xyz = np.concatenate([points["xyz"] for points in some]).astype(np.float64)
-    lasers = int(ring.max(initial=0)) + 1
-    if lasers < 2 or lasers > LASERS.most:
-        return 0, False
     elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
     spreads = []
     for laser in range(lasers):

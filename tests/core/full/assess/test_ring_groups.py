@@ -12,7 +12,8 @@ from calib_core.api import calibrate
 from calib_core.full import calibrate as page
 from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.verdict import weigh
-from calib_core.full.joint.by_laser import by_laser
+from calib_core.full.joint import by_laser as room
+from calib_core.full.joint.by_laser import ByLaser, by_laser
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
@@ -51,7 +52,7 @@ class Weighed:
         return {each.name: each.is_beyond_noise for each in self.trust.found}
 
 
-def weighed(recording: Recording, intrinsics: Any) -> Weighed:
+def weighed(recording: Recording, intrinsics: Any, **more: Any) -> Weighed:
     """A solve, watched as it is weighed."""
     kept: list[tuple[Solved, Confidence]] = []
 
@@ -60,7 +61,7 @@ def weighed(recording: Recording, intrinsics: Any) -> Weighed:
         kept.append((solved, trust))
         return trust
 
-    settings = CalibrateSettings(intrinsics=intrinsics, crispness=False)
+    settings = CalibrateSettings(intrinsics=intrinsics, crispness=False, **more)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "weigh", watched)
         result = calibrate(recording, settings).result
@@ -95,25 +96,40 @@ def test_a_laser_that_reads_long_disagrees_with_the_others(ideal: Weighed, spoil
     assert len(ideal.trust.apart.clusters["lasers"].moved) == 16
 
 
-def test_lasers_told_apart_afterwards_have_the_points_of_the_solve(ideal: Weighed) -> None:
-    """All lasers' together are the bins'. Mutations: another gate; a part of the scans twice; the lasers' numbers one on."""
-    parts = list(by_laser(ideal.solved))
-    bins = ideal.solved.problem.bins
-    planes = len(ideal.solved.estimate.normals)
-    total = np.zeros((len(ideal.solved.problem.readings.knots_s) * planes, 5))
+def test_lasers_told_apart_afterwards_have_the_points_of_the_solve(
+    ideal: Weighed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All lasers' together are the bins', as they were laid out last and laid out once more. Mutations: another gate; a part of
+    the scans twice, or left out; the lasers' numbers one on.
+    """
+    again = replace(ideal.solved, observations=replace(ideal.solved.observations, apart=None))
+    assert ideal.solved.observations.apart is not None
+    for solved in (ideal.solved, again):
+        lasers_are_the_bins(solved, list(by_laser(solved)))
+    # A scan has some sixty knots and planes of sixteen lasers each.
+    for clusters, at_least in ((10, len(ideal.solved.state.positions)), (5000, 3)):
+        monkeypatch.setattr(room, "SURVEYING", replace(room.SURVEYING, clusters=clusters))
+        parts = list(by_laser(ideal.solved))
+        assert at_least <= len(parts) <= len(ideal.solved.state.positions)
+        lasers_are_the_bins(ideal.solved, parts)
+
+
+def lasers_are_the_bins(solved: Solved, parts: list[ByLaser]) -> None:
+    """And each laser's weight is its share of the points."""
+    bins = solved.problem.bins
+    planes = len(solved.estimate.normals)
+    total = np.zeros((len(solved.problem.readings.knots_s) * planes, 5))
     weight = np.zeros(16)
     for part in parts:
         own = part.factors.bins
-        sums = own.lasers.cross[:, 0] + own.lasers.cross[:, 4]
+        sums = own.lasers.cross[:, 0] + (own.lasers.cross[:, 4] if own.lasers.features > 1 else 0.0)
         np.add.at(total, (own.knot * planes + own.plane)[own.lasers.bin], sums)
         weight += np.bincount(own.lasers.laser, sums[:, 3], 16)
     mine = total[bins.knot * planes + bins.plane]
     np.testing.assert_allclose(mine, bins.scatter[:, 3], rtol=1e-4, atol=1e-4 * np.abs(bins.scatter[:, 3]).max())
     assert total.sum() == pytest.approx(mine.sum())
     # A ring's share of the weight is that of its points, counted by themselves.
-    rings = np.bincount(
-        np.concatenate([scan.points["ring"] for scan in ideal.solved.data.run.recording.scans]), minlength=16
-    )
+    rings = np.bincount(np.concatenate([scan.points["ring"] for scan in solved.data.run.recording.scans]), minlength=16)
     np.testing.assert_allclose(weight / weight.sum(), rings / rings.sum(), rtol=0.5)
 
 
@@ -126,13 +142,13 @@ def test_a_recording_that_names_no_laser_has_no_such_way(noisy: tuple[Recording,
     np.testing.assert_array_equal(nameless.trust.knowledge.covariance, ideal.trust.knowledge.covariance)
 
 
-def test_where_lasers_are_unknowns_nothing_is_laid_out_again(
+def test_nothing_is_laid_out_again_but_what_was_not_laid_out_by_laser(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Their moments are the solve's own; where an IMU's scale alone is unknown, they are not. Mutation: always laid out again."""
+    """Where lasers are unknowns their moments are the solve's own; where an IMU's scale alone is unknown, they were summed beside
+    it; where points are capped, they were not. Mutations: always laid out again; never.
+    """
     asked: list[int] = []
-    from calib_core.full.joint import by_laser as room
-
     laid = room.associate
 
     def counted(*args: Any, **kinds: Any) -> Any:
@@ -145,5 +161,8 @@ def test_where_lasers_are_unknowns_nothing_is_laid_out_again(
     assert asked == []
     other = weighed(noisy[0], ("gyroscope_scale",))
     assert "lasers" in other.pulls()
+    assert asked == []
+    capped = weighed(noisy[0], "off", points_per_plane_per_scan=10**9)
+    assert "lasers" in capped.pulls()
     assert len(asked) > 0
-    assert not any([*told.pulls().values(), *other.pulls().values()])
+    assert not any(pull for each in (told, other, capped) for pull in each.pulls().values())

@@ -142,22 +142,28 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
 
 
 def test_of_ideal_lasers_only_where_their_points_lie_is_summed(noisy: tuple[Recording, Truth]) -> None:
-    """Oracle: all moments, of which c + (1 - c) = 1 are two rows. Mutations: the places of the first point of a block for all;
-    weights left out; a distance for a height; all lasers the first.
+    """Oracle: all moments, of which c + (1 - c) = 1 are two rows; and those of all lasers together, which stay what they are.
+
+    Mutations: the places of the first point of a block for all; weights left out; a distance for a height; all lasers the first;
+    slices put together to groups as if lasers were in play.
     """
     nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
     view = _view(*noisy)
-    view = replace(view, nuisance=nuisance, estimate=replace(view.estimate, nuisance=np.zeros(nuisance.size)))
-    ones, every = (
-        associate(replace(view, first_only=only), SCANS[:4], NOISE, GATE, None).lasers for only in (True, False)
-    )
+    in_play = replace(view, nuisance=nuisance, estimate=replace(view.estimate, nuisance=np.zeros(nuisance.size)))
+    every = associate(in_play, SCANS[:4], NOISE, GATE, None).lasers
+    micro = associate(replace(view, apart=nuisance.lasers), SCANS[:4], NOISE, GATE, None)
+    ones, alone = micro.apart, associate(view, SCANS[:4], NOISE, GATE, None)
     assert ones is not None
     assert every is not None
     for name in ("group", "plane", "laser"):
         np.testing.assert_array_equal(getattr(ones.sums, name), getattr(every.sums, name))
-    first = ones.sums.cross[:, 0] + ones.sums.cross[:, 4]
-    np.testing.assert_allclose(first, every.sums.cross[:, 0] + every.sums.cross[:, 4], rtol=2e-6, atol=1e-2)
-    assert not ones.sums.gram.any()
+    np.testing.assert_array_equal(ones.time_s, every.time_s)
+    assert ones.sums.cross.shape == (len(ones.sums.laser), 1, 5)
+    first = every.sums.cross[:, 0] + every.sums.cross[:, 4]
+    np.testing.assert_allclose(ones.sums.cross[:, 0], first, rtol=2e-6, atol=1e-2)
+    for name in ("time_s", "scan", "plane", "scatter", "count"):
+        np.testing.assert_array_equal(getattr(micro, name), getattr(alone, name))
+    assert (micro.lasers, alone.apart) == (None, None)
 
 
 def test_scans_are_taken_as_one_while_times_and_tables_have_room(noisy: tuple[Recording, Truth]) -> None:

@@ -104,7 +104,7 @@ def test_a_new_wall_joins_and_a_copy_of_a_known_one_does_not() -> None:
         planes.grow(copy, np.zeros(3))
         assert len(planes.normals) == 4
         assert bool(planes.reach[1].any()) is reached
-        planes.reach[1] = False
+        planes.reach[1], planes.filled[1] = False, 0
 
 
 def test_a_hedge_close_to_a_wall_does_not_become_a_plane_beside_it() -> None:
@@ -155,7 +155,8 @@ def _spread_one_by_one(planes: PlaneMap, x_map: FloatArray, eye: FloatArray) -> 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_planes_reach_on_in_rounds_as_point_by_point(reverse: bool) -> None:
     """From a seed on, over floor and walls, in the points' order. Mutations: points seen from behind speak; those that
-    wait are forgotten after a round; one round more or less; a far point opens no more cells than a near one.
+    wait are forgotten after a round; one round more or less; a far point opens no more cells than a near one; a cell that was
+    filled from near by is not from afar; or is taken to be filled before it was reached.
     """
     rng = np.random.default_rng(5)
     planes = PlaneMap.of([_FLOOR, *_WALLS])
@@ -174,6 +175,11 @@ def test_planes_reach_on_in_rounds_as_point_by_point(reverse: bool) -> None:
     planes.spread(points, eye)
     np.testing.assert_array_equal(planes.reach, expected)
     assert planes.reach.sum() > 2 * before.sum()
-    planes.reach[:] = before
+    afar = np.array([20.5, 0.2, 8.1])
+    expected, nearby = _spread_one_by_one(planes, points, afar), planes.reach.copy()
+    planes.spread(points, afar)
+    np.testing.assert_array_equal(planes.reach, expected)
+    assert planes.reach.sum() > 1.1 * nearby.sum()
+    planes.reach[:], planes.filled[:] = before, 0
     planes.spread(points, np.array([0.5, 0.2, -3.0]))  # from under the floor
     np.testing.assert_array_equal(planes.reach[0], before[0])
