@@ -61,10 +61,10 @@ def assess(
     offset_std_s: an error of the time offset that no residual knows of, added to its variance unless it is frozen.
     added: (7, 7) covariance, scaled units, of what the information knows nothing of.
     """
-    data = data_information(information, priors) / inflation**2
+    root = _root(data_information(information, priors)) / inflation
     if added is not None:
-        data = np.asarray(np.linalg.solve(np.eye(CALIBRATION) + data @ added, data), dtype=np.float64)
-        data = 0.5 * (data + data.T)
+        root = root @ np.linalg.cholesky(np.linalg.inv(np.eye(CALIBRATION) + root.T @ added @ root))
+    data = np.asarray(root @ root.T)
     if frozen_offset:
         data[TIME_OFFSET, :] = data[:, TIME_OFFSET] = 0.0
         data[TIME_OFFSET, TIME_OFFSET] = FROZEN
@@ -93,6 +93,16 @@ def assess(
         covariance[TIME_OFFSET, TIME_OFFSET] += offset_std_s**2
     rotation = np.linalg.eigvalsh(data[ROTATION, ROTATION])
     return Knowledge(covariance, data_std, tuple(weak), bool(rotation[-1] > 1.0 / WORDING.known_deg**2))
+
+
+def _root(data: FloatArray) -> FloatArray:
+    """W (7, 7) with W W' the information, without what is below zero.
+
+    That comes of other unknowns of which nothing is known: they take away more than there is. Left in, it would make what is open
+    seem known, as would what is added to a covariance through it: (I^-1 + A)^-1 = W (1 + W' A W)^-1 W'.
+    """
+    values, vectors = np.linalg.eigh(data)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _held(data: FloatArray, prior: FloatArray) -> FloatArray:

@@ -222,6 +222,9 @@ class Settling:
     #: derived: or of a thousandth of the first one: what the links were linearised about was off by that one, and what a
     #: thousandth more would find is not the minimum of the next.
     least_share: float = 1e-6
+    #: derived: what fifteen steps move the calibration by less than this many sigmas, the descents that they are of could not
+    #: move by one in all: a descent that has used up its steps for so little is the last.
+    stands_sigmas: float = 0.05
     #: derived: a seventh of a sigma is far within what one step has been seen to find the end of.
     last_decrease: float = 1e-2
     #: judged: what still moves by more than this part of its own standard deviation after the last round has not settled:

@@ -132,10 +132,11 @@ def descend(
     tolerance: float,
     relative: float = 0.0,
     also_frozen: tuple[int, ...] = (),
+    along_valleys: bool = False,
 ) -> tuple[Estimation, JointProblem]:
     """Preintegrate and gather about the present estimate, then descend. also_frozen: more shared columns to hold.
 
-    tolerance, relative: as `minimise` has them.
+    tolerance, relative, along_valleys: as `minimise` has them.
 
     Raises Refused where the answer has left its bounds, and Cancelled.
     """
@@ -156,7 +157,7 @@ def descend(
 
     minimum = minimise(
         problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report,
-        share_equations=True,
+        share_equations=True, along_valleys=along_valleys,
     )  # fmt: skip
     after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
     require_bounds(data, state, after)

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import LidarNoise
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint.bounds import require_rest
+from calib_core.full.joint.bounds import last_move, require_rest
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Sampling, Settling
 from calib_core.full.joint.problem import JointProblem
@@ -178,17 +178,21 @@ def to_fixed_point(
     """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many.
 
     Each descent finds a part of what the one before it did, and each step within one; what is left after a step that is told by
-    that to be the last is not looked at.
+    that to be the last is not looked at. Where steps are used up and the calibration stands still, more of them would be along
+    what hardly anything tells, a drift down a street.
     """
     last, tolerance = state.rounds + most, settling.least_decrease
     before: float | None = None
     problem: JointProblem | None = None
     while True:
-        problem = None  # two of them at once would be the most memory of a solve
+        problem, start = None, state  # two problems at once would be the most memory of a solve
         state, problem = descend(
-            data, state, iterations=settling.iterations, tolerance=tolerance, relative=settling.least_share
-        )
+            data, state, iterations=settling.iterations, tolerance=tolerance, relative=settling.least_share,
+            along_valleys=True,
+        )  # fmt: skip
         assert state.minimum is not None
+        if state.minimum.outcome is Outcome.EXHAUSTED and stands_still(start, state, settling.stands_sigmas):
+            return state, problem
         first = state.minimum.first_decrease
         next_one = first if before is None else first * min(1.0, first / before)
         small = first < settling.fixed_point or next_one < settling.least_decrease
@@ -196,6 +200,12 @@ def to_fixed_point(
             return state, problem
         tolerance = last_step(state.minimum, settling)
         before = first
+
+
+def stands_still(before: Estimation, after: Estimation, sigmas: float) -> bool:
+    """Whether a descent has moved the calibration by less than this part of its standard deviations."""
+    moved, std = last_move(before, after)
+    return bool(np.all(np.abs(moved) <= sigmas * std))
 
 
 def last_step(minimum: Minimum[Estimate], settling: Settling) -> float:

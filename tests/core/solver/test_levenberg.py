@@ -232,6 +232,45 @@ def test_what_two_unknowns_trade_is_found_in_a_few_steps() -> None:
     assert end.estimate[0] == pytest.approx(2.0, abs=1e-6)
 
 
+class Street(Trade):
+    """The same with a thousand-thousand-millionth: metres along a street that hardly a point tells."""
+
+    def residual(self, e: FloatArray) -> FloatArray:
+        return np.array([1e6 * (e[1] - e[0]) - 3.0 * e[0] ** 2, e[0] - 2.0])
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        J = np.array([[-1e6 - 6.0 * estimate[0], 1e6], [1.0, 0.0]])
+        H, g = J.T @ J, J.T @ self.residual(estimate)
+        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+
+
+def test_a_valley_is_gone_along_where_next_to_nothing_holds() -> None:
+    """Mutations: the least damping of others (60 steps go a tenth of the way); damping that stays once a step is accepted."""
+    start = np.zeros(2)
+    end = minimise(Street(), start, max_iterations=25, along_valleys=True)
+    assert end.estimate[0] == pytest.approx(2.0, abs=1e-3)
+    assert end.outcome is not Outcome.EXHAUSTED
+    other = minimise(Street(), start, max_iterations=25)
+    assert other.estimate[0] < 1.0
+
+
+def test_along_valleys_damping_soon_grows_faster(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From next to nothing to what bends far as quickly as others. Mutations: tenfold each time; a step's refusals counted for
+    the next one; damping that stays.
+    """
+    tried: list[float] = []
+    real = Eliminated.of
+
+    def counting(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
+        tried.append(damping)
+        return real(system, damping=damping)
+
+    monkeypatch.setattr(Eliminated, "of", counting)
+    minimise(Valley(), np.array([0.0, 0.2]), max_iterations=4, along_valleys=True)
+    grown, sunk, again, information = [0.0, 1e-14, 1e-12, 1e-9, 1e-6, 1e-3, 1.0], [1e-1, 1e-2, 1e-3], [1e-2], [0.0]
+    assert tried == pytest.approx([*grown, *sunk, *again, *information])
+
+
 class Bent(Valley):
     """r = [3 x + y - 4 + bend x^2, x - y]: nearly linear, so that equations change little on the way."""
 

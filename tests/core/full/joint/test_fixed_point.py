@@ -5,10 +5,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from calib_core.full.joint import settle as room
 from calib_core.full.joint.policies import Settling
-from calib_core.full.joint.settle import to_fixed_point
+from calib_core.full.joint.settle import stands_still, to_fixed_point
 from calib_core.solver.levenberg import Minimum, Outcome
 
 
@@ -26,21 +28,26 @@ from calib_core.solver.levenberg import Minimum, Outcome
         # A descent that broke off, or one of a single step, has told nothing of steps.
         ([[9.0, None], [1e-2, 1e-8], [0.0]], 3, [1e-6, 1e-6, 1e-2]),
         ([[9.0], [1e-2, 1e-8], [0.0]], 3, [1e-6, 1e-6, 1e-2]),
+        # One that has used up its steps while the calibration stood still is the last; a usual one is not, nor one that moved it.
+        ([[9.0, None], [5.0, None, "still"], [0.0]], 2, [1e-6, 1e-6]),
+        ([[9.0, 3.0, 1.0, "still"], [1e-2, 3e-3], [0.0]], 3, [1e-6, 9e-6, 3.3e-6]),
     ],
 )
 def test_descents_end_where_the_next_would_find_nothing(
     monkeypatch: pytest.MonkeyPatch,
-    descents: list[list[float | None]],
+    descents: list[list[Any]],
     taken: int,
     last_steps: list[float],
 ) -> None:
     """By what each has left of the one before. Mutations: looked at once more; a slow one taken for a fast one; steps of a
-    descent that broke off believed; a step of any size the last.
+    descent that broke off believed; a step of any size the last; one that stood still gone on with; a moving one not.
     """
     asked: list[float] = []
+    stood: list[bool] = []
 
     def descend(_: object, state: Any, *, tolerance: float, **__: object) -> tuple[Any, None]:
-        found = descents[len(asked)]
+        found = [each for each in descents[len(asked)] if each != "still"]
+        stood.append("still" in descents[len(asked)])
         asked.append(tolerance)
         solution: Any = SimpleNamespace(predicted_decrease=found[-1])
         outcome = Outcome.CONVERGED if found[-1] is not None else Outcome.EXHAUSTED
@@ -50,9 +57,19 @@ def test_descents_end_where_the_next_would_find_nothing(
         minimum = Minimum(estimate, 0.0, solution, outcome, len(found), first)
         return SimpleNamespace(rounds=state.rounds + 1, minimum=minimum), None
 
-    monkeypatch.setattr("calib_core.full.joint.settle.descend", descend)
+    monkeypatch.setattr(room, "descend", descend)
+    monkeypatch.setattr(room, "stands_still", lambda *_: stood[-1])
     unused: Any = None
     start: Any = SimpleNamespace(rounds=0)
     to_fixed_point(unused, start, Settling(), most=20)
     assert len(asked) == taken
     assert asked == pytest.approx(last_steps[:taken], rel=0.02)
+
+
+def test_the_calibration_stands_still_where_none_of_the_seven_has_moved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its own standard deviations, either way. Mutations: one of the seven enough; moves that are less than zero."""
+    std = np.linspace(1.0, 7.0, 7)
+    unused: Any = None
+    for moved, still in ((0.04 * std, True), (-0.06 * std, False), (np.eye(7)[3] * 0.06 * std, False)):
+        monkeypatch.setattr(room, "last_move", lambda *_, moved=moved: (moved, std))
+        assert stands_still(unused, unused, 0.05) is still
