@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from calib_core.full.odometry.kernels import Surfaces
 from calib_core.full.odometry.reach_kernels import spread_kernel
@@ -134,4 +133,10 @@ class PlaneMap:
         size = self.reach.shape[1]
         seen = np.zeros((size, size), np.bool_)
         seen[row, column] = True
-        self.reach[j] |= scipy.ndimage.binary_dilation(seen, np.ones((3, 3)))
+        wide = seen.copy()
+        wide[1:] |= seen[:-1]
+        wide[:-1] |= seen[1:]
+        reach = self.reach[j]
+        reach |= wide
+        reach[:, 1:] |= wide[:, :-1]
+        reach[:, :-1] |= wide[:, 1:]
