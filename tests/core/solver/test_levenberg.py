@@ -188,11 +188,13 @@ def test_a_step_below_the_costs_round_off_is_convergence() -> None:
 class Trade(Valley):
     """r = [1e4 (y - x) - 1.5 x^2, x - 2]: x and y trade with one another, x is held by a hundred-millionth of its curvature."""
 
+    stiff, bend = 1e4, 1.5
+
     def residual(self, e: FloatArray) -> FloatArray:
-        return np.array([1e4 * (e[1] - e[0]) - 1.5 * e[0] ** 2, e[0] - 2.0])
+        return np.array([self.stiff * (e[1] - e[0]) - self.bend * e[0] ** 2, e[0] - 2.0])
 
     def linearise(self, estimate: FloatArray) -> ArrowSystem:
-        J = np.array([[-1e4 - 3.0 * estimate[0], 1e4], [1.0, 0.0]])
+        J = np.array([[-self.stiff - 2.0 * self.bend * estimate[0], self.stiff], [1.0, 0.0]])
         H, g = J.T @ J, J.T @ self.residual(estimate)
         return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
 
@@ -233,19 +235,13 @@ def test_what_two_unknowns_trade_is_found_in_a_few_steps() -> None:
 
 
 class Street(Trade):
-    """The same with a thousand-thousand-millionth: metres along a street that hardly a point tells."""
+    """The same with a million-millionth: metres along a street that hardly a point tells."""
 
-    def residual(self, e: FloatArray) -> FloatArray:
-        return np.array([1e6 * (e[1] - e[0]) - 3.0 * e[0] ** 2, e[0] - 2.0])
-
-    def linearise(self, estimate: FloatArray) -> ArrowSystem:
-        J = np.array([[-1e6 - 6.0 * estimate[0], 1e6], [1.0, 0.0]])
-        H, g = J.T @ J, J.T @ self.residual(estimate)
-        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+    stiff, bend = 1e6, 3.0
 
 
 def test_a_valley_is_gone_along_where_next_to_nothing_holds() -> None:
-    """Mutations: the least damping of others (60 steps go a tenth of the way); damping that stays once a step is accepted."""
+    """Mutation: the least damping of others, with which as many steps end before the middle."""
     start = np.zeros(2)
     end = minimise(Street(), start, max_iterations=25, along_valleys=True)
     assert end.estimate[0] == pytest.approx(2.0, abs=1e-3)

@@ -45,7 +45,8 @@ def test_descents_end_where_the_next_would_find_nothing(
     asked: list[float] = []
     stood: list[bool] = []
 
-    def descend(_: object, state: Any, *, tolerance: float, **__: object) -> tuple[Any, None]:
+    def descend(_: object, state: Any, *, tolerance: float, along_valleys: bool, **__: object) -> tuple[Any, None]:
+        assert along_valleys
         found = [each for each in descents[len(asked)] if each != "still"]
         stood.append("still" in descents[len(asked)])
         asked.append(tolerance)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 import pytest
@@ -144,6 +144,24 @@ def test_what_the_settings_hold_does_not_move(half: Half, settings: CalibrateSet
     assert (after.estimate.offsets_m == off.offsets_m).all() == ("planes" in held)
     assert not (after.estimate.offsets_m == off.offsets_m).any() or "planes" in held
     assert (after.estimate.gravity != off.gravity).any()
+
+
+@pytest.mark.parametrize("along_valleys", [False, True])
+def test_a_descent_goes_along_valleys_where_it_is_asked_to(
+    half: Half, monkeypatch: pytest.MonkeyPatch, along_valleys: bool
+) -> None:
+    """Mutations: not handed on; always."""
+    asked: list[bool] = []
+    minimise = rounds.minimise
+
+    def watched(*args: Any, **kinds: Any) -> Any:
+        asked.append(kinds["along_valleys"])
+        return minimise(*args, **kinds)
+
+    monkeypatch.setattr(rounds, "minimise", watched)
+    state = associate(half.data, half.state, Gate(), stride=4)
+    descend(half.data, state, iterations=1, tolerance=1e-6, along_valleys=along_valleys)
+    assert asked == [along_valleys]
 
 
 def test_a_descent_without_a_point_is_refused(half: Half) -> None:
