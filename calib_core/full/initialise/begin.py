@@ -21,18 +21,15 @@ from calib_core.full.initialise.agreement import (
     Agreement,
     agreeing_part,
     agreement,
-    agreement_of,
 )
+from calib_core.full.initialise.by_pairs import pairs_start, tell_turns
 from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
 from calib_core.full.initialise.guide import Guide, Led
 from calib_core.full.initialise.proposed import choice_among, joined, matched
-from calib_core.full.initialise.rotation import fit_lags, rotation_start
-from calib_core.full.initialise.settings import AGREEING, VECTORS
+from calib_core.full.initialise.rotation import rotation_start
+from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
-from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.full.initialise.unfollowed import refuse_lost, refuse_standing_clouds
-from calib_core.full.initialise.vectors import lags_by_vectors
-from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
@@ -114,7 +111,7 @@ def _by_planes(
     """The track by planes, with the IMU where that does not lead throughout or has gone astray. near: it, where known."""
     near = near or follow(ctx, planes, reference, may_leave=False)
     first = _led_on(ctx, near, planes, reference)
-    pairs = cache(partial(_pairs_start, ctx))  # some seconds
+    pairs = cache(partial(pairs_start, ctx))  # some seconds
     aided, agreed = _aided(ctx, first, planes, reference, pairs)
     best = aided
     if agreed is not NO_AGREEMENT:
@@ -166,7 +163,7 @@ def _aided(
     if trusted and whole:
         return first, own
     if trusted:
-        starts, agreed = rotation_start(lidar, imu_s, gyro_rad_s), own
+        starts, agreed = _starts_of_trusted(ctx, lidar, own, pairs)
     else:
         part, of_part = agreeing_part(lidar, imu_s, gyro_rad_s)
         of_its_own = [] if part is None else rotation_start(part, imu_s, gyro_rad_s)
@@ -186,11 +183,23 @@ def _aided(
     return again, agreed
 
 
+def _starts_of_trusted(
+    ctx: Run, lidar: LidarTrack, own: Agreement, pairs: Pairs
+) -> tuple[list[RotationStart], Agreement]:
+    """Of a track that goes with the gyroscope; of pairs of scans where it broke off before it had turned about two axes."""
+    starts = rotation_start(lidar, ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s)
+    if not tell_turns(starts):
+        of_pairs, agreed = pairs()
+        if agreed.correlation > AGREEING.trusted:
+            return of_pairs, agreed
+    return starts, own
+
+
 def _turned(
     ctx: Run, planes: Sequence[Plane], reference: int, starts: Sequence[RotationStart], *, may_leave: bool = True
 ) -> Followed | None:
     """The track by the gyroscope's turns under the best of these starts; None where it does not fit or leaves an axis open."""
-    if not starts or starts[0].residual > AGREEING.fits or starts[0].open_axis_imu is not None:
+    if not tell_turns(starts):
         return None
     return follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]), may_leave=may_leave)
 
@@ -288,27 +297,3 @@ def track_of(ctx: Run, motions: Sequence[ScanMotion]) -> LidarTrack:
     """These motions on the lidar's clock."""
     positions = np.array([m.position for m in motions])
     return LidarTrack.of(motions, ctx.clocks.scan_s[positions], ctx.clocks.sweep_s[positions])
-
-
-def _pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
-    """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree.
-
-    Where three axes tell more of their agreement than the sizes do, it is that of the axes.
-    """
-    ctx.stage("track", 0.0, "turning from scan to scan")
-    pairs = pair_turns(ctx.recording.scans, seed=ctx.settings.random_seed)
-    # A sweep taken as one rigid look is a look from where its middle was.
-    middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
-    start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
-    worth = 1.0 / (pairs.std_rad**2 + VECTORS.pair_std_rad**2)
-    rate_rad_s = pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None]
-    turns = Turns(start_s, end_s, rate_rad_s, worth)
-    imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
-    lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
-    starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
-    agreed = agreement_of(turns, imu_s, gyro_rad_s)
-    if starts and starts[0].correlation > VECTORS.alike:
-        agreed = replace(
-            agreed, correlation=max(agreed.correlation, starts[0].correlation), lag_s=starts[0].time_offset_s
-        )
-    return starts, agreed

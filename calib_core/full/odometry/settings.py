@@ -212,6 +212,9 @@ class Following:
     #: measured: points of so many scans are taken at once ahead of the march: 0.57 ms, of which handing over is 0.01. Nothing
     #: but time depends on it.
     ahead_scans: int = 8
+    #: derived: a gyroscope's turn within a sweep is looked up so often: between two of them a shaken rig that gains 30 rad/s in a
+    #: second is off a steady rate by 30 (0.01)^2 / 8, half a milliradian.
+    turning_s: float = 0.01
     #: derived: planes face another way where the normals' singular value is this share of the first: of two normals 23 deg
     #: between them.
     another_way: float = 0.2

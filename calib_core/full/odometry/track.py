@@ -31,11 +31,10 @@ from calib_core.full.odometry.register import (
     ScanMotion,
     is_determined,
     register,
-    sample_points,
     straighten,
 )
 from calib_core.full.odometry.settings import MAP, TrackSettings
-from calib_core.full.odometry.turning import Guide, Turning, rate_within
+from calib_core.full.odometry.turning import Guide, Turning, rate_within, steadied, steady_sample
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Plane, Scan
 
@@ -76,7 +75,7 @@ def _first(
     scans: Sequence[Scan], known: PlaneMap, reference: int, s: TrackSettings, turning: Turning | None
 ) -> ScanMotion:
     """The reference scan's velocities, and how far the planes reach in it."""
-    points, tau = sample_points(scans[reference], s.reference_points)
+    points, tau = steady_sample(scans[reference], s.reference_points, turning)
     known.seed(points, MAP.seed_m)
     still = ScanMotion(reference, np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
     loose = np.repeat([s.held, s.held, 1 / s.first_rate_rad_s**2, 1 / s.first_velocity_m_s**2], 3)
@@ -84,7 +83,7 @@ def _first(
     if rate is not None:
         still = replace(still, omega_rad_s=rate)
         loose[RATE] = 1 / s.turning_rate_rad_s**2
-    few = sample_points(scans[reference], s.sample)
+    few = steady_sample(scans[reference], s.sample, turning)
     first = register(*few, known, still, tie=loose, settings=s, position=reference).motion
     known.seed(straighten(points, tau, first))
     return first
@@ -195,6 +194,7 @@ class _Tracker:
         points, tau = self.ahead.sample(position, self.direction)
         if len(points) < s.fewest_points:
             return None
+        points = steadied(points, tau, self.scans[position], self.turning)
         # Where a direction is seen for a moment of the sweep only, the way from the last scan tells its velocity better.
         mixed = replace(previous, v_m_s=0.5 * (previous.v_m_s + self._pace_m_s))
         dt = self.ahead.between_s(previous.position, position)
@@ -300,7 +300,9 @@ class _Tracker:
         wanting = motion.share < s.grow_share and self._since >= self._wait
         if wanting or (turned > s.grow_turn_rad and self._since >= s.grow_every):
             recent = [m for m in self.marched[-s.grow_scans :] if m.share > 0]
-            clouds = [straighten(*sample_points(self.scans[m.position], s.grow_points), m) for m in recent]
+            clouds = [
+                straighten(*steady_sample(self.scans[m.position], s.grow_points, self.turning), m) for m in recent
+            ]
             strays = np.concatenate([c[self.known.strays(c, m.p)] for c, m in zip(clouds, recent, strict=True)])
             changed = self.known.grow(strays, motion.p)
             self._wait = s.grow_every if changed else min(2 * self._wait, s.grow_rarely)

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from calib_core.full.odometry.register import ScanMotion
-from calib_core.geometry import log
+import numpy as np
+
+from calib_core.full.odometry.register import ScanMotion, sample_points
+from calib_core.full.odometry.settings import FOLLOWING
+from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Scan
 
 
@@ -52,3 +55,28 @@ def rate_within(scan: Scan, turning: Turning | None) -> FloatArray | None:
         return None
     turn = turning.between(scan.stamp_ns, scan.stamp_ns + sweep_ns)
     return None if turn is None else log(turn) / (sweep_ns * 1e-9)
+
+
+def steadied(points_m: FloatArray, tau_s: FloatArray, scan: Scan, turning: Turning | None) -> FloatArray:
+    """Points (K, 3) of a scan as they would be had it turned at the rate of `rate_within` throughout; as they are where nothing
+    tells how it turned. tau_s: (K,) after its first point.
+
+    A rig that is shaken turns to and fro within a sweep: by no rate are its walls flat.
+    """
+    rate = rate_within(scan, turning)
+    if turning is None or rate is None:
+        return points_m
+    sweep_s = float(scan.points["offset_ns"].max()) * 1e-9
+    t_s = np.linspace(0.0, sweep_s, 1 + max(1, round(sweep_s / FOLLOWING.turning_s)))
+    turns = [turning.between(scan.stamp_ns, scan.stamp_ns + round(t * 1e9)) for t in t_s.tolist()]
+    if any(turn is None for turn in turns):
+        return points_m
+    beside = log(exp(-rate * t_s[:, None]) @ np.array(turns))
+    own = np.stack([np.interp(tau_s, t_s, beside[:, i]) for i in range(3)], axis=1)
+    return np.asarray((exp(own) @ points_m[..., None])[..., 0])
+
+
+def steady_sample(scan: Scan, count: int, turning: Turning | None) -> tuple[FloatArray, FloatArray]:
+    """As `sample_points`, steadied."""
+    points, tau = sample_points(scan, count)
+    return steadied(points, tau, scan, turning), tau

@@ -11,7 +11,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import Agreement
-from calib_core.full.initialise.begin import _pairs_start
+from calib_core.full.initialise.by_pairs import pairs_start
 from calib_core.full.initialise.felt import Felt, GyroTurning
 from calib_core.full.initialise.guide import Led
 from calib_core.full.initialise.settings import AGREEING
@@ -81,7 +81,7 @@ def test_a_track_that_the_imu_has_not_felt_is_followed_again(
         pytest.fail("turns from scan to scan were asked for")
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", _led_astray(kind, calls))
-    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", asked)
+    monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", asked)
     # Half of these six seconds would do.
     short = replace(AGREEING, shortest_part_s=2.5)
     monkeypatch.setattr("calib_core.full.initialise.agreement.AGREEING", short)
@@ -116,10 +116,10 @@ def test_a_track_that_no_longer_leaps_may_slide_all_the_same(
 
     def pairs(ctx: Any) -> Any:
         asked.append(ctx)
-        return _pairs_start(ctx)
+        return pairs_start(ctx)
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
-    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", pairs)
+    monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", pairs)
     found, _ = begun(noisy[0], given=False)
     assert len(asked) == 1
     turned, moved = track_errors(noisy[0], noisy[1], found)
@@ -141,12 +141,12 @@ def test_turns_from_scan_to_scan_are_found_once(
 
     def pairs(ctx: Any) -> Any:
         asked.append(ctx)
-        return _pairs_start(ctx)
+        return pairs_start(ctx)
 
     by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
     monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
-    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", pairs)
+    monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", pairs)
     begun(noisy[0], given=False)
     assert len(asked) == 1
 
@@ -179,7 +179,7 @@ def test_steps_mend_what_turns_alone_do_not(noisy: tuple[Recording, Truth], monk
         pytest.fail("turns from scan to scan were asked for")
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
-    monkeypatch.setattr("calib_core.full.initialise.begin._pairs_start", asked)
+    monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", asked)
     found, _ = begun(noisy[0], given=False)
     assert [type(turning) for turning in calls] == [type(None), GyroTurning, Felt]
     turned, moved = track_errors(noisy[0], noisy[1], found)

@@ -11,7 +11,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
-from calib_core.full.initialise.begin import _pairs_start
+from calib_core.full.initialise.by_pairs import pairs_start
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.register import Registered, ScanMotion, register
@@ -216,7 +216,7 @@ def test_pairs_of_neighbours_alone_give_lag_and_rotation(noisy: tuple[Recording,
     """
     recording, truth = noisy
     ctx = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
-    starts, agreed = _pairs_start(ctx)
+    starts, agreed = pairs_start(ctx)
     late_s = starts[0].time_offset_s - ctx.clocks.offset_s(truth.time_offset_ns)
     turned = log(truth.R_imu_lidar.T @ starts[0].R_imu_lidar)
     assert agreed.correlation > AGREEING.believed
