@@ -39,14 +39,15 @@ def pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     ctx.stage("track", 0.0, "turning from scan to scan")
     starts, agreed = _by_pairs(ctx, None)
     for _ in range(AGREEING.again):
-        if agreed.correlation < AGREEING.trusted or not tell_turns(starts):
+        # What was alike by chance is not any more once sweeps are straightened by it.
+        if not starts or starts[0].residual > AGREEING.fits or starts[0].correlation < AGREEING.believed:
             break
-        before_s = starts[0].time_offset_s
-        straight = _by_pairs(ctx, GyroTurning.of(ctx, starts[0]))
-        if straight[1].correlation < agreed.correlation:
+        before = starts[0]
+        straight = _by_pairs(ctx, GyroTurning.of(ctx, before))
+        if not straight[0] or straight[0][0].residual > before.residual:
             break
         starts, agreed = straight
-        if abs(starts[0].time_offset_s - before_s) < FOLLOWING.turning_s:
+        if abs(starts[0].time_offset_s - before.time_offset_s) < FOLLOWING.turning_s:
             break
     return starts, agreed
 
