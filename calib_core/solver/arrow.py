@@ -295,43 +295,49 @@ def _chain_step(chain: _Chain, pull: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Equations with their chain eliminated."""
+    """Equations with their chain eliminated; the equations themselves it does not hold. frozen: of theirs."""
 
     _chain: _Chain
-    _equations: ArrowEquations
+    frozen: tuple[int, ...]
 
     @staticmethod
     def of(equations: ArrowEquations, *, damping: float = 0.0) -> Eliminated:
         """Raises NotPositiveDefinite where the damped chain is not positive definite."""
-        return Eliminated(_eliminated(equations, damping), equations)
+        return Eliminated(_eliminated(equations, damping), tuple(equations.frozen))
 
-    def solution(self) -> ArrowSolution:
-        """The step that they ask for."""
-        return _solution(self._chain, self._equations, self._chain.gradient())
+    def is_of_kind(self, equations: ArrowEquations) -> bool:
+        """Whether these are equations of as many unknowns, of which the same ones are frozen."""
+        chain = self._chain
+        knots, shared = chain.pieces[-1].last, len(chain.gradient_shared)
+        return (knots, shared, self.frozen) == (equations.knots, equations.shared, tuple(equations.frozen))
+
+    def solution(self, equations: ArrowEquations) -> ArrowSolution:
+        """The step that they ask for: the equations it was made of."""
+        return _solution(self._chain, equations, self._chain.gradient())
 
     def again(self, equations: ArrowEquations) -> ArrowSolution:
         """The step by the gradient of other equations, as if their curvature were that of these: true as far as the estimate has
         hardly moved.
 
-        Their frozen columns have to be the same ones.
+        They have to be of their kind.
         """
         chain, free = self._chain, self._chain.free
         gradient, shared = equations.pulls()
         reduced = equations.pulls(_chain_step(chain, gradient))[1][free]
         return _solution(replace(chain, reduced=reduced, gradient_shared=shared), equations, gradient)
 
-    def unit_responses(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
+    def unit_responses(self, equations: ArrowEquations, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """C columns of H^-1 E on the shared unknowns, each numbered below S: chain (K, n, C) and border (S, C).
 
         A factor with Jacobian J and residual r moves those unknowns by -(J X)' r, X these columns: its influence. Frozen
         columns respond to nothing. Raises NotPositiveDefinite.
         """
-        chain, shared = self._chain, self._equations.shared
+        chain, shared = self._chain, equations.shared
         inverse = covariance(chain.schur).matrix
         border, place = np.zeros((shared, len(columns))), _places(chain.free, shared)[columns]
         known = np.flatnonzero(place >= 0)
         border[np.ix_(chain.free, known)] = inverse[:, place[known]]
-        along = self._equations.border_times(border)
+        along = equations.border_times(border)
         for c in range(len(columns)):
             along[:, :, c] = _chain_step(chain, np.ascontiguousarray(along[:, :, c]))
         return along, border
@@ -352,7 +358,7 @@ def solve_arrow(equations: ArrowEquations, *, damping: float = 0.0) -> ArrowSolu
 
     Raises NotPositiveDefinite where the damped chain is not positive definite.
     """
-    return Eliminated.of(equations, damping=damping).solution()
+    return Eliminated.of(equations, damping=damping).solution(equations)
 
 
 def solve_shared(equations: ArrowEquations) -> tuple[FloatArray, FloatArray]:

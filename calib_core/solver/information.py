@@ -56,15 +56,13 @@ def factor(unit: FloatArray) -> FloatArray | None:
 
 
 def solved(lower: FloatArray, right: FloatArray) -> FloatArray:
-    """L L' x = right, (S,)."""
+    """L L' x = right, (S,) or (S, m)."""
     return np.asarray(scipy.linalg.lapack.dpotrs(lower, right, lower=1)[0])
 
 
 def covariance(information: FloatArray) -> Covariance:
     """The covariance that an information matrix (S, S) stands for. An unknown without any information is undetermined."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), _NOTHING))
-    unit = information * scale[:, None] * scale[None, :]
-    unit = 0.5 * (unit + unit.T)
+    scale, unit = _of_unit_diagonal(information)
     lower = factor(unit)
     if lower is not None:
         half = np.tril(scipy.linalg.lapack.dpotri(lower, lower=1)[0])
@@ -73,6 +71,23 @@ def covariance(information: FloatArray) -> Covariance:
     values, vectors = np.linalg.eigh(unit)
     spread = scale[:, None] * vectors
     return Covariance(spread / np.maximum(values, ROUND_OFF) @ spread.T, spread[:, values <= ROUND_OFF])
+
+
+def covariance_of(information: FloatArray, some: slice) -> FloatArray:
+    """The same of some of the unknowns alone, all others unknown too: of a few of many for a third of the work."""
+    scale, unit = _of_unit_diagonal(information)
+    lower = factor(unit)
+    if lower is None:
+        return covariance(information).of(some)
+    own = solved(lower, np.eye(len(unit))[:, some])[some]
+    return np.asarray(scale[some, None] * (0.5 * (own + own.T)) * scale[None, some])
+
+
+def _of_unit_diagonal(information: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """D (S,) and D I D, symmetric."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), _NOTHING))
+    unit = information * scale[:, None] * scale[None, :]
+    return scale, 0.5 * (unit + unit.T)
 
 
 def above_round_off(values: FloatArray) -> BoolArray:

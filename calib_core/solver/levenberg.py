@@ -35,6 +35,9 @@ _TRIALS = 15
 #: unknowns together. So they do while each such step leaves a hundredth of what the one before had left, a tenth of its
 #: length: where the motion is rough, they do not, and are made anew.
 _SAME_EQUATIONS, _LEFT = 0.02, 0.01
+#: A step by other equations finds what it predicts but for the part by which their curvature is another one, and leaves as
+#: large a part of its length: a tenth, which a round that gives points to planes anew leaves as well.
+_ALIKE = 0.1
 
 
 class Problem(Protocol[E]):
@@ -62,6 +65,16 @@ class Outcome(Enum):
     SINGULAR = "the normal equations stayed singular"
 
 
+@dataclass
+class SharedEquations:
+    """What descents hand on to one another. kept: by which undamped steps were made last, None before the first.
+
+    Nobody else holds them, and they go before others are made: two at once would be the most memory of a solve.
+    """
+
+    kept: Eliminated | None = None
+
+
 @dataclass(frozen=True)
 class Minimum(Generic[E]):
     """Where the loop ended. solution: of the last linearisation. first_decrease: predicted by the first step."""
@@ -82,26 +95,23 @@ def minimise(
     tolerance: float = 1e-6,
     relative: float = 0.0,
     on_step: Callable[[E, float, ArrowSolution], None] | None = None,
-    share_equations: bool = False,
+    shared: SharedEquations | None = None,
+    roughly: bool = False,
     along_valleys: bool = False,
 ) -> Minimum[E]:
     """The least-squares estimate from a start.
 
     tolerance: it has converged where an undamped step would lower the cost by less than this, or than its round-off,
     relative: or than this part of what the first step would have.
-    share_equations: small steps may be those of the equations of the one before (`_SAME_EQUATIONS`). The solution's information
-    is then of there; who wants that of the end descends once more from it, in a single step.
+    shared: small steps may be those of the equations of the one before (`_SAME_EQUATIONS`), as the first may be of the descent
+    before, and the solution's information is then of there.   roughly: not only small ones, but any that finds about what it
+    predicts (`_ALIKE`).
     along_valleys: a refused step is first damped by next to nothing. Near the minimum, where only what is hardly known bends;
     from afar it leads into other valleys.
     """
+    by = _Equations(shared, roughly)
     end, equations, damping = _descend(
-        problem,
-        estimate,
-        max_iterations,
-        (tolerance, relative),
-        on_step,
-        _Equations(share_equations),
-        _Damping(along_valleys),
+        problem, estimate, max_iterations, (tolerance, relative), on_step, by, _Damping(along_valleys)
     )
     if damping == 0.0 or equations is None or end.solution is None:
         return end
@@ -116,29 +126,44 @@ def minimise(
 class _Equations:
     """The equations by which steps are made, and whether they may be those of the step before.
 
-    kept: those of the last undamped step, where they are shared.   before: the decrease that the last step predicted.
-    nearly: the step that they give at this linearisation, where it is one to be taken.
+    shared, roughly: as `minimise` has them.   before: the decrease that the last step predicted.   nearly: the step that shared
+    ones give at this linearisation, where it is one to be taken.
     """
 
-    share: bool
-    kept: Eliminated | None = None
+    shared: SharedEquations | None = None
+    roughly: bool = False
     before: float = np.inf
     nearly: ArrowSolution | None = None
 
     def begin(self, now: ArrowEquations) -> None:
         """Another linearisation."""
-        self.nearly = self.kept.again(now) if self.kept is not None else None
-        if self.nearly is not None and self.nearly.predicted_decrease > min(_SAME_EQUATIONS, _LEFT * self.before):
-            self.nearly = None
+        self.nearly = None
+        if self.shared is None or self.shared.kept is None:
+            return
+        if not self.shared.kept.is_of_kind(now):
+            self.shared.kept = None
+            return
+        nearly = self.shared.kept.again(now)
+        if self.roughly or nearly.predicted_decrease <= min(_SAME_EQUATIONS, _LEFT * self.before):
+            self.nearly = nearly
+
+    def is_borne_out(self, found: float) -> bool:
+        """Whether a step by them has lowered the cost by about what it predicted, where it was any size."""
+        if self.nearly is None or self.nearly.predicted_decrease <= _SAME_EQUATIONS:
+            return True
+        return abs(found - self.nearly.predicted_decrease) <= _ALIKE * self.nearly.predicted_decrease
 
     def solved(self, now: ArrowEquations, damping: float) -> ArrowSolution:
         """The step to try next. Raises NotPositiveDefinite."""
         if self.nearly is not None:
             return self.nearly
-        self.kept = None  # two of them at once would be the most memory of a solve
+        if self.shared is None:
+            return Eliminated.of(now, damping=damping).solution(now)
+        self.shared.kept = None
         own = Eliminated.of(now, damping=damping)
-        self.kept = own if self.share and damping == 0.0 else None
-        return own.solution()
+        if damping == 0.0:
+            self.shared.kept = own
+        return own.solution(now)
 
     def refused(self) -> bool:
         """Whether the step that did not lower the cost was by other equations: then its own come next, as little damped."""
@@ -175,7 +200,7 @@ def _descend(
     max_iterations: int,
     tolerances: tuple[float, float],
     on_step: Callable[[E, float, ArrowSolution], None] | None,
-    shared: _Equations,
+    by: _Equations,
     damping: _Damping,
 ) -> tuple[Minimum[E], ArrowEquations | None, float]:
     """Where it ended, the last linearisation and the damping of its solution."""
@@ -187,12 +212,12 @@ def _descend(
     for iteration in range(max_iterations):
         equations = problem.linearise(estimate)
         solution, used = None, 0.0  # an earlier linearisation's says nothing of this one
-        shared.begin(equations)
+        by.begin(equations)
         accepted = negligible = False
         candidate, new_cost = estimate, cost
         for _ in range(_TRIALS):
             try:
-                solution, used = shared.solved(equations, damping.now), damping.now
+                solution, used = by.solved(equations, damping.now), damping.now
             except NotPositiveDefinite:
                 damping.refused()
                 continue
@@ -202,14 +227,15 @@ def _descend(
             negligible = solution.predicted_decrease < least
             candidate = problem.moved(estimate, solution)
             new_cost = problem.cost(candidate)
-            accepted = bool(np.isfinite(new_cost) and new_cost <= cost + COST_ROUND_OFF * abs(cost))
+            lower = bool(np.isfinite(new_cost) and new_cost <= cost + COST_ROUND_OFF * abs(cost))
+            accepted = lower and by.is_borne_out(cost - new_cost)
             if accepted or negligible:
                 break
-            if not shared.refused():
+            if not by.refused():
                 damping.refused()
         if solution is None:
             return Minimum(estimate, cost, None, Outcome.SINGULAR, iteration + 1, first), equations, used
-        shared.before = solution.predicted_decrease
+        by.before = solution.predicted_decrease
         if accepted:
             estimate, cost = candidate, new_cost
             if on_step is not None:

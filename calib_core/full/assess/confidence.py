@@ -77,7 +77,7 @@ def confidence(run: Run, solved: Solved) -> Confidence:
         considered = consider(problem, estimate, sensors.prior_std)
         added = considered.added
     stated = plain.covariance / UNITS / UNITS[:, None]
-    apart = take_apart(problem, estimate, by_laser(solved))
+    apart = take_apart(problem, estimate, by_laser(solved), eliminated=solved.shared.kept)
     found = tuple(disagreements(apart, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
     contradicted = contradictions(

@@ -26,6 +26,7 @@ from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNDETERMINED
+from calib_core.solver.arrow import Eliminated
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -86,9 +87,18 @@ class _Ways:
         return clusters
 
 
-def take_apart(problem: JointProblem, estimate: Estimate, told_apart: Iterable[ByLaser] = ()) -> Apart:
-    """Every way of it. told_apart: the lidar's factors, laser by laser. Raises NotPositiveDefinite."""
-    of = factor_influences(problem, estimate, told_apart)
+def take_apart(
+    problem: JointProblem,
+    estimate: Estimate,
+    told_apart: Iterable[ByLaser] = (),
+    *,
+    eliminated: Eliminated | None = None,
+) -> Apart:
+    """Every way of it. told_apart: the lidar's factors, laser by laser.   eliminated: as `factor_influences` has it.
+
+    Raises NotPositiveDefinite.
+    """
+    of = factor_influences(problem, estimate, told_apart, eliminated=eliminated)
     ways, ranges_m = _ways(problem, estimate)
     knots_s = problem.readings.knots_s
     starts_s = knots_s[np.minimum(np.searchsorted(ways.block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]

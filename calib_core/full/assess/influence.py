@@ -106,11 +106,21 @@ class _Responses:
 
 
 def factor_influences(
-    problem: JointProblem, estimate: Estimate, told_apart: Iterable[ByLaser] = ()
+    problem: JointProblem,
+    estimate: Estimate,
+    told_apart: Iterable[ByLaser] = (),
+    *,
+    eliminated: Eliminated | None = None,
 ) -> FactorInfluences:
-    """Of every factor on the seven, at the optimum. told_apart: the lidar's, laser by laser. Raises NotPositiveDefinite."""
-    eliminated = Eliminated.of(problem.linearise(estimate))
-    along, border = eliminated.unit_responses(np.arange(CALIBRATION))
+    """Of every factor on the seven, at the optimum. told_apart: the lidar's, laser by laser.   eliminated: the problem's
+    equations near by, where they are at hand.
+
+    Raises NotPositiveDefinite.
+    """
+    equations = problem.linearise(estimate)
+    if eliminated is None or not eliminated.is_of_kind(equations):
+        eliminated = Eliminated.of(equations)
+    along, border = eliminated.unit_responses(equations, np.arange(CALIBRATION))
     of = _responses(problem, estimate, along / UNITS, border / UNITS, alone=False)
     return _influences(of, told_apart, of.border[:CALIBRATION] / UNITS[:, None])
 
@@ -122,11 +132,12 @@ def parameter_influences(
 
     Raises NotPositiveDefinite.
     """
-    eliminated, parts = Eliminated.of(problem.linearise(estimate)), list(told_apart)
+    equations, parts = problem.linearise(estimate), list(told_apart)
+    eliminated = Eliminated.of(equations)
     every = np.arange(own.start, own.stop)
     for first in range(0, len(every), PARTS.parameters_at_once):
         some = every[first : first + PARTS.parameters_at_once]
-        along, border = eliminated.unit_responses(some)
+        along, border = eliminated.unit_responses(equations, some)
         of = _responses(problem, estimate, along, border, alone=True)
         yield some - own.start, _influences(of, parts, border[some])
 

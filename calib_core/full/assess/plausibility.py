@@ -12,7 +12,7 @@ from calib_core.full.joint.state import CALIBRATION, GRAVITY
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.run import Run
 from calib_core.intrinsics import UNKNOWN_IMU
-from calib_core.solver.information import covariance
+from calib_core.solver.information import covariance_of
 
 
 def implausible(ctx: Run, solved: Solved) -> str | None:
@@ -50,7 +50,7 @@ def _beyond_gravity(solved: Solved, away: float, prior_std_m_s2: float) -> bool:
     if away <= PLAUSIBLE.gravity_sigmas * allowed:
         return False
     assert solved.minimum.solution is not None
-    seven = covariance(solved.minimum.solution.information).of(slice(0, CALIBRATION)) / UNITS / UNITS[:, None]
+    seven = covariance_of(solved.minimum.solution.information, slice(0, CALIBRATION)) / UNITS / UNITS[:, None]
     found = disagreements(take_apart(solved.problem, solved.estimate), seven)
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
     return away > PLAUSIBLE.gravity_sigmas * max(allowed, wider * gravity_std(solved))
@@ -64,6 +64,6 @@ def borne_out(unit_text: str) -> str:
 def gravity_std(solved: Solved) -> float:
     """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
     assert solved.minimum.solution is not None
-    block = covariance(solved.minimum.solution.information).of(GRAVITY)
+    block = covariance_of(solved.minimum.solution.information, GRAVITY)
     up = solved.estimate.gravity / np.linalg.norm(solved.estimate.gravity)
     return float(np.sqrt(max(float(up @ block @ up), 0.0)))

@@ -15,7 +15,7 @@ from calib_core.full.planes.standing import WORDS
 from calib_core.full.prepare.nuisance import sensor_block
 from calib_core.intrinsics import Block
 from calib_core.sigmas import std_text
-from calib_core.solver.information import covariance
+from calib_core.solver.information import covariance_of
 from calib_core.types import FloatArray
 
 _CURE = "some planes are not flat or do not stand still: leave out what can move or bend"
@@ -55,7 +55,7 @@ def last_move(before: Estimation, after: Estimation) -> tuple[FloatArray, FloatA
 def _std(state: Estimation) -> FloatArray:
     if state.information is None:
         return np.full(CALIBRATION, np.inf)
-    return np.sqrt(np.diag(covariance(state.information).matrix)[:CALIBRATION])
+    return np.asarray(np.sqrt(np.diag(covariance_of(state.information, slice(0, CALIBRATION)))))
 
 
 def require_solution(state: Estimation) -> None:

@@ -22,7 +22,7 @@ from calib_core.full.planes.standing import Fault
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import UpsampledImu, asked_later
-from calib_core.solver.levenberg import Minimum
+from calib_core.solver.levenberg import Minimum, SharedEquations
 from calib_core.types import FloatArray, Plane
 
 
@@ -190,7 +190,10 @@ class Estimation:
 
 @dataclass(frozen=True)
 class Solved:
-    """The end of the joint estimation. map_time_s: of the first used scan, lidar clock.   data, state: to go on from there."""
+    """The end of the joint estimation. map_time_s: of the first used scan, lidar clock.   data, state: to go on from there.
+
+    shared: the equations of its last steps.
+    """
 
     problem: JointProblem
     estimate: Estimate
@@ -204,6 +207,7 @@ class Solved:
     nuisance: Nuisance
     data: JointData
     state: Estimation
+    shared: SharedEquations
 
     @property
     def map_pose(self) -> tuple[FloatArray, FloatArray]:

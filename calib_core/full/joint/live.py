@@ -15,7 +15,7 @@ from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRAN
 from calib_core.full.run import Run
 from calib_core.geometry import euler_xyz_deg, transform_matrix
 from calib_core.solver.arrow import ArrowSolution
-from calib_core.solver.information import covariance
+from calib_core.solver.information import covariance_of
 from calib_core.types import FloatArray, Scan
 
 
@@ -62,7 +62,7 @@ def iteration_event(
     names: Sequence[str],
 ) -> IterationEvent:
     """One accepted step, for whoever watches. number: of the iteration, of its round.   names: of the planes."""
-    std = np.sqrt(np.diag(covariance(solution.information).matrix)[:CALIBRATION])
+    std = np.sqrt(np.diag(covariance_of(solution.information, slice(0, CALIBRATION))))
     std[ROTATION] = np.degrees(std[ROTATION])
     # What is held is so by an information that nobody measured, which would look like the best of all answers.
     told = [None if i in problem.frozen else float(value) for i, value in enumerate(std)]

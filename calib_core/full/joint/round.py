@@ -30,7 +30,7 @@ from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, B
 from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
 from calib_core.full.prepare.nuisance import named_lasers
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_shared
-from calib_core.solver.levenberg import minimise
+from calib_core.solver.levenberg import SharedEquations, minimise
 from calib_core.types import FloatArray
 
 
@@ -132,11 +132,13 @@ def descend(
     tolerance: float,
     relative: float = 0.0,
     also_frozen: tuple[int, ...] = (),
+    shared: SharedEquations | None = None,
+    roughly: bool = False,
     along_valleys: bool = False,
 ) -> tuple[Estimation, JointProblem]:
     """Preintegrate and gather about the present estimate, then descend. also_frozen: more shared columns to hold.
 
-    tolerance, relative, along_valleys: as `minimise` has them.
+    tolerance, relative, shared, roughly, along_valleys: as `minimise` has them.
 
     Raises Refused where the answer has left its bounds, and Cancelled.
     """
@@ -157,7 +159,7 @@ def descend(
 
     minimum = minimise(
         problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report,
-        share_equations=True, along_valleys=along_valleys,
+        shared=shared or SharedEquations(), roughly=roughly, along_valleys=along_valleys,
     )  # fmt: skip
     after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
     require_bounds(data, state, after)

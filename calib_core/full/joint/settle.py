@@ -20,7 +20,7 @@ from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import anchored, associate, coarse_stride, descend, gate_of, measure, survey
 from calib_core.full.joint.settings import DOUBTING, WATCHING
 from calib_core.full.joint.state import Estimate
-from calib_core.solver.levenberg import Minimum, Outcome
+from calib_core.solver.levenberg import Minimum, Outcome, SharedEquations
 from calib_core.types import BoolArray
 
 #: Cosine of a wall seen slantwise, at 60 degrees.
@@ -61,6 +61,7 @@ def near_rest(
     surveyed: tuple[BoolArray, LidarNoise] | None = None
     led_about, doubted = False, None
     problem: JointProblem | None = None
+    shared = SharedEquations()
     for k in range(settling.rounds):
         # Points as they were given before, and what was gathered of them, would be there beside the new ones.
         state, problem = state.without_points(), None
@@ -85,7 +86,9 @@ def near_rest(
         )
         before = state.estimate
         # A single step: what another one would add, the next round's first step does.
-        state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease)
+        state, problem = descend(
+            data, state, iterations=1, tolerance=settling.least_decrease, shared=shared, roughly=True
+        )
         moves.append(moved_in_gate(problem, before, state.estimate))
         if judge is not None and turns > 0 and (moves[-1] < settling.judged or stalls(moves, settling)):
             problem = None
@@ -149,19 +152,22 @@ def goes_away(moves: Sequence[float], settling: Settling) -> bool:
 
 
 def alternate(
-    data: JointData, state: Estimation, settling: Settling, sampling: Sampling
+    data: JointData, state: Estimation, settling: Settling, sampling: Sampling, shared: SharedEquations | None = None
 ) -> tuple[Estimation, JointProblem]:
     """With all points: associate, descend to the fixed point, and again until the gates no longer feel it.
+
+    shared: has the equations of its last steps after it.
 
     Raises Refused where the calibration still moves after the last round.
     """
     last = state.rounds + settling.descents(data.run.settings.max_rounds)
-    k = 0
+    k, shared = 0, shared or SharedEquations()
+    shared.kept = None  # of other unknowns, or of a part of the points
     while True:
         state = associate(_nearer(data, k, WATCHING.resting_round), state, gate_of(state, 0.0, sampling), stride=1)
         before = state.without_points()
         state, problem = to_fixed_point(
-            data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds)
+            data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds), shared=shared
         )
         if moved_in_gate(problem, before.estimate, state.estimate) < settling.settled:
             return state, problem
@@ -173,7 +179,7 @@ def alternate(
 
 
 def to_fixed_point(
-    data: JointData, state: Estimation, settling: Settling, *, most: int
+    data: JointData, state: Estimation, settling: Settling, *, most: int, shared: SharedEquations
 ) -> tuple[Estimation, JointProblem]:
     """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many.
 
@@ -188,7 +194,7 @@ def to_fixed_point(
         problem, start = None, state  # two problems at once would be the most memory of a solve
         state, problem = descend(
             data, state, iterations=settling.iterations, tolerance=tolerance, relative=settling.least_share,
-            along_valleys=True,
+            shared=shared, along_valleys=True,
         )  # fmt: skip
         assert state.minimum is not None
         if state.minimum.outcome is Outcome.EXHAUSTED and stands_still(start, state, settling.stands_sigmas):

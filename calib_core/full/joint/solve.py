@@ -32,6 +32,7 @@ from calib_core.full.joint.surface import admit_surface, is_bent_wall, is_rough,
 from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
 from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
 from calib_core.full.run import Run
+from calib_core.solver.levenberg import SharedEquations
 
 
 def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, first: str = "coarse") -> Solved:
@@ -92,7 +93,8 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     assert schedule.settling is not None
     data, whole = data.portion(WATCHING.settled_share, 1.0), data
     data.laid_out.forget()
-    state, problem = alternate(data, state, schedule.settling, schedule.sampling)
+    shared = SharedEquations()
+    state, problem = alternate(data, state, schedule.settling, schedule.sampling, shared)
     if (
         schedule.chosen
     ):  # boxes have sensors go astray, and what that does to the readings would be taken for tones, for long
@@ -104,11 +106,11 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
             break
         nearly = replace(schedule.settling, rounds=rules.settling_rounds)
         after = settle(data.portion(1.0, 1.0), after, nearly, schedule.sampling)
-        state, problem = alternate(data.portion(1.0, 1.0), after, schedule.settling, schedule.sampling)
+        state, problem = alternate(data.portion(1.0, 1.0), after, schedule.settling, schedule.sampling, shared)
     require_solution(state)
     require_sensors(state, whole.limits.sensor_sigmas)
     say_tones(whole, state)
-    return finished(whole, state, problem)
+    return finished(whole, state, problem, shared)
 
 
 def estimate_motion(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
@@ -283,7 +285,7 @@ def with_outlines(data: JointData, state: Estimation) -> Estimation:
     return replace(state, support=PlaneExtents(state.estimate.normals, within))
 
 
-def finished(data: JointData, state: Estimation, problem: JointProblem) -> Solved:
+def finished(data: JointData, state: Estimation, problem: JointProblem, shared: SharedEquations) -> Solved:
     """What the stages after need of the end."""
     assert state.minimum is not None
     assert state.observations is not None
@@ -300,6 +302,7 @@ def finished(data: JointData, state: Estimation, problem: JointProblem) -> Solve
         nuisance=state.nuisance,
         data=data,
         state=state,
+        shared=shared,
     )
 
 

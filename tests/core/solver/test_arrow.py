@@ -86,7 +86,7 @@ def test_a_chain_may_be_cut_anywhere(monkeypatch: pytest.MonkeyPatch, damping: f
     step = np.concatenate([solution.step.ravel(), solution.step_shared])
     np.testing.assert_allclose(step, expected, rtol=1e-8, atol=1e-10)
     if damping == 0.0:
-        along, border = Eliminated.of(frozen).unit_responses(np.array([2, 0, 1]))
+        along, border = Eliminated.of(frozen).unit_responses(frozen, np.array([2, 0, 1]))
         inverse = np.zeros_like(H)
         inverse[np.ix_(free, free)] = np.linalg.inv(H[np.ix_(free, free)])
         columns = 31 * 3 + np.array([2, 0, 1])
@@ -304,7 +304,7 @@ def test_another_gradient_goes_through_the_same_elimination(monkeypatch: pytest.
     rng = np.random.default_rng(9)
     other = replace(system, gradient=rng.normal(size=system.gradient.shape), gradient_shared=rng.normal(size=5))
     eliminated = arrow.Eliminated.of(system)
-    first = eliminated.solution()
+    first = eliminated.solution(system)
     H, g = dense(other)
     free = np.delete(np.arange(len(g)), 31 * 3 + 2)
     expected = np.zeros(len(g))

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from calib_core.solver.arrow import FROZEN
-from calib_core.solver.information import ROUND_OFF, above_round_off, covariance, factor, marginal, solved
+from calib_core.solver.information import (
+    ROUND_OFF,
+    above_round_off,
+    covariance,
+    covariance_of,
+    factor,
+    marginal,
+    solved,
+)
 from calib_core.types import FloatArray
 
 #: Standard deviations of unknowns in very different units: 1 urad, 1 mm, 0.1 s, 10 m.
@@ -58,6 +66,19 @@ def test_an_unknown_without_any_information_is_undetermined() -> None:
     assert found.matrix[0, 0] == pytest.approx(0.25)
     assert found.matrix[1, 1] > 1e100
     assert found.undetermined.shape == (2, 1)
+
+
+@pytest.mark.parametrize("some", [slice(0, 2), slice(1, 4)])
+@pytest.mark.parametrize("beside", [1.0, 0.0])
+def test_a_part_of_it_is_that_part(some: slice, beside: float) -> None:
+    """Where all is known and where one unknown is not. Mutations: the others known; the units of the first; a part of the
+    inverse by Cholesky where that does not exist.
+    """
+    information = known(2)
+    information[3] *= beside
+    information[:, 3] *= beside
+    whole = covariance(information).of(some)
+    np.testing.assert_allclose(covariance_of(information, some), whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
 
 
 def test_the_marginal_is_what_is_left_when_the_others_are_unknown() -> None:

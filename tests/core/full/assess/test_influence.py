@@ -44,7 +44,7 @@ def _of_priors(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, F
     """Response and residuals of the priors, and what the terms add that keep unseen states in place: (7, 7)."""
     system = problem.linearise(estimate)
     residual, jacobian = prior_rows(problem.priors, problem.nodes, estimate, problem.layout(estimate))
-    along, border = Eliminated.of(system).unit_responses(np.arange(CALIBRATION))
+    along, border = Eliminated.of(system).unit_responses(system, np.arange(CALIBRATION))
     along, border = along / UNITS, border / UNITS
     planes = border[problem.layout(estimate).every_plane()]
     kept = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes
@@ -67,6 +67,25 @@ def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
     step = solve_arrow(system).step_shared[:CALIBRATION] / UNITS
     size = np.abs(of.links.moved).sum(axis=0) + np.abs(of.bins.moved).sum(axis=0)
     np.testing.assert_allclose((moved - step) / size, 0.0, atol=1e-6)
+
+
+def test_equations_at_hand_are_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of a step before say the same; those of fewer unknowns are of no use. Mutations: never taken; taken whatever they are
+    of.
+    """
+    problem, estimate = _solved()
+    own = factor_influences(problem, estimate)
+    at_hand = Eliminated.of(problem.linearise(estimate))
+    frozen = Eliminated.of(replace(problem, frozen=(*problem.frozen, 6)).linearise(estimate))
+    made: list[object] = []
+    real = Eliminated.of
+    monkeypatch.setattr(Eliminated, "of", lambda *a, **k: made.append(a) or real(*a, **k))
+    for eliminated, often in ((at_hand, 0), (frozen, 1)):
+        made.clear()
+        other = factor_influences(problem, estimate, eliminated=eliminated)
+        assert len(made) == often
+        np.testing.assert_allclose(other.covariance, own.covariance, rtol=1e-9)
+        np.testing.assert_allclose(other.links.moved, own.links.moved, rtol=1e-6, atol=1e-12)
 
 
 def test_factors_asked_for_a_few_knots_at_a_time_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,7 +180,7 @@ def test_the_sensors_parameters_are_moved_like_the_seven(nuisance: Nuisance) -> 
     system = problem.linearise(e)
     solution = solve_arrow(system)
     columns = np.arange(own.start, own.stop)
-    along, border = Eliminated.of(system).unit_responses(columns)
+    along, border = Eliminated.of(system).unit_responses(system, columns)
     residual, jacobian = prior_rows(problem.priors, problem.nodes, e, layout)
     prior, planes = jacobian @ border, border[layout.every_plane()]
     kept = 1e-6 * np.sum(along**2, axis=(0, 1)) + 1e-4 * np.sum(planes**2, axis=0)

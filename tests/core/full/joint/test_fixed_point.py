@@ -11,7 +11,7 @@ import pytest
 from calib_core.full.joint import settle as room
 from calib_core.full.joint.policies import Settling
 from calib_core.full.joint.settle import stands_still, to_fixed_point
-from calib_core.solver.levenberg import Minimum, Outcome
+from calib_core.solver.levenberg import Minimum, Outcome, SharedEquations
 
 
 @pytest.mark.parametrize(
@@ -40,13 +40,16 @@ def test_descents_end_where_the_next_would_find_nothing(
     last_steps: list[float],
 ) -> None:
     """By what each has left of the one before. Mutations: looked at once more; a slow one taken for a fast one; steps of a
-    descent that broke off believed; a step of any size the last; one that stood still gone on with; a moving one not.
+    descent that broke off believed; a step of any size the last; one that stood still gone on with; a moving one not;
+    the equations of the one before not handed on.
     """
     asked: list[float] = []
     stood: list[bool] = []
+    shared = SharedEquations()
 
-    def descend(_: object, state: Any, *, tolerance: float, along_valleys: bool, **__: object) -> tuple[Any, None]:
+    def descend(_: object, state: Any, *, tolerance: float, along_valleys: bool, **by: object) -> tuple[Any, None]:
         assert along_valleys
+        assert by["shared"] is shared
         found = [each for each in descents[len(asked)] if each != "still"]
         stood.append("still" in descents[len(asked)])
         asked.append(tolerance)
@@ -62,7 +65,7 @@ def test_descents_end_where_the_next_would_find_nothing(
     monkeypatch.setattr(room, "stands_still", lambda *_: stood[-1])
     unused: Any = None
     start: Any = SimpleNamespace(rounds=0)
-    to_fixed_point(unused, start, Settling(), most=20)
+    to_fixed_point(unused, start, Settling(), most=20, shared=shared)
     assert len(asked) == taken
     assert asked == pytest.approx(last_steps[:taken], rel=0.02)
 

@@ -16,6 +16,7 @@ from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint import settle as settling
 from calib_core.full.joint.policies import Sampling, Settling
 from calib_core.settings import CalibrateSettings
+from calib_core.solver.levenberg import SharedEquations
 
 
 def test_only_twice_there_and_back_is_a_swing() -> None:
@@ -328,3 +329,22 @@ def test_what_a_judge_leaves_begins_without_the_points_of_before(monkeypatch: py
     settling.near_rest(data, _Pointed(0.0, start.support), fewer, Sampling(), judge, 2)  # type: ignore[arg-type]
     assert len(points) >= 3
     assert alive == [0] * len(points)
+
+
+def test_a_round_steps_roughly_by_the_equations_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutations: each by its own; not roughly."""
+    asked: list[object] = []
+
+    def descended(
+        _: object, state: _Swinging, *, shared: object, roughly: bool, **__: object
+    ) -> tuple[_Swinging, None]:
+        assert roughly
+        asked.append(shared)
+        return state, None
+
+    moves = iter([1.0, 0.5, 0.2, 1e-5, 1e-5])
+    data, begin = _rounds_of(monkeypatch, lambda *_: next(moves), descend=descended)
+    settling.near_rest(data, begin, Settling(), Sampling())
+    assert len(asked) > 2
+    assert isinstance(asked[0], SharedEquations)
+    assert all(each is asked[0] for each in asked)

@@ -20,6 +20,7 @@ from calib_core.full.joint.round import across_lasers, associate, coarse_stride,
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.view import View
 from calib_core.settings import CalibrateSettings
+from calib_core.solver.levenberg import SharedEquations
 from calib_core.types import Scan
 from tests.core.full.joint.conftest import Half
 
@@ -150,18 +151,24 @@ def test_what_the_settings_hold_does_not_move(half: Half, settings: CalibrateSet
 def test_a_descent_goes_along_valleys_where_it_is_asked_to(
     half: Half, monkeypatch: pytest.MonkeyPatch, along_valleys: bool
 ) -> None:
-    """Mutations: not handed on; always."""
-    asked: list[bool] = []
+    """And by the equations at hand, roughly where that is asked for. Mutations: not handed on, each; always."""
+    asked: list[Any] = []
     minimise = rounds.minimise
 
     def watched(*args: Any, **kinds: Any) -> Any:
-        asked.append(kinds["along_valleys"])
+        asked.extend(kinds[name] for name in ("along_valleys", "shared", "roughly"))
         return minimise(*args, **kinds)
 
     monkeypatch.setattr(rounds, "minimise", watched)
     state = associate(half.data, half.state, Gate(), stride=4)
     descend(half.data, state, iterations=1, tolerance=1e-6, along_valleys=along_valleys)
-    assert asked == [along_valleys]
+    own, *others = asked
+    assert (own, others[-1]) == (along_valleys, False)
+    assert isinstance(others[0], SharedEquations)
+    asked.clear()
+    by = SharedEquations()
+    descend(half.data, state, iterations=1, tolerance=1e-6, shared=by, roughly=along_valleys)
+    assert asked == [False, by, along_valleys]
 
 
 def test_a_descent_without_a_point_is_refused(half: Half) -> None:

@@ -139,7 +139,7 @@ def test_influences_are_those_of_all_knots_as_they_follow() -> None:
     of, system = factor_influences(problem, e), problem.linearise(e)
     layout = problem.layout(e)
     stated = covariance(solve_arrow(system).information).matrix[:CALIBRATION, :CALIBRATION] / UNITS / UNITS[:, None]
-    along, border = (each / UNITS for each in Eliminated.of(system).unit_responses(np.arange(CALIBRATION)))
+    along, border = (each / UNITS for each in Eliminated.of(system).unit_responses(system, np.arange(CALIBRATION)))
     prior = prior_rows(problem.priors, problem.nodes, e, layout)[1] @ border
     planes, drift = border[layout.every_plane()], e.normals[2] @ along[problem.gauge_knot, 6:]
     held = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes + 1e4 * np.outer(drift, drift)
