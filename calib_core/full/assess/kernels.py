@@ -8,7 +8,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from calib_core.factors.laser_kernels import product_at
 from calib_core.types import Float32Array, FloatArray, IntArray
 
 
@@ -78,14 +77,18 @@ def add_own_influences_kernel(
 ) -> None:
     """Adds to them what the lasers' features have by themselves. gram: (U, A (A + 1) / 2), bins, laser: (U,) of each."""
     features, unknowns = F.shape[1], F.shape[2]
-    by_gram = np.empty((features, unknowns))
+    own, by_gram = np.empty((features, features)), np.empty((features, unknowns))
     for u in range(gram.shape[0]):
-        q, j = bins[u], laser[u]
+        q, j, place = bins[u], laser[u], 0
+        for f in range(features):
+            for e in range(f, features):
+                own[f, e] = own[e, f] = gram[u, place]
+                place += 1
         for f in range(features):
             pull = 0.0
             by_gram[f] = 0.0
             for e in range(features):
-                value = gram[u, product_at(min(f, e), max(f, e), features)]
+                value = own[f, e]
                 pull += value * change[j, e]
                 for s in range(unknowns):
                     by_gram[f, s] += value * F[j, e, s]
@@ -97,10 +100,13 @@ def add_own_influences_kernel(
                     allowed[q, s] += F[j, f, s] * by_gram[f, s]
         else:
             for s in range(unknowns):
-                for f in range(features):
-                    way = F[j, f, s]
-                    for t in range(unknowns):
-                        allowed[q, s, t] += way * by_gram[f, t]
+                for t in range(s + 1):
+                    both = 0.0
+                    for f in range(features):
+                        both += F[j, f, s] * by_gram[f, t]
+                    allowed[q, s, t] += both
+                    if t < s:
+                        allowed[q, t, s] += both
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -168,7 +168,8 @@ def test_a_descent_goes_along_valleys_where_it_is_asked_to(
     asked.clear()
     by = SharedEquations()
     descend(half.data, state, iterations=1, tolerance=1e-6, shared=by, roughly=along_valleys)
-    assert asked == [False, by, along_valleys]
+    assert asked[1] is by
+    assert asked[::2] == [False, along_valleys]
 
 
 def test_a_descent_without_a_point_is_refused(half: Half) -> None:
