@@ -250,21 +250,27 @@ def test_a_valley_is_gone_along_where_next_to_nothing_holds() -> None:
     assert other.estimate[0] < 1.0
 
 
-def test_along_valleys_damping_soon_grows_faster(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From next to nothing to what bends far as quickly as others. Mutations: tenfold each time; a step's refusals counted for
-    the next one; damping that stays.
-    """
-    tried: list[float] = []
+@pytest.fixture
+def eliminations(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The damping of each that is made from now on."""
+    made: list[float] = []
     real = Eliminated.of
 
     def counting(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
-        tried.append(damping)
+        made.append(damping)
         return real(system, damping=damping)
 
     monkeypatch.setattr(Eliminated, "of", counting)
+    return made
+
+
+def test_along_valleys_damping_soon_grows_faster(eliminations: list[float]) -> None:
+    """From next to nothing to what bends far as quickly as others. Mutations: tenfold each time; a step's refusals counted for
+    the next one; damping that stays.
+    """
     minimise(Valley(), np.array([0.0, 0.2]), max_iterations=4, along_valleys=True)
     grown, sunk, again, information = [0.0, 1e-14, 1e-12, 1e-9, 1e-6, 1e-3, 1.0], [1e-1, 1e-2, 1e-3], [1e-2], [0.0]
-    assert tried == pytest.approx([*grown, *sunk, *again, *information])
+    assert eliminations == pytest.approx([*grown, *sunk, *again, *information])
 
 
 class Bent(Valley):
@@ -283,23 +289,15 @@ class Bent(Valley):
 
 @pytest.mark.parametrize(("problem", "start"), [(Bent(), [2.0, 2.0]), (Valley(), [-1.2, 1.0]), (Bowl(), [5.0, -3.0])])
 def test_shared_equations_lead_to_the_same_minimum(
-    monkeypatch: pytest.MonkeyPatch, problem: Valley, start: list[float]
+    eliminations: list[float], problem: Valley, start: list[float]
 ) -> None:
     """By fewer eliminations where equations hardly change; without sharing each step has its own.
 
     Mutation: the gradient shared too (it stays where the first step led).
     """
-    counted: list[float] = []
-    real = Eliminated.of
-
-    def counting(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
-        counted.append(damping)
-        return real(system, damping=damping)
-
-    monkeypatch.setattr(Eliminated, "of", counting)
     ends, made = [], []
     for share in (False, True):
-        counted.clear()
+        eliminations.clear()
         ends.append(
             minimise(
                 problem,
@@ -309,7 +307,7 @@ def test_shared_equations_lead_to_the_same_minimum(
                 shared=SharedEquations() if share else None,
             )
         )
-        made.append(len(counted))
+        made.append(len(eliminations))
     np.testing.assert_allclose(ends[1].estimate, ends[0].estimate, atol=1e-5)
     assert ends[1].outcome is ends[0].outcome
     assert made[0] >= ends[0].iterations
@@ -336,20 +334,6 @@ def test_equations_that_change_are_not_shared() -> None:
     )
     np.testing.assert_allclose(shared.estimate, own.estimate, atol=1e-7)
     assert shared.iterations <= own.iterations + 1
-
-
-@pytest.fixture
-def eliminations(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The damping of each that is made from now on."""
-    made: list[float] = []
-    real = Eliminated.of
-
-    def counting(system: ArrowSystem, *, damping: float = 0.0) -> Eliminated:
-        made.append(damping)
-        return real(system, damping=damping)
-
-    monkeypatch.setattr(Eliminated, "of", counting)
-    return made
 
 
 def test_a_descent_begins_by_the_equations_of_the_one_before(eliminations: list[float]) -> None:
