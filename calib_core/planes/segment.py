@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from calib_core.geometry import plane_axes
 from calib_core.planes.kernels import band_kernel, support_kernel
@@ -247,9 +246,8 @@ def _merge(points: FloatArray, fits: list[PlaneFit], s: SegmentSettings) -> list
     return merged
 
 
-def determinacy(normals: FloatArray, weights: NDArray[np.float64] | None = None) -> float:
-    """Smallest eigenvalue of the mean of n n^T: 0 where some translation is not seen, 1/3 at best. normals: (P, 3)."""
+def determinacy(normals: FloatArray, open_ways: int = 0) -> float:
+    """Smallest eigenvalue of the mean of n n^T but for so many: 0 where some other translation is not seen. normals: (P, 3)."""
     if len(normals) == 0:
         return 0.0
-    w = np.ones(len(normals)) if weights is None else weights
-    return float(np.linalg.eigvalsh((normals * w[:, None]).T @ normals / w.sum())[0])
+    return float(np.linalg.eigvalsh(normals.T @ normals / len(normals))[open_ways])

@@ -29,7 +29,7 @@ from calib_core.full.initialise.proposed import choice_among, joined, matched
 from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
-from calib_core.full.initialise.unfollowed import refuse_lost, refuse_standing_clouds
+from calib_core.full.initialise.unfollowed import refuse_lost, refuse_standing_clouds, say_open
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
@@ -68,6 +68,7 @@ def begin(
     led = _led_throughout(ctx, near, planes, reference, at_fault) if near.led else None
     best, agreed = led or _by_planes(ctx, planes, reference, at_fault, None if near.led else near)
     refuse_lost(ctx, best, agreed)
+    say_open(ctx, best)
     best = replace(best, away=best.reference != reference)
     if given is not None and best.away:
         best = best.seen_from(reference) or follow(ctx, planes, reference, may_leave=False)
@@ -198,10 +199,17 @@ def _starts_of_trusted(
 def _turned(
     ctx: Run, planes: Sequence[Plane], reference: int, starts: Sequence[RotationStart], *, may_leave: bool = True
 ) -> Followed | None:
-    """The track by the gyroscope's turns under the best of these starts; None where it does not fit or leaves an axis open."""
+    """The track by the gyroscope's turns under the best of these starts; None where it does not fit or leaves an axis open.
+
+    may_leave: for another reference, and for a track along which one direction stays open, where that leads further.
+    """
     if not tell_turns(starts):
         return None
-    return follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]), may_leave=may_leave)
+    found = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0]), may_leave=may_leave)
+    if not may_leave or found.leads_on(ctx):
+        return found
+    coasting = follow(ctx, planes, reference, turning=GyroTurning.of(ctx, starts[0], coasts=True), may_leave=False)
+    return coasting if coasting.worth(ctx) > found.worth(ctx) else found
 
 
 def _felt(
@@ -248,7 +256,7 @@ def _with_steps(ctx: Run, known: Known, planes: Sequence[Plane], reference: int)
         found = known[1]
         if found is None or found.faults == 0 or not found.tells:
             break
-        after = _sounder(ctx, known, planes, reference, found.felt(ctx))
+        after = _sounder(ctx, known, planes, reference, found.felt(ctx, coasts=known[0].coasts))
         if after[0] is known[0]:
             break
         known = after
@@ -262,13 +270,14 @@ def _turned_rightly(ctx: Run, known: Known, planes: Sequence[Plane], reference: 
     """
     before = known[1]
     if before is not None:
-        known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, before.rotation))
+        known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, before.rotation, coasts=known[0].coasts))
         known = _with_steps(ctx, known, planes, reference)
         if known[1] is not None and known[1].faults <= AGREEING.fewer * before.faults:
             return known
     starts, agreed = pairs()
     if agreed.correlation > AGREEING.trusted and starts and starts[0].residual < AGREEING.fits:
-        known = _sounder(ctx, known, planes, reference, GyroTurning.of(ctx, starts[0]))
+        turning = GyroTurning.of(ctx, starts[0], coasts=known[0].coasts)
+        known = _sounder(ctx, known, planes, reference, turning)
     return _with_steps(ctx, known, planes, reference)
 
 

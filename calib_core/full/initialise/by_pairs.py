@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 
+from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import Agreement, agreement_of
 from calib_core.full.initialise.felt import GyroTurning
 from calib_core.full.initialise.rotation import fit_lags
@@ -23,6 +25,7 @@ from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.turning import Turning
 from calib_core.full.run import Run
+from calib_core.types import Scan
 
 
 def tell_turns(starts: Sequence[RotationStart]) -> bool:
@@ -34,17 +37,20 @@ def pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree.
 
     Where they tell them, the sweeps are straightened by the gyroscope and asked again, until the lag rests: as long as it is off,
-    sweeps are straightened by what the gyroscope turned at another time.
+    sweeps are straightened by what the gyroscope turned at another time. Raises Refused where that bends what was straight.
     """
     ctx.stage("track", 0.0, "turning from scan to scan")
-    starts, agreed = _by_pairs(ctx, None)
-    for _ in range(AGREEING.again):
+    scans = ctx.recording.scans
+    starts, agreed = _by_pairs(ctx, scans, None)
+    for turn in range(AGREEING.again):
         # What was alike by chance is not any more once sweeps are straightened by it.
         if not starts or starts[0].residual > AGREEING.fits or starts[0].correlation < AGREEING.believed:
             break
         before = starts[0]
-        straight = _by_pairs(ctx, GyroTurning.of(ctx, before))
-        if not straight[0] or straight[0][0].residual > before.residual:
+        straight = _by_pairs(ctx, scans, GyroTurning.of(ctx, before))
+        if turn == 0:
+            _require_measured_points(ctx, before, straight[0])
+        if _left(straight[0]) > before.residual:
             break
         starts, agreed = straight
         if abs(starts[0].time_offset_s - before.time_offset_s) < FOLLOWING.turning_s:
@@ -52,11 +58,65 @@ def pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     return starts, agreed
 
 
-def _by_pairs(ctx: Run, turning: Turning | None) -> tuple[list[RotationStart], Agreement]:
+def _left(starts: Sequence[RotationStart]) -> float:
+    """What the best of them leaves of the turns, in rms; all where there is none."""
+    return starts[0].residual if starts else 1.0
+
+
+def _require_measured_points(ctx: Run, raw: RotationStart, straight: Sequence[RotationStart]) -> None:
+    """Raises Refused where sweeps go with the gyroscope as they are, and do not once its turning is taken out of them: they were
+    without it.
+
+    A track of planes tells the same better (`within_sweeps.py`), where there is one.
+    """
+    left = _left(straight)
+    if raw.correlation < AGREEING.trusted or left < AGREEING.bent * raw.residual:
+        return
+    shown = (
+        "with what the gyroscope turned within the sweeps taken out of them, the turns from sweep to sweep are off its own by "
+        f"{left:.2f} of their size, and without that by {raw.residual:.2f}"
+    )
+    backwards, _ = _by_pairs(ctx, _Backwards(ctx.recording.scans), GyroTurning.of(ctx, raw))
+    if _left(backwards) < raw.residual:
+        raise Refused(
+            "points.times_backwards",
+            f"the times of the points run backwards: {shown}, with times turned round by {_left(backwards):.2f}; expected less "
+            "as they are; correct the points' times in the lidar's driver",
+        )
+    raise Refused(
+        "points.straightened",
+        "the clouds were straightened before they were recorded, or their points' times are not those of their measurement: "
+        f"{shown}; expected less; record the driver's own clouds, with its motion compensation switched off",
+    )
+
+
+class _Backwards(Sequence[Scan]):
+    """Scans as they would be if the times of their points ran the other way."""
+
+    def __init__(self, scans: Sequence[Scan]) -> None:
+        self._scans = scans
+
+    def __len__(self) -> int:
+        return len(self._scans)
+
+    @overload
+    def __getitem__(self, at: int) -> Scan: ...
+    @overload
+    def __getitem__(self, at: slice) -> Sequence[Scan]: ...
+    def __getitem__(self, at: int | slice) -> Scan | Sequence[Scan]:
+        if isinstance(at, slice):
+            return _Backwards(self._scans[at])
+        scan = self._scans[at]
+        points = scan.points.copy()
+        points["offset_ns"] = points["offset_ns"].max(initial=0) - points["offset_ns"]
+        return replace(scan, points=points)
+
+
+def _by_pairs(ctx: Run, scans: Sequence[Scan], turning: Turning | None) -> tuple[list[RotationStart], Agreement]:
     """As `pairs_start`, of sweeps straightened by these turns. Where three axes tell more of their agreement than the sizes do,
     it is that of the axes.
     """
-    pairs = pair_turns(ctx.recording.scans, turning=turning, seed=ctx.settings.random_seed)
+    pairs = pair_turns(scans, turning=turning, seed=ctx.settings.random_seed)
     # A sweep taken as one rigid look is a look from where its middle was.
     middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]

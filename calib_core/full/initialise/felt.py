@@ -26,20 +26,21 @@ from calib_core.types import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class GyroTurning:
-    """The gyroscope's turns as the lidar's. epoch_ns: of the lidar's clock."""
+    """The gyroscope's turns as the lidar's. epoch_ns: of the lidar's clock.   coasts: whether one direction may stay open."""
 
     gyro: GyroTurns
     rotation: RotationStart
     epoch_ns: int
     first_s: float
     last_s: float
+    coasts: bool = False
 
     @staticmethod
-    def of(ctx: Run, rotation: RotationStart) -> GyroTurning:
+    def of(ctx: Run, rotation: RotationStart, *, coasts: bool = False) -> GyroTurning:
         """With the bias that came with the rotation taken off."""
         imu_s = ctx.clocks.imu_s
         gyro = GyroTurns(imu_s, ctx.recording.imu.gyro_rad_s - rotation.gyro_bias)
-        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]))
+        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]), coasts)
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
@@ -61,6 +62,11 @@ class Felt:
 
     turning: GyroTurning
     steps_m: dict[int, FloatArray]
+
+    @property
+    def coasts(self) -> bool:
+        """As the gyroscope's turns do."""
+        return self.turning.coasts
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """As the gyroscope has it."""
@@ -118,10 +124,10 @@ class Judged:
         leapt = set(self.leaps.tolist())
         return [replace(m, share=0.0) if k in leapt else m for k, m in enumerate(self.motions)]
 
-    def felt(self, ctx: Run) -> Felt:
+    def felt(self, ctx: Run, *, coasts: bool = False) -> Felt:
         """The IMU's motion, in the track's map frame."""
         scans = (self.motions[int(step)].position for step in self.steps.step)
-        return Felt(GyroTurning.of(ctx, self.rotation), dict(zip(scans, self.steps.felt_m, strict=True)))
+        return Felt(GyroTurning.of(ctx, self.rotation, coasts=coasts), dict(zip(scans, self.steps.felt_m, strict=True)))
 
 
 def told_rotation(ctx: Run, lidar: LidarTrack) -> RotationStart | None:

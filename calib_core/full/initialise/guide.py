@@ -72,6 +72,11 @@ class Led:
             linear.gravity,
         )
 
+    @property
+    def coasts(self) -> bool:
+        """As the gyroscope's turns do."""
+        return self.turning.coasts
+
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """As the gyroscope has it."""
         return self.turning.between(start_ns, end_ns)

@@ -139,6 +139,7 @@ def write_kept(path: Path, key: str, kept: Kept) -> None:
         "position": np.array([m.position for m in motions]),
         "R": np.array([m.R for m in motions]),
         "vectors": np.array([[m.p, m.omega_rad_s, m.v_m_s] for m in motions]),
+        "unseen": np.array([m.unseen for m in motions]),
         "numbers": np.array([[m.share, m.rms_m, m.std_rad, m.std_m] for m in motions]),
     }
     written.keep(path, words, arrays)
@@ -163,10 +164,10 @@ def _as_kept(words: dict[str, Any], stored: Arrays) -> Kept:
         [Plane(name, row[:3], float(row[3])) for name, row in zip(names, stored[rows], strict=True)]
         for names, rows in zip(words["names"], ("planes", "found", "extra"), strict=True)
     )
-    columns = zip(stored["position"], stored["R"], stored["vectors"], stored["numbers"], strict=True)
+    columns = zip(stored["position"], stored["R"], stored["vectors"], stored["numbers"], stored["unseen"], strict=True)
     motions = [
-        ScanMotion(int(at), R, p, omega, v, *(float(number) for number in numbers))
-        for at, R, (p, omega, v), numbers in columns
+        replace(ScanMotion(int(at), R, p, omega, v, *numbers.tolist()), unseen=unseen)
+        for at, R, (p, omega, v), numbers, unseen in columns
     ]
     followed = Followed(
         int(stored["reference"]),

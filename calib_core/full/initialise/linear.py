@@ -24,18 +24,20 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 @dataclass(frozen=True)
 class Steps:
     """A linear start and the steps from scan to scan that it was made of. step: (N,) scan before each.   shown_m: (N, 3) map,
-    what the track says of it, felt_m: what the IMU does, under the start.
+    what the track says of it, felt_m: what the IMU does, under the start.   seen: (N, 3, 3) takes from a step what the points
+    tell of it.
     """
 
     start: LinearStart
     step: IntArray
     shown_m: FloatArray
     felt_m: FloatArray
+    seen: FloatArray
 
     @property
     def off_m(self) -> FloatArray:
-        """(N,) how far the track's steps are from the IMU's."""
-        return np.asarray(np.linalg.norm(self.shown_m - self.felt_m, axis=1))
+        """(N,) how far the track's steps are from the IMU's, as far as they are seen."""
+        return np.asarray(np.linalg.norm((self.seen @ (self.shown_m - self.felt_m)[..., None])[..., 0], axis=1))
 
     @property
     def astray(self) -> BoolArray:
@@ -98,6 +100,9 @@ def _fitting(
         use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, LINEAR.position_std_m, LINEAR.velocity_std_m_s
     )
     shown_m = track.p[use + 1] - track.p[use]
+    # Both scans have to tell a step; what one does not, the other's mixture with it does not, either.
+    seen = (np.eye(3) - track.unseen[use]) @ (np.eye(3) - track.unseen[use + 1])
+    only_seen = scipy.sparse.block_diag([*seen, scipy.sparse.identity(3 * len(use))], format="csr")
     rhs_p = (shown_m - PP[use]) / LINEAR.position_std_m
     rhs_v = -VV[use] / LINEAR.velocity_std_m_s
     rhs = np.concatenate([rhs_p.ravel(), -rhs_v.ravel()])
@@ -106,11 +111,12 @@ def _fitting(
         gravity = np.zeros(3)
         solution = np.zeros(3 * m + 9)
         every = np.concatenate([np.repeat(weight, 3), np.ones(3 * len(use))])
-        weighted = scipy.sparse.diags(every) @ rows
+        told = scipy.sparse.diags(every) @ only_seen
+        weighted = told @ rows
         for _ in range(LINEAR.passes):
             prior, target = _start_priors(m, gravity, gravity_m_s2)
             matrix = scipy.sparse.vstack([weighted, prior]).tocsc()
-            vector = np.concatenate([every * rhs, target])
+            vector = np.concatenate([told @ rhs, target])
             solution = scipy.sparse.linalg.spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
             gravity = solution[3 * m : 3 * m + 3]
         residual = rows @ solution - rhs
@@ -118,9 +124,10 @@ def _fitting(
             gravity,
             solution[3 * m + 3 : 3 * m + 6],
             solution[3 * m + 6 :],
-            float(np.sqrt(np.mean((every * residual) ** 2))),
+            float(np.sqrt(np.mean((told @ residual) ** 2))),
         )
-        return Steps(found, use, shown_m, shown_m + LINEAR.position_std_m * residual[: 3 * len(use)].reshape(-1, 3))
+        felt_m = shown_m + LINEAR.position_std_m * residual[: 3 * len(use)].reshape(-1, 3)
+        return Steps(found, use, shown_m, felt_m, seen)
 
     return fitted, len(use)
 

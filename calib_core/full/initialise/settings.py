@@ -109,6 +109,10 @@ class Agreeing:
     #: judged: where less than this share of the faults is left by a track's own rotation, that is right, and steps mend the
     #: rest. Time depends on it: turns from scan to scan, found each by itself, are asked otherwise, for a third of a solve's.
     fewer: float = 0.5
+    #: measured on seven recordings of an independent simulator, two of them corridors and four shaken: sweeps straightened by the
+    #: gyroscope leave 0.06 to 0.8 of what raw ones leave of the turns from scan to scan, and 1.2 (slow) to 29 times as much where
+    #: the clouds had been straightened before. The geometric mean of 0.8 and 4.
+    bent: float = 1.8
     #: judged: times that a track is followed again by what the IMU has felt: the second mends what the first one's start
     #: values left. Time depends on it.
     again: int = 2
@@ -231,9 +235,11 @@ class Linear:
     gravity_std_m_s2: float = 0.02
     #: judged: a gravity below this, a tenth of the Earth's, has no direction yet.
     least_gravity_m_s2: float = 1.0
-    #: derived: priors that keep undetermined directions finite, 1 sigma: any velocity and any gravity, a thousand times
-    #: what there is; a lever arm of metres, a bias of 0.3 m/s2, which is beyond what rigs and sheets have.
-    any_velocity_m_s: float = 1e3
+    #: derived: priors that keep undetermined directions finite, 1 sigma: any gravity, a thousand times what there is; a lever
+    #: arm of metres, a bias of 0.3 m/s2, which is beyond what rigs and sheets have; and a velocity of a car in town. Along a way
+    #: that no plane tells, half a minute of it keeps gravity to 0.07 m/s2; at a thousand m/s gravity took up 1.3, and 0.9 m of
+    #: lever arm, which the joint solve did not leave again.
+    any_velocity_m_s: float = 10.0
     any_gravity_m_s2: float = 1e4
     lever_arm_m: float = 2.0
     bias_m_s2: float = 0.3

@@ -21,7 +21,9 @@ from calib_core.types import FloatArray
 
 @dataclass(frozen=True)
 class LidarTrack:
-    """The tracked motion as arrays. start_s: (M,) lidar clock, R, p at the scan's start; rates in the sweep; sweep_s: (M,)."""
+    """The tracked motion as arrays. start_s: (M,) lidar clock, R, p at the scan's start; rates in the sweep; sweep_s: (M,).
+    unseen: (M, 3, 3) map, takes from a place what its scan has not told of it.
+    """
 
     start_s: FloatArray
     sweep_s: FloatArray
@@ -29,6 +31,7 @@ class LidarTrack:
     p: FloatArray
     omega_rad_s: FloatArray
     v_m_s: FloatArray
+    unseen: FloatArray
 
     @staticmethod
     def of(motions: Sequence[ScanMotion], start_s: FloatArray, sweep_s: FloatArray) -> LidarTrack:
@@ -40,6 +43,7 @@ class LidarTrack:
             np.array([m.p for m in motions]),
             np.array([m.omega_rad_s for m in motions]),
             np.array([m.v_m_s for m in motions]),
+            np.array([m.unseen for m in motions]),
         )
 
     def part(self, which: slice) -> LidarTrack:

@@ -1,4 +1,4 @@
-"""Where nothing may be concluded from how the lidar was followed: what is refused, and in which words."""
+"""Where nothing may be concluded from how the lidar was followed, or less: what is refused or said, and in which words."""
 
 from __future__ import annotations
 
@@ -64,3 +64,15 @@ def refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
             f"the gyroscope's (correlation {agreed.correlation:.2f}); record more slowly, where three planes that face "
             "different ways stay in view, with nobody close by",
         )
+
+
+def say_open(ctx: Run, followed: Followed) -> None:
+    """That its planes left a direction open, where it was followed for all that, and what would close it."""
+    if not followed.coasts:
+        return
+    ctx.say(
+        "info",
+        "track.open_way",
+        f"over {followed.coasting} of {len(followed.motions)} scans the planes leave one direction open, as along a corridor: "
+        "how far the lidar came along it is left to the IMU; a wall across it in view would tell it too",
+    )

@@ -141,7 +141,7 @@ def in_frame_of(
     moved = followed.seen_from(position)
     assert moved is not None
     R, p = origin.R, origin.p
-    track = replace(lidar, R=R.T @ lidar.R, p=(lidar.p - p) @ R, v_m_s=lidar.v_m_s @ R)
+    track = replace(lidar, R=R.T @ lidar.R, p=(lidar.p - p) @ R, v_m_s=lidar.v_m_s @ R, unseen=R.T @ lidar.unseen @ R)
     return moved, track, replace(start, linear=replace(start.linear, gravity=R.T @ start.linear.gravity))
 
 

@@ -37,6 +37,7 @@ class Followed:
     they were found; none where the map is in another one's frame.   away: whether the planes were found in another one.
     of_proposal: which proposal each of the planes is, -1 for none.   late: which of them came into view, so that nobody was
     shown them.   Both () where it is not known.   dropped: planes that a person has dropped: they shall not come back.
+    coasts: whether it counts as followed where a direction stays open.
     """
 
     reference: int
@@ -48,11 +49,17 @@ class Followed:
     of_proposal: tuple[int, ...] = ()
     late: tuple[bool, ...] = ()
     dropped: Sequence[Plane] = ()
+    coasts: bool = False
 
     @property
     def seen(self) -> int:
         """Scans whose motion was found, not bridged."""
         return sum(m.share > 0 for m in self.motions)
+
+    @property
+    def coasting(self) -> int:
+        """Those of them whose points left a direction of their place open."""
+        return sum(m.share > 0 and bool(m.unseen.any()) for m in self.motions)
 
     def leads_on(self, ctx: Run) -> bool:
         """Whether it covers so much that the rest is reached by the IMU."""
@@ -64,7 +71,10 @@ class Followed:
         if origin is None:
             return None
         R, p = origin.R, origin.p
-        moved = [replace(m, R=R.T @ m.R, p=R.T @ (m.p - p), v_m_s=R.T @ m.v_m_s) for m in self.motions]
+        moved = [
+            replace(m, R=R.T @ m.R, p=R.T @ (m.p - p), v_m_s=R.T @ m.v_m_s, unseen=R.T @ m.unseen @ R)
+            for m in self.motions
+        ]
         planes, dropped = (
             [
                 replace(
@@ -80,7 +90,8 @@ class Followed:
         return replace(self, reference=position, planes=planes, motions=moved, dropped=dropped)
 
     def worth(self, ctx: Run) -> float:
-        """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU.
+        """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU, and of those
+        that leave a direction open to it.
 
         It does so only from start values that some seconds of motion have settled.
         """
@@ -93,7 +104,10 @@ class Followed:
             )
         ]
         later = len(ctx.recording.scans) - 1 - self.motions[-1].position
-        return self.seen + (FOLLOWING.later * later if ctx.clocks.sweep_s[moving].sum() > FOLLOWING.settled_s else 0.0)
+        by_imu = (
+            FOLLOWING.later * (later + self.coasting) if ctx.clocks.sweep_s[moving].sum() > FOLLOWING.settled_s else 0.0
+        )
+        return self.seen - self.coasting + by_imu
 
 
 def follow(
@@ -176,7 +190,9 @@ def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning
         except Misled as misled:
             turning = misled.turning
             continue
-        return Followed(reference, known.planes(planes), motions, led=looking is not None and looking.led)
+        coasts = turning is not None and turning.coasts
+        led = looking is not None and looking.led
+        return Followed(reference, known.planes(planes), motions, led=led, coasts=coasts)
 
 
 def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:
@@ -196,12 +212,14 @@ def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turn
     points = scans[reference].points
     tau = points["offset_ns"] * 1e-9
     motion = ScanMotion(reference, np.eye(3), np.zeros(3), omega, v)
-    return _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion))
+    open_ways = 1 if turning is not None and turning.coasts else 0
+    return _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion), open_ways)
 
 
-def _planes_of(ctx: Run, points_m: FloatArray) -> list[Plane]:
-    """The planes of a scan, none where they do not determine a pose. points_m: (N, 3)."""
+def _planes_of(ctx: Run, points_m: FloatArray, open_ways: int) -> list[Plane]:
+    """The planes of a scan, none where more ways than those are open between them. points_m: (N, 3)."""
     fits = segment_planes(points_m, seed=ctx.settings.random_seed)
-    if len(fits) < SEARCH.fewest_planes or determinacy(np.array([f.normal for f in fits])) < SEARCH.least_determinacy:
+    normals = np.array([f.normal for f in fits]).reshape(-1, 3)
+    if len(fits) < SEARCH.fewest_planes - open_ways or determinacy(normals, open_ways) < SEARCH.least_determinacy:
         return []
     return named_planes(fits)

@@ -9,7 +9,7 @@ with a redescending weight whose scale shrinks, tied to the previous scan by a l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,7 +30,8 @@ class ScanMotion:
 
     R, p: map <- lidar.   omega_rad_s: (3,) lidar axes.   v_m_s: (3,) map axes.   share: of the sampled points that lie on
     a plane, 0 for a scan that was bridged.   rms_m: of those.   std_rad, std_m: 1 sigma of the pose along
-    the least determined direction, from the points alone, the sweep's velocities taken as known.
+    the least determined direction, from the points alone, the sweep's velocities taken as known.   unseen: (3, 3) map, takes
+    from a vector all but what lies along directions in which the points do not tell its place; zeros where they do in all.
     """
 
     position: int
@@ -42,12 +43,19 @@ class ScanMotion:
     rms_m: float = 0.0
     std_rad: float = 0.0
     std_m: float = 0.0
+    unseen: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 def is_determined(motion: ScanMotion, settings: TrackSettings | None = None) -> bool:
     """Whether the points of a scan tell all six directions of its pose."""
     s = settings or TrackSettings()
     return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
+
+
+def is_held(motion: ScanMotion, settings: TrackSettings | None = None) -> bool:
+    """Whether they tell its turn, and its place in two directions at least."""
+    s = settings or TrackSettings()
+    return motion.std_rad < s.trusted_rad and round(float(np.trace(motion.unseen))) <= 1
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
@@ -61,15 +69,11 @@ def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """A registration and what its points did. x_map_m: (K, 3).   plane: (K,) index, -1 for none within reach.
-
-    blind: (3,) map, unit: the direction of position that fewest points tell.
-    """
+    """A registration and what its points did. x_map_m: (K, 3).   plane: (K,) index, -1 for none within reach."""
 
     motion: ScanMotion
     x_map_m: FloatArray
     plane: IntArray
-    blind: FloatArray
 
 
 def register(
@@ -101,6 +105,7 @@ def register(
     covariance = np.linalg.inv(sure / s.lidar_std_m**2 + np.diag(told))
     rotation = np.linalg.eigvalsh(covariance[TURN, TURN])
     position_, directions = np.linalg.eigh(covariance[PLACE, PLACE])
+    untold = directions[:, position_ >= s.trusted_m**2]
     on = seen.inside & (np.abs(seen.d) < s.inlier_m)
     off_m = seen.d[on]
     motion = ScanMotion(
@@ -109,8 +114,9 @@ def register(
         rms_m=float(np.sqrt(np.mean(off_m**2))) if len(off_m) else np.inf,
         std_rad=float(np.sqrt(rotation[-1])),
         std_m=float(np.sqrt(position_[-1])),
+        unseen=untold @ untold.T,
     )  # fmt: skip
-    return Registered(motion, seen.x_map, np.where(on, seen.plane, -1), directions[:, -1])
+    return Registered(motion, seen.x_map, np.where(on, seen.plane, -1))
 
 
 def straighten(points_m: FloatArray, tau_s: FloatArray, motion: ScanMotion) -> FloatArray:

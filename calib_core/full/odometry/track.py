@@ -30,6 +30,7 @@ from calib_core.full.odometry.register import (
     Registered,
     ScanMotion,
     is_determined,
+    is_held,
     register,
     straighten,
 )
@@ -109,7 +110,6 @@ class _Tracker:
     _wait: int = 0
     _pace_m_s: FloatArray = field(default_factory=lambda: np.zeros(3))
     _grown_R: FloatArray = field(default_factory=lambda: np.eye(3))
-    _blind: dict[int, FloatArray] = field(default_factory=dict)
 
     def run(self) -> Iterator[int]:
         """Follow scan after scan; yields how many so far."""
@@ -117,12 +117,12 @@ class _Tracker:
         self._share, self._rms = self.first.share, max(self.first.rms_m, s.least_rms_m)
         self._most_rms_m = s.most_rms * self._rms
         self._wait, self._grown_R = s.grow_every, self.first.R
-        good = oriented = previous = self.first
+        good = held = oriented = previous = self.first
         self.marched = [self.first]
         self._pace_m_s = self.first.v_m_s
         position = self.first.position + self.direction
         while position in self.ahead:
-            away_s = self._between_s(good.position, position)
+            away_s = self._between_s(held.position, position)
             lost_s = s.bridge_s if self.turning is None else s.coast_s
             if self._between_s(oriented.position, position) > max(lost_s, s.bridged_periods * self._period_s(position)):
                 break
@@ -139,13 +139,18 @@ class _Tracker:
                 if is_determined(previous, s):
                     self._close(good, before, found.motion)
                     good = previous
+                if is_determined(previous, s) or (self._coasts and is_held(previous, s)):
+                    held = previous
                     self._learn(found)
-                else:
-                    self._blind[position] = found.blind
                 yield len(self.marched) - 1
             position += self.direction
-        last = abs(good.position - self.first.position)
+        last = abs(held.position - self.first.position)
         del self.marched[last + 1 :]
+
+    @property
+    def _coasts(self) -> bool:
+        """Whether it may coast in one direction for ever."""
+        return self.turning is not None and self.turning.coasts
 
     def _close(self, good: ScanMotion, before: ScanMotion, after: ScanMotion) -> None:
         """Spread what was found at the end of a stretch that coasted in one direction over that stretch.
@@ -160,10 +165,9 @@ class _Tracker:
             m = self.marched[k]
             if m.position == good.position:
                 break
-            blind = self._blind.get(m.position)
-            if blind is not None:
+            if m.unseen.any():
                 t = self.ahead.between_s(good.position, m.position)
-                along = blind * (blind @ leap)
+                along = m.unseen @ leap
                 self.marched[k] = replace(m, p=m.p + along * (t / whole), v_m_s=m.v_m_s + along / whole)
 
     def _between_s(self, one: int, other: int) -> float:

@@ -16,6 +16,12 @@ from calib_core.types import FloatArray, Scan
 class Turning(Protocol):
     """The lidar's turns between instants of its own clock."""
 
+    @property
+    def coasts(self) -> bool:
+        """Whether the lidar counts as followed for ever where its planes leave one direction open: between two walls and on a
+        floor they never tell how far along it is, and whoever asks knows that from elsewhere.
+        """
+
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None where nothing is known of that span."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib_core.events import LogEvent, never_cancel
@@ -12,7 +14,7 @@ from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import Recording
+from calib_core.types import FloatArray, Recording, Scan
 
 
 def track_errors(recording: Recording, truth: Truth, found: Followed) -> tuple[float, float]:
@@ -24,6 +26,20 @@ def track_errors(recording: Recording, truth: Truth, found: Followed) -> tuple[f
     turned = log(np.swapaxes(R, 1, 2) @ np.array([m.R for m in found.motions]))
     moved = np.array([m.p for m in found.motions]) - p
     return float(np.degrees(np.linalg.norm(turned, axis=1).max())), float(np.linalg.norm(moved, axis=1).max())
+
+
+def straightened(scan: Scan, truth: Truth, seen_at: float = 0.0) -> Scan:
+    """As another program would: every point where the lidar would have seen it from where it was at one instant.
+
+    seen_at: that of the sweep, 0 for its beginning to 1 for its end.
+    """
+    offset_s: FloatArray = scan.points["offset_ns"].astype(np.float64) * 1e-9
+    start_s = (scan.stamp_ns - truth.epoch_ns) * 1e-9
+    at, once = truth.lidar(start_s + offset_s), truth.lidar(np.array([start_s + seen_at * offset_s.max()]))
+    world: FloatArray = np.einsum("nij,nj->ni", at.R_world, scan.points["xyz"].astype(np.float64)) + at.p_m
+    points = scan.points.copy()
+    points["xyz"] = (world - once.p_m[0]) @ once.R_world[0]
+    return replace(scan, points=points)
 
 
 def begun(recording: Recording, *, given: bool, at_fault: float = 0.0) -> tuple[Followed, list[str]]:

@@ -75,7 +75,7 @@ def _track(t_s: FloatArray, lost: FloatArray, *, seed: int) -> LidarTrack:
     for each in rate[:-1]:
         R.append(R[-1] @ exp(0.1 * each))
     nowhere = np.zeros((len(t_s), 3))
-    return LidarTrack(t_s, np.full(len(t_s), 0.1), np.array(R), nowhere, rate, nowhere)
+    return LidarTrack(t_s, np.full(len(t_s), 0.1), np.array(R), nowhere, rate, nowhere, np.zeros((len(t_s), 3, 3)))
 
 
 def test_the_part_that_agrees_is_found_where_a_track_is_lost_elsewhere() -> None:
@@ -96,7 +96,7 @@ def test_the_part_that_agrees_is_found_where_a_track_is_lost_elsewhere() -> None
         assert len(part.R) == len(part.sweep_s) == len(part.start_s)
     nowhere, _ = agreeing_part(_track(t, np.ones(len(t), np.bool_), seed=3), *_gyro(1.0))
     assert nowhere is None
-    short = LidarTrack(*(getattr(late, name)[:50] for name in ("start_s", "sweep_s", "R", "p", "omega_rad_s", "v_m_s")))
+    short = late.part(slice(50))
     assert agreeing_part(short, *_gyro(1.0))[0] is None
 
 

@@ -43,7 +43,12 @@ class Following:
         self.times += 1
         run.say("info", "track.aided", "the gyroscope helped")
         rng = np.random.default_rng(self.times)
-        motions = [ScanMotion(k, *(rng.normal(size=s) for s in ((3, 3), 3, 3, 3)), *rng.random(4)) for k in (3, 4)]
+        motions = [
+            ScanMotion(
+                k, *(rng.normal(size=s) for s in ((3, 3), 3, 3, 3)), *rng.random(4), unseen=rng.normal(size=(3, 3))
+            )
+            for k in (3, 4)
+        ]
         planes, proposals = [WALL, FLOOR, *(given or [])], (WALL, FLOOR)
         if self.leaves:
             return Followed(7, planes, motions, away=True)
@@ -76,7 +81,7 @@ def test_what_was_followed_once_is_recalled_to_the_last_bit(run: Run, following:
     assert second.reference == first.reference
     assert [plane.name for plane in second.planes] == ["wall", "floor"]
     for one, other in zip(first.motions, second.motions, strict=True):
-        for name in ("R", "p", "omega_rad_s", "v_m_s", "position", "share", "rms_m", "std_rad", "std_m"):
+        for name in ("R", "p", "omega_rad_s", "v_m_s", "position", "share", "rms_m", "std_rad", "std_m", "unseen"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 

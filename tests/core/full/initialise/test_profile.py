@@ -24,7 +24,7 @@ def _track(rate_rad_s: FloatArray) -> LidarTrack:
     for k in range(len(START_S) - 1):
         R[k + 1] = R[k] @ exp(0.1 * rate_rad_s[k])
     nothing = np.zeros((len(START_S), 3))
-    return LidarTrack(START_S, np.full(len(START_S), 0.1), R, nothing, rate_rad_s, nothing)
+    return LidarTrack(START_S, np.full(len(START_S), 0.1), R, nothing, rate_rad_s, nothing, np.zeros_like(R))
 
 
 def _profile(answer_s: float) -> OffsetProfile:

@@ -40,7 +40,7 @@ def _track(first_s: float, last_s: float, slow: float = 1.0) -> LidarTrack:
     R, after = exp(_swung(start_s, slow)), exp(_swung(start_s + SWEEP_S, slow))
     rate = log(np.swapaxes(R, 1, 2) @ after) / SWEEP_S
     still = np.zeros((len(start_s), 3))
-    return LidarTrack(start_s, np.full(len(start_s), SWEEP_S), R, still, rate, still)
+    return LidarTrack(start_s, np.full(len(start_s), SWEEP_S), R, still, rate, still, np.zeros_like(R))
 
 
 def _gyro(first_s: float, last_s: float, slow: float = 1.0) -> tuple[FloatArray, FloatArray]:
@@ -97,7 +97,7 @@ def test_a_rail_that_goes_to_and_fro_without_turning_has_rounds_too(offset_s: fl
     still, every = np.zeros((len(start_s), 3)), np.repeat(np.eye(3)[None], len(start_s), axis=0)
     seen_m = _slid(start_s) + 5e-4 * rng.normal(size=still.shape)
     speed_m_s = (_slid(start_s + SWEEP_S) - _slid(start_s)) / SWEEP_S
-    track = LidarTrack(start_s, np.full(len(start_s), SWEEP_S), every, seen_m, still, speed_m_s)
+    track = LidarTrack(start_s, np.full(len(start_s), SWEEP_S), every, seen_m, still, speed_m_s, np.zeros_like(every))
     t = np.arange(-40.0, 60.0, 0.005)
     felt = (_slid(t + h) - 2.0 * _slid(t) + _slid(t - h)) / h**2 + np.array([0.0, 0.0, 9.8])
     felt = felt @ R_C.T + 0.02 * rng.normal(size=felt.shape)

@@ -24,7 +24,7 @@ from calib_core.types import InitialGuess, Plane, Recording
 from tests.core.full.joint.conftest import Half
 
 PLANES = [Plane("wall 1", np.array([1.0, 0.0, 0.0]), 2.0), Plane("floor", np.array([0.0, 0.0, 1.0]), 1.5)]
-TRACK = LidarTrack(*(np.full(shape, 0.5) for shape in ((4,), (4,), (4, 3, 3), (4, 3), (4, 3), (4, 3))))
+TRACK = LidarTrack(*(np.full(shape, 0.5) for shape in ((4,), (4,), (4, 3, 3), (4, 3), (4, 3), (4, 3), (4, 3, 3))))
 
 
 def _of(half: Half, folder: Path | None, **changes: Any) -> KeptMotion:

@@ -58,6 +58,7 @@ def test_given_planes_keep_their_frame(noisy: tuple[Recording, Truth]) -> None:
 class _Known:
     """Steps of so much from scan to scan, and no turns."""
 
+    coasts = False
     each_m = np.array([0.01, -0.02, 0.03])
 
     def between(self, _start_ns: int, _end_ns: int) -> None:

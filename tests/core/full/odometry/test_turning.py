@@ -24,6 +24,8 @@ class _Shaken:
     known_until_s: nothing is known of its turning from then on.
     """
 
+    coasts = False
+
     def __init__(self, known_until_s: float = np.inf) -> None:
         self._until_s = known_until_s
 

@@ -18,8 +18,9 @@ from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import FloatArray, Recording, Scan
+from calib_core.types import Recording
 from tests.core.full.joint.conftest import true_motions
+from tests.core.full.tracks import straightened
 
 
 @pytest.fixture(scope="module")
@@ -88,16 +89,6 @@ def test_what_tells_nothing_is_not_asked(tracked: tuple[Run, list[ScanMotion]]) 
     assert turning_within(flash, motions) is None
 
 
-def _straightened(scan: Scan, truth: Truth) -> Scan:
-    """As another program would: every point where the lidar would have seen it from where the sweep began."""
-    since_s: FloatArray = (scan.stamp_ns - truth.epoch_ns + scan.points["offset_ns"].astype(np.float64)) * 1e-9
-    at, first = truth.lidar(since_s), truth.lidar(since_s[:1] - scan.points["offset_ns"][0] * 1e-9)
-    world: FloatArray = np.einsum("nij,nj->ni", at.R_world, scan.points["xyz"].astype(np.float64)) + at.p_m
-    points = scan.points.copy()
-    points["xyz"] = (world - first.p_m[0]) @ first.R_world[0]
-    return replace(scan, points=points)
-
-
 def test_straightened_clouds_are_told_from_raw_ones(noisy: tuple[Recording, Truth]) -> None:
     """Through planes and track, as a recording goes. Mutations: the sweep's own turning held by the turn between sweeps; not
     asked before the lidar is followed by what the IMU felt.
@@ -107,8 +98,8 @@ def test_straightened_clouds_are_told_from_raw_ones(noisy: tuple[Recording, Trut
     found = turning_within(run, begin(run, None).motions)
     assert found is not None
     assert found.share == pytest.approx(1.0, abs=0.05)
-    straightened = replace(recording, scans=[_straightened(scan, truth) for scan in recording.scans])
-    run = prepare(straightened, CalibrateSettings(), ignore_event, never_cancel)
+    scans = replace(recording, scans=[straightened(scan, truth) for scan in recording.scans])
+    run = prepare(scans, CalibrateSettings(), ignore_event, never_cancel)
     with pytest.raises(Refused) as refused:
         require_measured_sweeps(run, begin(run, None).motions)
     assert refused.value.code == "points.straightened"
