@@ -50,7 +50,8 @@ def _decreases(S: FloatArray, g: FloatArray, whole: FloatArray, count: int) -> l
     whole: (T,), the diagonal of S before anything followed. Along what the others make up altogether, as a tone does where no
     plane shows it, round-off is left, of either sign, and explains nothing.
     """
-    scale = 1.0 / np.sqrt(np.maximum(whole, np.finfo(float).tiny))
+    # Of nothing at all, or less by round-off, nothing is left.
+    scale = np.sqrt(np.divide(1.0, whole, out=np.zeros_like(whole), where=whole > 0.0))
     values, pulls = np.empty((count, PARAMETERS)), np.empty((count, PARAMETERS))
     for k in range(count):
         own = slice(k * PARAMETERS, (k + 1) * PARAMETERS)

@@ -103,6 +103,27 @@ def test_what_all_else_makes_up_of_a_tone_explains_nothing(
     assert [found[hz] for hz in tried] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("left", [0.0, -1e-7])
+def test_of_nothing_nothing_is_explained(half: Half, monkeypatch: pytest.MonkeyPatch, left: float) -> None:
+    """A number of which the equations say nothing, or by round-off less: "Eigenvalues did not converge" ended a corridor's solve.
+
+    Oracle: an information of ones without it. Mutation: scaled by how little there is.
+    """
+    tried = [1.4, 3.0]
+    state = with_tones_tried(half.data, half.state, tried, RULES)
+    problem = gathered(half.data, state)
+    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
+    size = len(solve_shared(problem.linearise(state.estimate))[1])
+    S, g = np.eye(size), np.random.default_rng(1).normal(size=size)
+    S[first + 2, first + 2] = left
+    S[first + 2, first + 3] = S[first + 3, first + 2] = 1e-9
+    monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
+    found = {each.hz: each.decrease for each in explaining(half.data, state, 2, 0.0)}
+    own = g[first : first + 2 * PARAMETERS].reshape(2, PARAMETERS)
+    expected = 0.5 * np.sum(own**2, axis=1) - [0.5 * own[0, 2] ** 2, 0.0]
+    assert [found[hz] for hz in tried] == pytest.approx(expected, rel=1e-9)
+
+
 def test_what_came_out_below_nothing_says_how_large_round_off_is(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a tone along which no plane shows anything 62,000 was "explained" where the readings pulled by two: a lever arm known to
     2 mm was undetermined. Oracle: an information of ones, in which two numbers of the first tone have another unknown for their
