@@ -69,7 +69,7 @@ def report(rows: Sequence[Row]) -> str:
         "Made by `python -m bench.worlds --report`. Recordings of a second simulator (`bench/worlds/`) that shares nothing with",
         "the estimator's own: places, motions, lidars, mountings, faults and bags drawn by seed. NEES of those calibrated: 7 on",
         "average where a covariance is honest. Wrong: an error beyond 5 of its own sigmas. Weak and refused ones have their",
-        "reasons: a lidar on its side in a corridor sees two ways only.",
+        "reasons: walks turn about one axis mostly, a narrow view sees too little.",
         "",
         "| of | recordings | calibrated | weak | refused | mean NEES | 99 % of its law | worst sigma | wrong |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
