@@ -18,6 +18,7 @@ from calib_core.full.joint.tones import with_tones_tried
 from calib_core.full.prepare.nuisance import TONE, Nuisance
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import solve_arrow, solve_shared
+from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
 
 RULES = FULL.tones
@@ -81,6 +82,15 @@ def test_points_that_are_gathered_already_explain_as_much(half: Half) -> None:
     assert [each.decrease for each in kept] == pytest.approx([each.decrease for each in anew], rel=1e-9)
 
 
+def _beside_ones(half: Half, tried: list[float]) -> tuple[Estimation, int, FloatArray, FloatArray]:
+    """A state with two tones tried, the column where the first begins, an information of ones, and a gradient by lot."""
+    state = with_tones_tried(half.data, half.state, tried, RULES)
+    problem = gathered(half.data, state)
+    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
+    size = len(solve_shared(problem.linearise(state.estimate))[1])
+    return state, first, np.eye(size), np.random.default_rng(1).normal(size=size)
+
+
 @pytest.mark.parametrize("left", [-1e-13, 1e-13])
 def test_what_all_else_makes_up_of_a_tone_explains_nothing(
     half: Half, monkeypatch: pytest.MonkeyPatch, left: float
@@ -89,11 +99,7 @@ def test_what_all_else_makes_up_of_a_tone_explains_nothing(
     of the first tone is another unknown's twin. Mutations: taken for information; the whole tone left out; other tones' too.
     """
     tried = [1.4, 3.0]
-    state = with_tones_tried(half.data, half.state, tried, RULES)
-    problem = gathered(half.data, state)
-    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
-    size = len(solve_shared(problem.linearise(state.estimate))[1])
-    S, g = np.eye(size), np.random.default_rng(1).normal(size=size)
+    state, first, S, g = _beside_ones(half, tried)
     S[first + 2, 0] = S[0, first + 2] = 1.0
     S[first + 2, first + 2] = 1.0 + left
     monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
@@ -110,11 +116,7 @@ def test_of_nothing_nothing_is_explained(half: Half, monkeypatch: pytest.MonkeyP
     Oracle: an information of ones without it. Mutation: scaled by how little there is.
     """
     tried = [1.4, 3.0]
-    state = with_tones_tried(half.data, half.state, tried, RULES)
-    problem = gathered(half.data, state)
-    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
-    size = len(solve_shared(problem.linearise(state.estimate))[1])
-    S, g = np.eye(size), np.random.default_rng(1).normal(size=size)
+    state, first, S, g = _beside_ones(half, tried)
     S[first + 2, first + 2] = left
     S[first + 2, first + 3] = S[first + 3, first + 2] = 1e-9
     monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
@@ -132,12 +134,8 @@ def test_what_came_out_below_nothing_says_how_large_round_off_is(half: Half, mon
     Mutations: each number asked by itself; what is as small and positive told; what is a hundredth not.
     """
     tried = [1.4, 3.0]
-    state = with_tones_tried(half.data, half.state, tried, RULES)
-    problem = gathered(half.data, state)
-    first = problem.layout(state.estimate).nuisance().start + state.nuisance.places[TONE].stop - 2 * PARAMETERS
+    state, first, S, g = _beside_ones(half, tried)
     second = first + PARAMETERS
-    size = len(solve_shared(problem.linearise(state.estimate))[1])
-    S, g = np.eye(size), np.random.default_rng(1).normal(size=size)
     half_each = np.sqrt(0.5 * (1.0 + 1e-7))
     for own, other, coupled, left in (
         (first + 2, 0, half_each, 0.0), (first + 3, 0, half_each, 0.0), (second + 2, 1, 1.0, 5e-7), (second + 4, 2, 1.0, 1e-2),
