@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from calib_core.counts import counted
 from calib_core.document import Answer, Heard, Question, document, refused
@@ -27,6 +30,8 @@ from calib_core.threads import one_blas_thread
 from calib_core.types import InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate"]
+
+_LOG = logging.getLogger(__name__)
 
 #: The code of what is said where an IMU's silence breaks a recording in two.
 SILENT = "imu.silent"
@@ -106,17 +111,29 @@ def with_crispness(done: Calibration, recording: Recording, settings: CalibrateS
 
 
 def _answer(recording: Recording, question: Question) -> Answer:
-    """The answer of the chosen method. Raises Refused."""
-    with one_blas_thread():
-        if question.settings.method == "paper":
-            from calib_core.paper.answer import calibrate_published
+    """The answer of the chosen method. Raises Refused, of arithmetic that broke down as well."""
+    try:
+        with one_blas_thread():
+            return _answer_of_method(recording, question)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        _LOG.info("the arithmetic of a calibration broke down", exc_info=True)
+        raise Refused(
+            "solve.broke_down",
+            f"the solve's arithmetic broke down ({str(error).rstrip('.')}), so there is no answer; expected planes and motion "
+            "that tell one: choose other planes, give an initial guess, or record with more turning about different axes",
+        ) from error
 
-            return calibrate_published(recording, question)
-        require_length(recording, "a calibration", "; record for half a minute or more")
-        run = prepare(recording, question.settings, question.on_event, question.should_cancel)
-        if isinstance(question.on_event, Heard):
-            run = replace(run, heard=question.on_event)
-        return calibrate_full(run, question.planes, question.guess, question.kept_in)
+
+def _answer_of_method(recording: Recording, question: Question) -> Answer:
+    if question.settings.method == "paper":
+        from calib_core.paper.answer import calibrate_published
+
+        return calibrate_published(recording, question)
+    require_length(recording, "a calibration", "; record for half a minute or more")
+    run = prepare(recording, question.settings, question.on_event, question.should_cancel)
+    if isinstance(question.on_event, Heard):
+        run = replace(run, heard=question.on_event)
+    return calibrate_full(run, question.planes, question.guess, question.kept_in)
 
 
 def clock_step_of(answer: Answer) -> Sides | None:

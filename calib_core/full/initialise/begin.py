@@ -34,7 +34,7 @@ from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.turning import Turning
-from calib_core.full.odometry.within_sweeps import require_measured_sweeps
+from calib_core.full.odometry.within_sweeps import require_measured_scans, require_measured_sweeps
 from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
 from calib_core.types import Plane, PlaneProposals
@@ -68,6 +68,7 @@ def begin(
     led = _led_throughout(ctx, near, planes, reference, at_fault) if near.led else None
     best, agreed = led or _by_planes(ctx, planes, reference, at_fault, None if near.led else near)
     refuse_lost(ctx, best, agreed)
+    require_measured_scans(ctx, best)
     say_open(ctx, best)
     best = replace(best, away=best.reference != reference)
     if given is not None and best.away:

@@ -37,7 +37,7 @@ class Followed:
     they were found; none where the map is in another one's frame.   away: whether the planes were found in another one.
     of_proposal: which proposal each of the planes is, -1 for none.   late: which of them came into view, so that nobody was
     shown them.   Both () where it is not known.   dropped: planes that a person has dropped: they shall not come back.
-    coasts: whether it counts as followed where a direction stays open.
+    turning: what its turns within sweeps, and from one to the next, were taken from; None where its planes alone told them.
     """
 
     reference: int
@@ -49,7 +49,12 @@ class Followed:
     of_proposal: tuple[int, ...] = ()
     late: tuple[bool, ...] = ()
     dropped: Sequence[Plane] = ()
-    coasts: bool = False
+    turning: Turning | None = None
+
+    @property
+    def coasts(self) -> bool:
+        """Whether it counts as followed where a direction stays open."""
+        return self.turning is not None and self.turning.coasts
 
     @property
     def seen(self) -> int:
@@ -190,9 +195,8 @@ def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning
         except Misled as misled:
             turning = misled.turning
             continue
-        coasts = turning is not None and turning.coasts
         led = looking is not None and looking.led
-        return Followed(reference, known.planes(planes), motions, led=led, coasts=coasts)
+        return Followed(reference, known.planes(planes), motions, led=led, turning=turning)
 
 
 def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:

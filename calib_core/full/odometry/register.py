@@ -49,13 +49,17 @@ class ScanMotion:
 def is_determined(motion: ScanMotion, settings: TrackSettings | None = None) -> bool:
     """Whether the points of a scan tell all six directions of its pose."""
     s = settings or TrackSettings()
-    return motion.std_rad < s.trusted_rad and motion.std_m < s.trusted_m
+    return is_oriented(motion, s) and motion.std_m < s.trusted_m
+
+
+def is_oriented(motion: ScanMotion, settings: TrackSettings | None = None) -> bool:
+    """Whether they tell its turn."""
+    return motion.std_rad < (settings or TrackSettings()).trusted_rad
 
 
 def is_held(motion: ScanMotion, settings: TrackSettings | None = None) -> bool:
     """Whether they tell its turn, and its place in two directions at least."""
-    s = settings or TrackSettings()
-    return motion.std_rad < s.trusted_rad and round(float(np.trace(motion.unseen))) <= 1
+    return is_oriented(motion, settings) and round(float(np.trace(motion.unseen))) <= 1
 
 
 def sample_points(scan: Scan, count: int) -> tuple[FloatArray, FloatArray]:

@@ -235,6 +235,9 @@ class Within:
     #: so many spans that turn as much, two seconds of them.
     turning_rad_s: float = 0.1
     fewest_spans: int = 20
+    #: measured: of a track led by the gyroscope so many scans are asked: twelve corridors told 1 and less than a third apart
+    #: by more than eight sigmas.
+    freed_scans: int = 80
     #: judged: a scan that was lost in between makes a span of more than one turn. Such spans are left out.
     longest_periods: float = 1.5
     #: derived: a sweep that is this short a part of the time between two shows the same part of the turn, at five times the
@@ -245,8 +248,12 @@ class Within:
     #: derived: of a normal law one in sixteen thousand is beyond.
     sigmas: float = 4.0
     #: measured on simulated clouds: raw ones show 0.97 to 1.00 of the turn, straightened ones 0.04 to 0.06, those with times
-    #: that run backwards -0.77. Half-way between the former two.
+    #: that run backwards -0.77. Half-way between the former two, and beyond the latter two.
     straightened: float = 0.5
+    backwards: float = 0.5
+    #: measured on a dozen corridors and rooms of drawn rigs that were led by the gyroscope: raw ones show 0.85 and more,
+    #: straightened ones 0.54 and less. Between the two.
+    led_straightened: float = 0.75
     #: measured: of fifteen raw recordings, up to 112 deg/s, all are within 0.03 of one but those that scatter by more; three
     #: times that.
     least_off: float = 0.1

@@ -31,6 +31,7 @@ from calib_core.full.odometry.register import (
     ScanMotion,
     is_determined,
     is_held,
+    is_oriented,
     register,
     straighten,
 )
@@ -134,7 +135,7 @@ class _Tracker:
                 self.marched.append(found.motion)
                 _, self._pace_m_s = self._between(previous, found.motion)
                 before, previous = previous, found.motion
-                if previous.std_rad < s.trusted_rad:
+                if is_oriented(previous, s):
                     oriented = previous
                 if is_determined(previous, s):
                     self._close(good, before, found.motion)

@@ -4,6 +4,9 @@ both are the same motion.
 Clouds that another program has straightened show walls that stand still in each sweep while the lidar turns from one to the
 next; point times that run backwards show walls that turn the other way; times in a wrong unit ones that turn too fast or too
 slowly. The time offset and the whole correction of the sweeps rest on these times, and nothing later tells of it.
+
+A track that was led by the gyroscope has the gyroscope's turning within its sweeps. It is asked by registering some of its scans
+once more, with that left to their points.
 """
 
 from __future__ import annotations
@@ -15,10 +18,15 @@ from itertools import pairwise
 import numpy as np
 
 from calib_core.errors import Refused
-from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.odometry.settings import WITHIN
+from calib_core.full.odometry.plane_map import PlaneMap
+from calib_core.full.odometry.prediction import predict
+from calib_core.full.odometry.reference import Followed
+from calib_core.full.odometry.register import ScanMotion, is_oriented, register
+from calib_core.full.odometry.settings import WITHIN, TrackSettings
+from calib_core.full.odometry.turning import rate_within, steady_sample
 from calib_core.full.run import Run
 from calib_core.geometry import log
+from calib_core.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,28 +62,70 @@ def turning_within(run: Run, motions: Sequence[ScanMotion]) -> WithinSweeps | No
         & (period_s < WITHIN.longest_periods * usual_s)
         & (clocks.sweep_s[first] > WITHIN.least_sweep * usual_s)
     )
-    if np.count_nonzero(told) < WITHIN.fewest_spans:
+    return _share(within[told], between[told])
+
+
+def turning_freed(run: Run, followed: Followed) -> WithinSweeps | None:
+    """Of a track that took its turns from the gyroscope: what its points tell of the turning within their sweeps, held no more
+    than of any scan, beside what the gyroscope felt in them.
+
+    Of the scans in which it felt most. None where too few of them turned, and where the track followed its planes alone.
+    """
+    turning = followed.turning
+    scans, s = run.recording.scans, TrackSettings()
+    felt = [(m, rate_within(scans[m.position], turning)) for m in followed.motions if m.share > 0]
+    turned = [(m, rate) for m, rate in felt if rate is not None and np.linalg.norm(rate) > WITHIN.turning_rad_s]
+    turned.sort(key=lambda each: -float(np.linalg.norm(each[1])))
+    planes = PlaneMap.endless(followed.planes)
+    shown = []
+    for m, rate in turned[: WITHIN.freed_scans]:
+        points, tau = steady_sample(scans[m.position], s.sample, turning)
+        _, tie = predict(m, m.position, s.tie_s, s)
+        found = register(points, tau, planes, m, tie=tie, settings=s, position=m.position).motion
+        if is_oriented(found, s):
+            shown.append((found.omega_rad_s, rate))
+    return _share(*np.array(shown).reshape(-1, 2, 3).swapaxes(0, 1))
+
+
+def _share(within_rad_s: FloatArray, expected_rad_s: FloatArray) -> WithinSweeps | None:
+    """The share of what is expected that shows, (N, 3) each; None of too few spans."""
+    if len(expected_rad_s) < WITHIN.fewest_spans:
         return None
-    along = np.sum(within * between, axis=1)[told]
-    square = np.sum(between**2, axis=1)[told]
+    along = np.sum(within_rad_s * expected_rad_s, axis=1)
+    square = np.sum(expected_rad_s**2, axis=1)
     share = float(along.sum() / square.sum())
     std = float(np.sqrt(np.sum((along - share * square) ** 2)) / square.sum())
     return WithinSweeps(share, std, len(square))
 
 
 def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
-    """Raises Refused where the points' times are not those at which they were measured; says where they seem off."""
-    found = turning_within(run, motions)
+    """Raises Refused where the points' times are not those at which they were measured; says where they seem off.
+
+    Of a track that the lidar alone was followed by.
+    """
+    _require(run, turning_within(run, motions), WITHIN.straightened, "what the lidar turns from one to the next")
+
+
+def require_measured_scans(run: Run, followed: Followed) -> None:
+    """As `require_measured_sweeps`, of a track that took its turns from the gyroscope.
+
+    Its planes are bent by what was taken out of the sweeps, and make the points show some of it.
+    """
+    _require(run, turning_freed(run, followed), WITHIN.led_straightened, "what the gyroscope felt meanwhile")
+
+
+def _require(run: Run, found: WithinSweeps | None, least: float, expected: str) -> None:
+    """least: share that raw clouds show.   expected: of what it is."""
     if found is None:
         return
     share, wide = found.share, WITHIN.sigmas * found.std
-    shown = f"in {found.spans} sweeps the surroundings turn by {share:.2f} of what the lidar turns from one to the next"
-    if share + wide < -WITHIN.straightened:
+    shown = f"in {found.spans} sweeps the surroundings turn by {share:.2f} of {expected}"
+    if share + wide < -WITHIN.backwards:
         raise Refused(
             "points.times_backwards",
             f"the times of the points run backwards: {shown}; expected 1; correct the points' times in the lidar's driver",
         )
-    if share + wide < WITHIN.straightened:
+    if share + wide < least:
         raise Refused(
             "points.straightened",
             f"the clouds were straightened before they were recorded, or their points' times are not those of their "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.errors import Refused
 from calib_core.full.odometry.register import is_held
 from calib_core.full.odometry.track import track
 from calib_core.geometry import log
@@ -15,7 +16,7 @@ from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.types import FloatArray, Recording
 from tests.core.full.answers import errors_of
-from tests.core.full.tracks import begun
+from tests.core.full.tracks import TrueTurning, begun, straightened
 
 #: Whole seconds, more than a track coasts where nobody knows its turns.
 _DURATION_S = 8.0
@@ -28,21 +29,6 @@ def corridor(short: Scenario) -> tuple[Recording, Truth]:
     assert len(faces) == 4
     biased = replace(short, gyro_bias_rad_s=(0.004, -0.003, 0.002), accel_bias_m_s2=(0.05, -0.08, 0.06))
     return generate(replace(biased, scene=replace(short.scene, faces=faces), duration_s=_DURATION_S), seed=3)
-
-
-class _Turning:
-    """The true turns. coasts: whether a direction may stay open."""
-
-    def __init__(self, truth: Truth, *, coasts: bool) -> None:
-        self._truth = truth
-        self.coasts = coasts
-
-    def between(self, start_ns: int, end_ns: int) -> FloatArray:
-        R, _ = self._truth.map_lidar((np.array([start_ns, end_ns]) - self._truth.epoch_ns) * 1e-9)
-        return R[0].T @ R[1]
-
-    def step(self, *_: object) -> None:
-        return None
 
 
 def _along(truth: Truth) -> FloatArray:
@@ -60,9 +46,9 @@ def test_a_way_that_stays_open_is_told_of_each_scan_and_ends_a_track_that_may_no
     Mutations: coasting for ever in any case; the open way taken for the planes' own direction; two open ways held as well.
     """
     recording, truth = corridor
-    short = track(recording.scans, truth.planes, 0, turning=_Turning(truth, coasts=False))
+    short = track(recording.scans, truth.planes, 0, turning=TrueTurning(truth, coasts=False))
     assert len(short) < 25
-    motions = track(recording.scans, truth.planes, 0, turning=_Turning(truth, coasts=True))
+    motions = track(recording.scans, truth.planes, 0, turning=TrueTurning(truth, coasts=True))
     assert [m.position for m in motions] == list(range(len(recording.scans)))
     along = _along(truth)
     start_s = np.array([(scan.stamp_ns - truth.epoch_ns) * 1e-9 for scan in recording.scans])
@@ -93,6 +79,20 @@ def test_a_corridor_is_followed_by_the_gyroscopes_turns(corridor: tuple[Recordin
     assert moved is not None
     R = found.motions[40].R
     np.testing.assert_allclose(moved.motions[20].unseen, R.T @ along @ R, atol=1e-12)
+
+
+def test_a_straightened_corridor_is_refused_whatever_pairs_tell(
+    corridor: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a slow walk along one, pairs of scans told nothing: the track took its turns from the gyroscope, and went on.
+
+    Mutation: a track that was led is not asked.
+    """
+    recording, truth = corridor
+    monkeypatch.setattr("calib_core.full.initialise.by_pairs._require_measured_points", lambda *_: None)
+    with pytest.raises(Refused, match="the gyroscope felt meanwhile") as refused:
+        begun(replace(recording, scans=[straightened(scan, truth) for scan in recording.scans]), given=False)
+    assert refused.value.code == "points.straightened"
 
 
 def test_a_corridor_is_calibrated(corridor: tuple[Recording, Truth]) -> None:

@@ -17,6 +17,21 @@ from calib_core.simulate import Truth
 from calib_core.types import FloatArray, Recording, Scan
 
 
+class TrueTurning:
+    """The true turns. coasts: whether a direction may stay open."""
+
+    def __init__(self, truth: Truth, *, coasts: bool) -> None:
+        self._truth = truth
+        self.coasts = coasts
+
+    def between(self, start_ns: int, end_ns: int) -> FloatArray:
+        R, _ = self._truth.map_lidar((np.array([start_ns, end_ns]) - self._truth.epoch_ns) * 1e-9)
+        return R[0].T @ R[1]
+
+    def step(self, *_: object) -> None:
+        return None
+
+
 def track_errors(recording: Recording, truth: Truth, found: Followed) -> tuple[float, float]:
     """Worst turn [deg] and shift [m] between the track and the truth, in the frame of its reference."""
     start = np.array([(recording.scans[m.position].stamp_ns - truth.epoch_ns) * 1e-9 for m in found.motions])
@@ -39,6 +54,13 @@ def straightened(scan: Scan, truth: Truth, seen_at: float = 0.0) -> Scan:
     world: FloatArray = np.einsum("nij,nj->ni", at.R_world, scan.points["xyz"].astype(np.float64)) + at.p_m
     points = scan.points.copy()
     points["xyz"] = (world - once.p_m[0]) @ once.R_world[0]
+    return replace(scan, points=points)
+
+
+def backwards(scan: Scan) -> Scan:
+    """With times that run backwards."""
+    points = scan.points.copy()
+    points["offset_ns"] = points["offset_ns"].max(initial=0) - points["offset_ns"]
     return replace(scan, points=points)
 
 

@@ -14,15 +14,8 @@ from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import Recording, Scan
-from tests.core.full.tracks import straightened
-
-
-def _turned_round(scan: Scan) -> Scan:
-    """With times that run backwards."""
-    points = scan.points.copy()
-    points["offset_ns"] = points["offset_ns"].max(initial=0) - points["offset_ns"]
-    return replace(scan, points=points)
+from calib_core.types import Recording
+from tests.core.full.tracks import backwards, straightened
 
 
 def test_pairs_of_raw_scans_tell_lag_and_rotation(noisy: tuple[Recording, Truth]) -> None:
@@ -44,7 +37,7 @@ def test_scans_that_turning_taken_out_bends_are_refused(
     Mutations: refused nowhere; as straightened in any case, or as backwards; straightened by twice the turns.
     """
     recording, truth = noisy
-    scans = [_turned_round(s) if seen_at is None else straightened(s, truth, seen_at) for s in recording.scans]
+    scans = [backwards(s) if seen_at is None else straightened(s, truth, seen_at) for s in recording.scans]
     run = prepare(replace(recording, scans=scans), CalibrateSettings(), ignore_event, never_cancel)
     with pytest.raises(Refused) as refused:
         pairs_start(run)

@@ -11,16 +11,22 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.events import Event, LogEvent, ignore_event, never_cancel
 from calib_core.full.initialise.begin import begin
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.odometry.within_sweeps import require_measured_sweeps, turning_within
+from calib_core.full.odometry.within_sweeps import (
+    require_measured_scans,
+    require_measured_sweeps,
+    turning_freed,
+    turning_within,
+)
 from calib_core.full.prepare.prepare import prepare
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import Recording
+from calib_core.types import FloatArray, Recording
 from tests.core.full.joint.conftest import true_motions
-from tests.core.full.tracks import straightened
+from tests.core.full.tracks import TrueTurning, backwards, straightened
 
 
 @pytest.fixture(scope="module")
@@ -103,3 +109,46 @@ def test_straightened_clouds_are_told_from_raw_ones(noisy: tuple[Recording, Trut
     with pytest.raises(Refused) as refused:
         require_measured_sweeps(run, begin(run, None).motions)
     assert refused.value.code == "points.straightened"
+
+
+class _Still(TrueTurning):
+    def between(self, _start_ns: int, _end_ns: int) -> FloatArray:
+        return np.eye(3)
+
+
+def _led(run: Run, truth: Truth) -> Followed:
+    """The true motion, as of a track that took its turns from elsewhere."""
+    turning = TrueTurning(truth, coasts=False)
+    motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)
+    return Followed(0, truth.planes, [replace(m, share=0.9) for m in motions], turning=turning)
+
+
+def test_a_led_track_is_asked_by_its_points(noisy: tuple[Recording, Truth]) -> None:
+    """Raw sweeps show what was felt, straightened ones next to nothing, those with times turned round the contrary.
+
+    Mutations: the rates held as tightly as where they are known; bridged scans, or those that hardly turn, counted; a few scans
+    enough; refused by nothing.
+    """
+    recording, truth = noisy
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    led = _led(run, truth)
+    raw = turning_freed(run, led)
+    assert raw is not None
+    assert raw.share == pytest.approx(1.0, abs=0.03)
+    assert raw.std < 0.01
+    require_measured_scans(run, led)
+    assert turning_freed(run, replace(led, turning=None)) is None
+    assert turning_freed(run, replace(led, motions=[replace(m, share=0.0) for m in led.motions])) is None
+    assert turning_freed(run, replace(led, turning=_Still(truth, coasts=False))) is None
+    assert turning_freed(run, replace(led, motions=led.motions[-15:])) is None
+    for scans, (least, most), code in (
+        ([straightened(scan, truth) for scan in recording.scans], (-0.1, 0.1), "points.straightened"),
+        ([backwards(scan) for scan in recording.scans], (-1.1, -0.6), "points.times_backwards"),
+    ):
+        spoilt = replace(run, recording=replace(recording, scans=scans))
+        found = turning_freed(spoilt, led)
+        assert found is not None
+        assert least < found.share < most
+        with pytest.raises(Refused, match="of what the gyroscope felt meanwhile; expected 1") as refused:
+            require_measured_scans(spoilt, led)
+        assert refused.value.code == code
