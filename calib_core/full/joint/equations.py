@@ -160,6 +160,7 @@ class JointEquations:
         self.lidar.add_common(corner, gradient_shared, self.estimate, self.layout)
         planes = np.arange(self.layout.every_plane().start, self.layout.every_plane().stop)
         corner[planes, planes] += CHAIN.plane
+        self.unseen.hold_level(corner, self.estimate.gravity)
         return corner, gradient_shared
 
     def pulls(self, along: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:

@@ -23,6 +23,9 @@ class Chain:
     #: 3 % of what equations of more digits have; below a centimetre a second they would not change any more.
     unseen: float = 1e2
     unseen_held: float = 1e4
+    #: derived: of a magnitude g a part g_u across leaves g - g_u^2 / 2 g for the rest: where bias and scale of the accelerometer
+    #: are known to 0.05 m/s2, it tells nothing of a g_u below sqrt(2 * 9.81 * 0.05).
+    level_m_s2: float = 1.0
     #: derived: (100 m)^-2 of every plane: one that no point sees stays where it is.
     plane: float = 1e-4
     #: derived: a prior of gravity that is exact is this wide (1 sigma): far below what a solve knows it to (0.01), and far

@@ -9,6 +9,10 @@ What holds it otherwise, CHAIN.knot, is a ten-thousand-millionth of a millionth 
 elimination then takes from gravity and the biases what was never there: answers within a millimetre were said to be known to a
 metre. So the drift is held at one knot, where nobody feels it, and the knots are counted from where gravity's own step along u
 lets them fall (t from that knot on): links do not feel such a step at all then, and need not cancel out.
+
+Of gravity's part along u its magnitude alone tells, and of a small one next to nothing: to be a thousandth of itself stronger
+across, gravity would have to lean by 0.4 m/s2, and within twenty seconds all drifts by 90 m, where walls that are not quite
+parallel are left behind. It stays as it is, then.
 """
 
 from __future__ import annotations
@@ -80,6 +84,12 @@ class Unseen:
         out[:, PLACE] = np.multiply.outer(0.5 * since_s**2, along)
         out[:, VELOCITY] = np.multiply.outer(since_s, along)
         return out
+
+    def hold_level(self, corner: FloatArray, gravity: FloatArray) -> None:
+        """Holds gravity, (3,) map, along what is seen nowhere in the shared corner (S, S), where that is nearly level."""
+        along = self.everywhere @ self.everywhere.T
+        if np.linalg.norm(along @ gravity) < CHAIN.level_m_s2:
+            corner[GRAVITY, GRAVITY] += CHAIN.gauge * along
 
     def let_fall(
         self, part: ArrowPart, start: int, diagonal: FloatArray, gradient: FloatArray, of_lidar: BoolArray

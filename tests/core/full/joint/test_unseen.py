@@ -12,7 +12,7 @@ from calib_core.factors.imu import KnotStates
 from calib_core.full.assess.influence import factor_influences
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate
+from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Bins, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.joint.unseen import Unseen
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
@@ -129,6 +129,26 @@ def test_nothing_is_held_where_planes_face_three_ways() -> None:
     problem, e = _corridor(3)
     assert problem.unseen(e).everywhere.shape == (3, 0)
     assert replace(problem, hold_velocity=True).unseen(e).runs == ()
+
+
+def test_gravity_stays_as_it_is_along_a_level_way_that_nothing_sees() -> None:
+    """Its magnitude tells a part that is small nothing, a large one a lot: down a shaft it is all of it.
+
+    Mutations: held where it is steep; not at all; across as well.
+    """
+    level, steep, seen = _gravity_std(2, 0.4), _gravity_std(2, 5.0), _gravity_std(3, 0.4)
+    assert level[2] < 2e-4
+    assert steep[2] > 0.05
+    assert np.all(level[:2] > 5e-3)
+    assert np.all(seen > 1e-3)
+
+
+def _gravity_std(see: int, along_m_s2: float) -> FloatArray:
+    """(3,) [m/s2] of gravity across and, last, along what may be unseen, where so much of it lies along that."""
+    problem, e = _corridor(see)
+    solved = solve_arrow(problem.linearise(replace(e, gravity=e.gravity + along_m_s2 * e.normals[2])))
+    axes = e.normals[:3]
+    return np.sqrt(np.diag(axes @ covariance(solved.information).matrix[GRAVITY, GRAVITY] @ axes.T))
 
 
 def test_influences_are_those_of_all_knots_as_they_follow() -> None:
