@@ -7,6 +7,7 @@ turn between two instants that are known.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import overload
@@ -127,8 +128,8 @@ def _by_pairs(ctx: Run, scans: Sequence[Scan], turning: Turning | None) -> tuple
     lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
     starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
     agreed = agreement_of(turns, imu_s, gyro_rad_s)
-    if starts and starts[0].correlation > VECTORS.alike:
-        agreed = replace(
-            agreed, correlation=max(agreed.correlation, starts[0].correlation), lag_s=starts[0].time_offset_s
-        )
+    if starts and (starts[0].correlation > VECTORS.alike or starts[0].residual < VECTORS.left):
+        # What is left of them knows the few that went wrong, which likeness does not.
+        alike = max(starts[0].correlation, math.sqrt(1.0 - min(starts[0].residual, 1.0) ** 2))
+        agreed = replace(agreed, correlation=max(agreed.correlation, alike), lag_s=starts[0].time_offset_s)
     return starts, agreed

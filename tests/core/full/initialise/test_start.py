@@ -314,7 +314,7 @@ def test_what_no_plane_tells_of_a_step_is_left_to_the_imu() -> None:
     np.testing.assert_allclose(wrong_m @ (np.eye(3) - unseen), 0.0, atol=0.02)
 
 
-def testdouble_integrals_of_lines_and_parabolas() -> None:
+def test_double_integrals_of_lines_and_parabolas() -> None:
     """Fails when the inner integral's weights are 1/4 and 1/4 instead of 1/3 and 1/6.
 
     Linear samples are integrated exactly between any marks; so is their integral.
