@@ -141,6 +141,11 @@ class Guide:
         self._begun_by: type[Turning] | None = None
         self.led = False
 
+    @property
+    def leading(self) -> Turning | None:
+        """What it leads the track by; None where it does not."""
+        return self._known if self._leads else None
+
     def lead(self, motions: Sequence[ScanMotion], newest: ScanMotion | None) -> Turning | None:
         """What leads the track on, once its newest motion was not felt, or is none; None as long as each was, or none is known.
 

@@ -196,6 +196,8 @@ def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning
             turning = misled.turning
             continue
         led = looking is not None and looking.led
+        if looking is not None and turning is None:
+            turning = looking.leading  # from somewhere on
         return Followed(reference, known.planes(planes), motions, led=led, turning=turning)
 
 

@@ -38,6 +38,10 @@ class Guide(Protocol):
     def led(self) -> bool:
         """Whether it has led the track anywhere."""
 
+    @property
+    def leading(self) -> Turning | None:
+        """What it has led it by; None where it has not."""
+
     def lead(self, motions: Sequence[ScanMotion], newest: ScanMotion | None) -> Turning | None:
         """What leads it from its newest motion on, once that was not felt; None as long as each was, or nobody knows.
 

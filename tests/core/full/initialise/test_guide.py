@@ -183,9 +183,10 @@ def test_straightened_clouds_are_refused_before_the_gyroscope_tells_their_turnin
 def test_a_registration_that_is_drawn_aside_is_made_again_by_what_was_felt(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, soon: None
 ) -> None:
-    """Scans registered 0.3 m aside unless their way is known, at the 50th and the 54th of sixty: followed once, and right.
+    """Scans registered 0.3 m aside unless their way is known, at the 50th and the 54th of sixty: followed once, and right. Their
+    turning is the gyroscope's from there on, so that the points are asked for it.
 
-    Mutations: the guide not asked; what it tells not used; followed again from the beginning.
+    Mutations: the guide not asked; what it tells not used; followed again from the beginning; what led it not kept.
     """
     starts: list[object] = []
 
@@ -201,6 +202,7 @@ def test_a_registration_that_is_drawn_aside_is_made_again_by_what_was_felt(
     assert found.led
     assert "track.aided" in said
     assert starts.count(50) >= 2
+    assert found.turning is not None
     assert starts.count(54) == 1
     turned, moved = track_errors(noisy[0], noisy[1], found)
     assert turned < 4.0
