@@ -20,6 +20,8 @@ GRAPHICS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--webgl-antialiasing-mode=none",
+    # Nor is the rest of a page put together by what stands in for a graphics card: that is half of its work.
+    "--disable-gpu-compositing",
 ]
 LONGEST_WAIT_MS = 30_000
 

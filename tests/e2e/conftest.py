@@ -16,8 +16,7 @@ from playwright.sync_api import Browser, BrowserContext, Page
 import hatch_build
 from bench.rigs import cluttered
 from calib_core.simulate import simulate
-from tests.browser import LONGEST_WAIT_MS
-from tests.e2e.support import Api, Complaints, Server
+from tests.e2e.support import DRAWN_PER_S, Api, Complaints, Server, opened
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -104,26 +103,22 @@ def scheme(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def context(browser: Browser, address: str, scheme: str) -> Iterator[BrowserContext]:
+def drawn_per_s() -> int | None:
+    """How often scenes are drawn."""
+    return DRAWN_PER_S
+
+
+@pytest.fixture
+def context(browser: Browser, address: str, scheme: str, drawn_per_s: int | None) -> Iterator[BrowserContext]:
     """A browser of its own, as after a first installation."""
-    made = browser.new_context(
-        base_url=address,
-        viewport={"width": 1280, "height": 720},
-        color_scheme="dark" if scheme == "dark" else "light",
-        reduced_motion="reduce",
-        # A quarter of the dots, which are drawn in software: half of a processor all along. Pictures for people have them all.
-        device_scale_factor=1.0 if os.environ.get("UNSWEEP_SCREENSHOTS") == "1" else 0.5,
-        accept_downloads=True,
-    )
-    made.set_default_timeout(LONGEST_WAIT_MS)
-    yield made
-    made.close()
+    with opened(browser, address, scheme=scheme, drawn_per_s=drawn_per_s) as made:
+        yield made
 
 
 @pytest.fixture
 def page(context: BrowserContext) -> Iterator[Page]:
     """A page whose console must stay free of errors."""
-    opened = context.new_page()
-    complaints = Complaints(opened)
-    yield opened
+    one = context.new_page()
+    complaints = Complaints(one)
+    yield one
     assert complaints.texts == []

@@ -16,8 +16,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import ConsoleMessage, Error, Locator, Page, expect
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Error, Locator, Page, expect
 from playwright.sync_api import TimeoutError as NeverHeld
+
+from tests.browser import LONGEST_WAIT_MS
 
 ROOT = Path(__file__).resolve().parents[2]
 AXE = ROOT / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
@@ -25,6 +27,39 @@ SCREENSHOTS = ROOT / "docs" / "screenshots"
 #: Work in a child process on a busy machine; nothing is judged by it.
 JOB_WAIT_S = 180.0
 PICTURE_WAIT_MS = 120_000
+
+
+#: A scene asks to be drawn again as soon as it was, by a graphics card that is not there: all that a processor has, and the solve
+#: that a test waits for would have it. So many times a second do.
+DRAWN_PER_S = 4
+_SLOWLY = """
+  const next = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = draw => setTimeout(() => next(draw), 1000 / {per_s});
+  window.cancelAnimationFrame = clearTimeout.bind(window);
+"""
+
+
+@contextmanager
+def opened(
+    browser: Browser, address: str, *, scheme: str = "dark", drawn_per_s: int | None = DRAWN_PER_S
+) -> Iterator[BrowserContext]:
+    """A browser of its own, as after a first installation. drawn_per_s: how often scenes are drawn, None as often as can be."""
+    made = browser.new_context(
+        base_url=address,
+        viewport={"width": 1280, "height": 720},
+        color_scheme="dark" if scheme == "dark" else "light",
+        reduced_motion="reduce",
+        # A quarter of the dots, which are drawn in software. Pictures for people have them all.
+        device_scale_factor=1.0 if os.environ.get("UNSWEEP_SCREENSHOTS") == "1" else 0.5,
+        accept_downloads=True,
+    )
+    made.set_default_timeout(LONGEST_WAIT_MS)
+    if drawn_per_s is not None:
+        made.add_init_script(_SLOWLY.replace("{per_s}", str(drawn_per_s)))
+    try:
+        yield made
+    finally:
+        made.close()
 
 
 class Complaints:

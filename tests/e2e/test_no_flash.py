@@ -43,6 +43,12 @@ def every_frame(page: Page) -> Iterator[list[float]]:
     devtools.detach()
 
 
+@pytest.fixture
+def drawn_per_s() -> None:
+    """Every frame counts here."""
+    return
+
+
 #: The scene's own page as it is before anything is drawn.
 NOT_DRAWN = "<!doctype html><html style='background: white'><body></body></html>"
 #: What says on it that the first picture is sent.

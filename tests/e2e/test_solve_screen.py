@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, expect
+from playwright.sync_api import Browser, Page, expect
 
 from calib_core.simulate import simulate
 from tests.e2e.support import (
@@ -16,6 +16,7 @@ from tests.e2e.support import (
     Server,
     go_on,
     keep_screenshot,
+    opened,
     serious_faults,
     until,
     wait_for_cloud,
@@ -89,9 +90,7 @@ def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
     Fails with the recording's feed not telling of jobs; with every run that has ended called solved.
     """
     recording = long_recording
-    viewport: ViewportSize = {"width": 1280, "height": 720}
-    other = browser.new_context(base_url=server.address, viewport=viewport, reduced_motion="reduce")
-    try:
+    with opened(browser, server.address) as other:
         second = other.new_page()
         complaints = Complaints(second)
         second.goto(f"/r/{recording}/recording")
@@ -111,8 +110,6 @@ def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
             expect(one.get_by_role("button", name="Run again")).to_be_visible(timeout=JOB_WAIT_S * 1000)
             expect(one.get_by_role("heading", name="Cancelled")).to_be_visible()
         assert complaints.texts == []
-    finally:
-        other.close()
 
 
 def test_two_recordings_at_once_keep_to_themselves(
@@ -128,15 +125,12 @@ def test_two_recordings_at_once_keep_to_themselves(
     page.goto(f"/r/{recording}/inspect?job={job}&scan=12&show=deskewed")
     until(lambda: api.view(recording)["scan"] == 12)
     before, shown = api.planes(recording), api.view(recording)
-    other = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
-    try:
+    with opened(browser, address) as other:
         second = other.new_page()
         second.goto(f"/r/{second_recording}/planes")
         second.get_by_role("checkbox").first.click()  # not uncheck(): that looks at once, the page draws a moment later
         until(lambda: any(not patch["confirmed"] for patch in api.planes(second_recording)["patches"]))
         assert api.view(second_recording)["mode"] == "planes"
-    finally:
-        other.close()
     assert api.planes(recording) == before
     assert api.view(recording) == shown
     expect(page.get_by_text("13 / ")).to_be_visible()

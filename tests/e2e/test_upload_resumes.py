@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 
 from bench.victim import Victim, running, until
 from tests.app.support.live import FAKE_JOBS
-from tests.e2e.support import Api
+from tests.e2e.support import Api, opened
 
 #: More than one of the client's parts, so that a kill finds it under way on any machine.
 SIZE_BYTES = 150 * 2**20
@@ -49,22 +49,21 @@ def interrupted(browser: Browser, address: str, tmp_path: Path) -> Iterator[tupl
     """A page on an upload that an earlier page began, and its file: not a byte of it has come through."""
     bag = tmp_path / f"{tmp_path.name}.bag"
     bag.write_bytes(random.Random(2).randbytes(100_000))
-    context = browser.new_context(base_url=address, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
-    page = context.new_page()
+    with opened(browser, address) as context:
+        page = context.new_page()
 
-    def no_bytes(route: Route) -> None:
-        route.abort() if route.request.method == "PATCH" else route.continue_()
+        def no_bytes(route: Route) -> None:
+            route.abort() if route.request.method == "PATCH" else route.continue_()
 
-    page.route("**/api/uploads/*", no_bytes)
-    page.goto("/")
-    page.get_by_test_id("file-input").set_input_files(bag)
-    expect(page).to_have_url(re.compile("/r/[0-9a-f]{32}/recording"))
-    expect(page.get_by_role("heading", name="Uploading")).to_be_visible()
-    page.reload()
-    expect(page.get_by_role("heading", name="This upload was interrupted")).to_be_visible()
-    page.unroute_all()  # not before: the page that began it tries again by itself
-    yield page, bag
-    context.close()
+        page.route("**/api/uploads/*", no_bytes)
+        page.goto("/")
+        page.get_by_test_id("file-input").set_input_files(bag)
+        expect(page).to_have_url(re.compile("/r/[0-9a-f]{32}/recording"))
+        expect(page.get_by_role("heading", name="Uploading")).to_be_visible()
+        page.reload()
+        expect(page.get_by_role("heading", name="This upload was interrupted")).to_be_visible()
+        page.unroute_all()  # not before: the page that began it tries again by itself
+        yield page, bag
 
 
 def test_an_interrupted_upload_goes_on_with_its_file(interrupted: tuple[Page, Path], api: Api) -> None:
