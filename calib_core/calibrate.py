@@ -14,7 +14,7 @@ from calib_core.counts import counted
 from calib_core.document import Answer, Heard, Question, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
-from calib_core.full.assess.clock_step import Sides, clock_step, misfit
+from calib_core.full.assess.clock_step import Sides, clock_step, misfit, turning_within
 from calib_core.full.assess.confidence import DISAGREEMENT
 from calib_core.full.assess.imu_silence import imu_silence
 from calib_core.full.assess.plausibility import borne_out
@@ -136,14 +136,17 @@ def _answer_of_method(recording: Recording, question: Question) -> Answer:
     return calibrate_full(run, question.planes, question.guess, question.kept_in)
 
 
-def clock_step_of(answer: Answer) -> Sides | None:
+def clock_step_of(answer: Answer, recording: Recording) -> Sides | None:
     """Where a clock was set in mid-recording, as far as an answer's stretches of time tell."""
-    return None if answer.evidence is None else clock_step(answer.evidence.parts.time_blocks)
+    if answer.evidence is None:
+        return None
+    blocks = answer.evidence.parts.time_blocks
+    return clock_step(blocks, turning_within(blocks, recording, answer.time_offset_ns))
 
 
 def _broken(answer: Answer, recording: Recording, heard: Heard) -> tuple[Sides, LogEvent] | None:
     """Where a recording whose parts disagree falls in two that may not, and what is said of it; None where it is of one piece."""
-    step = clock_step_of(answer)
+    step = clock_step_of(answer, recording)
     if step is not None:
         what = f"the two clocks were set against each other {_between(step.within_s)}"
         return step, _said("clock.set", what, step, "find out which clock jumps and give it a source of time")
@@ -175,7 +178,10 @@ def _of_one_side(kept: Recording, recording: Recording, question: Question) -> A
         answer = _answer(kept, question)
     except Refused:
         return None
-    agrees = answer.evidence is not None and misfit(answer.evidence.parts.time_blocks) < CLOCK_STEP.misfit
+    if answer.evidence is None:
+        return None
+    blocks = answer.evidence.parts.time_blocks
+    agrees = misfit(blocks, turning_within(blocks, kept, answer.time_offset_ns)) < CLOCK_STEP.misfit
     return answer if agrees else None
 
 

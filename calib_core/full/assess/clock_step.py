@@ -7,8 +7,9 @@ that stretches of time ask for by themselves (parts.py) are still no line:
     x_b = a + c t_b + d [b > k] + e_b,      b != k,
 
 a step d within stretch k on top of a line. A stretch of standstill tells no time: what it asks for is what its readings are wrong
-by, as where a gyroscope in steps of 1 deg/s reads nothing of a hand's tremor, and 160 ms. In recordings without a step, weighted
-squares about a line are as chance has them.
+by, as where a gyroscope in steps of 1 deg/s reads nothing of a hand's tremor, and 160 ms. Nor does it know how little it tells:
+the noise of an estimated motion looks like turning. So none tells more than its turning does, whose square that grows with. In
+recordings without a step, weighted squares about a line are as chance has them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 from calib_core.full.assess.settings import CLOCK_STEP
 from calib_core.result import TimeBlock
-from calib_core.types import BoolArray, FloatArray
+from calib_core.types import BoolArray, FloatArray, Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,19 +42,40 @@ class Sides:
         return Sides(within_s, (within_s[1], last_s), (-np.inf, within_s[1]))
 
 
-def misfit(blocks: Sequence[TimeBlock]) -> float:
-    """Weighted squares of the time offsets about a line over time; with B stretches, chi-square with B - 2 degrees of freedom."""
-    t, x, weight = _columns(blocks)
+def turning_within(blocks: Sequence[TimeBlock], recording: Recording, time_offset_ns: int) -> FloatArray:
+    """By how much the IMU turned to and fro in each stretch [rad/s], (B,), rms: what is slower than readings are noisy.
+
+    time_offset_ns: as in the result, added to the IMU's stamps.
+    """
+    imu_s = (recording.imu.stamps_ns + time_offset_ns - recording.scans[0].stamp_ns) * 1e-9
+    together = max(1, round(CLOCK_STEP.together_s / max(float(np.median(np.diff(imu_s))), 1e-6)))
+    out = np.zeros(len(blocks))
+    for k, block in enumerate(blocks):
+        first, last = np.searchsorted(imu_s, (block.t_start_s, block.t_end_s))
+        whole = (last - first) // together
+        if whole > 1:
+            means = recording.imu.gyro_rad_s[first : first + whole * together].reshape(whole, together, 3).mean(axis=1)
+            out[k] = np.sqrt(np.mean(np.sum((means - means.mean(axis=0)) ** 2, axis=1)))
+    return out
+
+
+def misfit(blocks: Sequence[TimeBlock], turning_rad_s: FloatArray | None = None) -> float:
+    """Weighted squares of the time offsets about a line over time; with B stretches, chi-square with B - 2 degrees of freedom.
+
+    turning_rad_s: (B,) as `turning_within` has it; None: all that they say they tell.
+    """
+    t, x, weight = _columns(blocks, turning_rad_s)
     return _squares(np.stack([np.ones_like(t), t], axis=1), x, weight, np.ones(len(t), dtype=np.bool_))
 
 
-def clock_step(blocks: Sequence[TimeBlock]) -> Sides | None:
+def clock_step(blocks: Sequence[TimeBlock], turning_rad_s: FloatArray | None = None) -> Sides | None:
     """The step that explains why the stretches of time disagree; None where they agree, or no step explains it.
 
+    turning_rad_s: (B,) as `turning_within` has it; None: all that they say they tell.
     How large it is a solve does not tell: biases and the clock's rate have taken up a part of it.
     """
-    t, x, weight = _columns(blocks)
-    if len(t) < CLOCK_STEP.fewest_blocks or misfit(blocks) < CLOCK_STEP.misfit:
+    t, x, weight = _columns(blocks, turning_rad_s)
+    if len(t) < CLOCK_STEP.fewest_blocks or misfit(blocks, turning_rad_s) < CLOCK_STEP.misfit:
         return None
     line = np.stack([np.ones_like(t), t], axis=1)
     best: tuple[float, int] | None = None
@@ -71,12 +93,17 @@ def clock_step(blocks: Sequence[TimeBlock]) -> Sides | None:
     return Sides.of(within, blocks[0].t_start_s, blocks[-1].t_end_s)
 
 
-def _columns(blocks: Sequence[TimeBlock]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _columns(
+    blocks: Sequence[TimeBlock], turning_rad_s: FloatArray | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Middle [s], offset asked for [s] and weight [1/s^2] of every stretch, 0 of those that tell no time."""
     t = np.array([0.5 * (block.t_start_s + block.t_end_s) for block in blocks])
     std_s = np.array([block.time_offset_std_s for block in blocks])
     telling = std_s < CLOCK_STEP.telling * float(std_s.min(initial=np.inf))
     weight = np.where(telling, 1.0 / np.maximum(std_s, 1e-9) ** 2, 0.0)
+    if turning_rad_s is not None and len(t) > 0:
+        square = np.maximum(turning_rad_s, 1e-9) ** 2
+        weight = np.minimum(weight, CLOCK_STEP.most_told * float(np.median(weight / square)) * square)
     return t - t.mean(), np.array([block.time_offset_shift_s for block in blocks]), weight
 
 

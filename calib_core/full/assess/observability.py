@@ -14,7 +14,15 @@ import numpy as np
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
-from calib_core.full.joint.undetermined import LIMITS, NAMES, STANDING, UNITS, data_information, is_open, undetermined
+from calib_core.full.joint.undetermined import (
+    LIMITS,
+    NAMES,
+    STANDING,
+    UNITS,
+    data_information,
+    is_open,
+    still_undetermined,
+)
 from calib_core.result import COVARIANCE_ORDER, WeakDirection
 from calib_core.settings import Axis
 from calib_core.sigmas import std_text
@@ -68,7 +76,8 @@ def assess(
     if frozen_offset:
         data[TIME_OFFSET, :] = data[:, TIME_OFFSET] = 0.0
         data[TIME_OFFSET, TIME_OFFSET] = FROZEN
-    open_directions = undetermined(data)
+    # What is held to the end is where it was said to be, however well it seems known.
+    open_directions = still_undetermined(data, [held.vector * UNITS for held in priors.held])
     outside = np.eye(CALIBRATION) - open_directions @ open_directions.T
     data = outside @ data @ outside
     values, vectors = np.linalg.eigh(0.5 * (data + data.T))

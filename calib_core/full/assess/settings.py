@@ -101,6 +101,11 @@ class ClockSteps:
     #: derived: a stretch that knows the time so many times worse than the best has a hundredth of its weight or less. That much
     #: it has to say in any line; what it is off by is its own fault.
     telling: float = 10.0
+    #: derived: what stretches know of the time goes with the square of their turning, and with how they lie to the walls, which
+    #: makes this factor either way; one that seems to know more for its turning than most by more than that has it of noise.
+    most_told: float = 4.0
+    #: judged: readings of so long are taken together to see a turning through their noise; hands turn to and fro slower.
+    together_s: float = 0.05
 
 
 @dataclass(frozen=True, slots=True)

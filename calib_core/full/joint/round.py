@@ -27,7 +27,13 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import seen_from
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
-from calib_core.full.joint.undetermined import UNITS, data_information, still_undetermined
+from calib_core.full.joint.undetermined import (
+    UNITS,
+    data_information,
+    is_hardly_determined,
+    still_undetermined,
+    towards_priors,
+)
 from calib_core.full.prepare.nuisance import named_lasers
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_shared
 from calib_core.solver.levenberg import SharedEquations, minimise
@@ -183,24 +189,51 @@ def with_bins(data: JointData, state: Estimation, bins: Bins) -> JointProblem:
 
 
 def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimation:
-    """Hold the directions that the data do not determine: translation at zero, the others where they are.
+    """Hold the directions that the data do not determine: translation at zero, the others where they are, both as far as a prior
+    does not say otherwise.
 
     What was held is let go only when the data, judged with it held, say clearly more than noise could.
     """
     information = _information(data, state, problem)
     if information is None:
         return state
+    directions = still_undetermined(_known(data, state, information), _held(state))
+    if directions.shape[1] == 0:
+        return replace(state, priors=replace(state.priors, held=()))
+    now = state.priors.calibration_vector(state.estimate) / UNITS
+    only_shift = np.linalg.norm(directions[TRANSLATION], axis=0) > HOLDING.shift_share
+    at = now + directions @ np.where(only_shift, -(directions.T @ now), 0.0)
+    at += directions @ towards_priors(directions, state.priors, at)
+    held = tuple(Held(each / UNITS, float(each @ at), HOLDING.held_std) for each in directions.T)
+    return replace(state, priors=replace(state.priors, held=held))
+
+
+def released(data: JointData, state: Estimation) -> Estimation:
+    """Without what was held and is clearly determined where the last round ended; the state itself where that is nothing.
+
+    What is known of a direction was judged by a part of the points, about a motion that was still rough.
+    """
+    before = _held(state)
+    if not before or state.information is None:
+        return state
+    known = _known(data, state, state.information)
+    kept = tuple(
+        held for held, vector in zip(state.priors.held, before, strict=True) if is_hardly_determined(known, vector)
+    )
+    return state if len(kept) == len(before) else replace(state, priors=replace(state.priors, held=kept))
+
+
+def _held(state: Estimation) -> list[FloatArray]:
+    """The directions that are held, unit vectors (7,) in the scaled units."""
+    return [held.vector * UNITS for held in state.priors.held]
+
+
+def _known(data: JointData, state: Estimation, information: FloatArray) -> FloatArray:
+    """(7, 7), scaled units: what the data alone say of the calibration. information: (S, S), priors included."""
     known = data_information(information, state.priors)
     if not data.run.settings.estimate_time_offset:
         known[TIME_OFFSET, TIME_OFFSET] = FROZEN
-    before = [held.vector * UNITS for held in state.priors.held]
-    held = []
-    now = state.priors.calibration_vector(state.estimate)
-    for direction in still_undetermined(known, before).T:
-        vector = direction / UNITS
-        only_shift = bool(np.linalg.norm(direction[TRANSLATION]) > HOLDING.shift_share)
-        held.append(Held(vector, 0.0 if only_shift else float(vector @ now), HOLDING.held_std))
-    return replace(state, priors=replace(state.priors, held=tuple(held)))
+    return known
 
 
 def _information(data: JointData, state: Estimation, problem: JointProblem) -> FloatArray | None:

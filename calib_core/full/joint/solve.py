@@ -24,7 +24,7 @@ from calib_core.full.joint.present import map_time_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate, until_seen
 from calib_core.full.joint.residuals import moved_in_gate
-from calib_core.full.joint.round import one_round, watched_round
+from calib_core.full.joint.round import one_round, released, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
@@ -95,6 +95,11 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     data.laid_out.forget()
     shared = SharedEquations()
     state, problem = alternate(data, state, schedule.settling, schedule.sampling, shared)
+    freed = released(data, state)
+    if freed is not state:
+        del state, problem
+        whole_again = data.portion(1.0, 1.0)
+        state, problem = alternate(whole_again, freed.without_points(), schedule.settling, schedule.sampling, shared)
     if (
         schedule.chosen
     ):  # boxes have sensors go astray, and what that does to the readings would be taken for tones, for long

@@ -63,18 +63,33 @@ def still_undetermined(data: FloatArray, before: Sequence[FloatArray]) -> FloatA
 
     before: unit vectors (7,) in the scaled units.
     """
-    now = undetermined(data)
-    kept = []
+    found = undetermined(data)
     for vector in before:
-        spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
-        if (np.abs(vector) * spread > HOLDING.let_go * UNDETERMINED).any():
-            kept.append(vector)
-    if not kept:
-        return now
-    both = np.column_stack([now, *kept])
-    left, size, _ = np.linalg.svd(both, full_matrices=False)
-    # Nearly the same direction twice is one direction.
-    return np.asarray(left[:, size > HOLDING.same_direction])
+        if is_hardly_determined(data, vector):
+            beyond = vector - found @ (found.T @ vector)
+            size = float(np.linalg.norm(beyond))
+            if size > HOLDING.same_direction:  # otherwise the same direction, as it looks now
+                found = np.column_stack([found, beyond / size])
+    return found
+
+
+def is_hardly_determined(data: FloatArray, vector: FloatArray) -> bool:
+    """Whether a direction that is held stays so: the data tell of it no more than noise could. vector: (7,), scaled units."""
+    spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
+    return bool((np.abs(vector) * spread > HOLDING.let_go * UNDETERMINED).any())
+
+
+def towards_priors(directions: FloatArray, priors: Priors, at: FloatArray) -> FloatArray:
+    """How far along open directions (7, U) a person's priors are from a place, (U,); zero where there are none.
+
+    at: (7,) the place, scaled units, which the standing prior is laid about: what a person has not said stays where it is.
+    """
+    own = priors.rows[CALIBRATION:]
+    columns = [row.column for row in own]
+    stds = np.array([row.std for row in own]) / UNITS[columns]
+    away = np.array([row.value for row in own]) / UNITS[columns] - at[columns]
+    rows = np.concatenate([directions[columns] / stds[:, None], directions / STANDING[:, None]])
+    return np.asarray(np.linalg.lstsq(rows, np.concatenate([away / stds, np.zeros(CALIBRATION)]), rcond=None)[0])
 
 
 def is_open(vectors: FloatArray, spread: FloatArray) -> BoolArray:
